@@ -1,0 +1,1 @@
+"""The hc command, the runner that starts and watches the nodes, reports."""

@@ -1,0 +1,17 @@
+"""Installs hc_bringup in a colcon workspace; pip users install the whole suite from the root."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="hc_bringup",
+    version="0.1.0",
+    description="The hc command, the runner that starts and watches the nodes, reports",
+    packages=find_packages(include=["hc_bringup", "hc_bringup.*"]),
+    package_data={"hc_bringup": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/hc_bringup"]),
+        ("share/hc_bringup", ["package.xml"]),
+    ],
+    zip_safe=False,
+    license="Apache-2.0",
+)

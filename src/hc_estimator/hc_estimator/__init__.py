@@ -1,0 +1,1 @@
+"""Online estimators of the Hunt-Crossley contact parameters, and their node."""

@@ -1,0 +1,17 @@
+"""Installs hc_estimator in a colcon workspace; pip users install the whole suite from the root."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="hc_estimator",
+    version="0.1.0",
+    description="Online estimators of the Hunt-Crossley contact parameters, and their node",
+    packages=find_packages(include=["hc_estimator", "hc_estimator.*"]),
+    package_data={"hc_estimator": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/hc_estimator"]),
+        ("share/hc_estimator", ["package.xml"]),
+    ],
+    zip_safe=False,
+    license="Apache-2.0",
+)

@@ -1,0 +1,1 @@
+"""Metrics, bounds, benchmarks and the papers' experiments."""

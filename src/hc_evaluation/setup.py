@@ -1,0 +1,17 @@
+"""Installs hc_evaluation in a colcon workspace; pip users install the whole suite from the root."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="hc_evaluation",
+    version="0.1.0",
+    description="Metrics, bounds, benchmarks and the papers' experiments",
+    packages=find_packages(include=["hc_evaluation", "hc_evaluation.*"]),
+    package_data={"hc_evaluation": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/hc_evaluation"]),
+        ("share/hc_evaluation", ["package.xml"]),
+    ],
+    zip_safe=False,
+    license="Apache-2.0",
+)

@@ -1,0 +1,1 @@
+"""Recorder and player of MCAP bags."""

@@ -1,0 +1,17 @@
+"""Installs hc_logger in a colcon workspace; pip users install the whole suite from the root."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="hc_logger",
+    version="0.1.0",
+    description="Recorder and player of MCAP bags",
+    packages=find_packages(include=["hc_logger", "hc_logger.*"]),
+    package_data={"hc_logger": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/hc_logger"]),
+        ("share/hc_logger", ["package.xml"]),
+    ],
+    zip_safe=False,
+    license="Apache-2.0",
+)

@@ -1,0 +1,27 @@
+# Injected with -DCMAKE_PROJECT_hc_msgs_INCLUDE by wheels_backend.py, only when building against
+# the ROS wheels. Two things that plain ament has no need of:
+# 1. The wheels' imported targets name include folders of the machine that built them
+#    (/opt/python/...), which CMake refuses where they do not exist: drop those.
+# 2. HC_SOURCE_FOLDERS: install a .pth file with them, which makes an editable install.
+function(_hc_drop_missing_include_folders)
+  get_property(_targets DIRECTORY PROPERTY IMPORTED_TARGETS)
+  foreach(_target IN LISTS _targets)
+    get_target_property(_folders ${_target} INTERFACE_INCLUDE_DIRECTORIES)
+    if(_folders)
+      set(_kept)
+      foreach(_folder IN LISTS _folders)
+        if(_folder MATCHES "\\$<" OR EXISTS "${_folder}")
+          list(APPEND _kept "${_folder}")
+        endif()
+      endforeach()
+      set_target_properties(${_target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${_kept}")
+    endif()
+  endforeach()
+endfunction()
+cmake_language(DEFER CALL _hc_drop_missing_include_folders)
+
+if(HC_SOURCE_FOLDERS)
+  list(JOIN HC_SOURCE_FOLDERS "\n" _hc_lines)
+  file(WRITE "${CMAKE_BINARY_DIR}/hc_suite_source.pth" "${_hc_lines}\n")
+  install(FILES "${CMAKE_BINARY_DIR}/hc_suite_source.pth" DESTINATION "${PYTHON_INSTALL_DIR}")
+endif()

@@ -1,0 +1,1 @@
+"""Simulated master-slave indenter, and its node."""

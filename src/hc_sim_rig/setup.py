@@ -1,0 +1,17 @@
+"""Installs hc_sim_rig in a colcon workspace; pip users install the whole suite from the root."""
+
+from setuptools import find_packages, setup
+
+setup(
+    name="hc_sim_rig",
+    version="0.1.0",
+    description="Simulated master-slave indenter, and its node",
+    packages=find_packages(include=["hc_sim_rig", "hc_sim_rig.*"]),
+    package_data={"hc_sim_rig": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", ["resource/hc_sim_rig"]),
+        ("share/hc_sim_rig", ["package.xml"]),
+    ],
+    zip_safe=False,
+    license="Apache-2.0",
+)
