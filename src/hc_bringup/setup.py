@@ -5,7 +5,6 @@ from setuptools import find_packages, setup
 setup(
     name="hc_bringup",
     version="0.1.0",
-    description="The hc command, the runner that starts and watches the nodes, reports",
     packages=find_packages(include=["hc_bringup", "hc_bringup.*"]),
     package_data={"hc_bringup": ["py.typed"]},
     data_files=[

@@ -5,7 +5,6 @@ from setuptools import find_packages, setup
 setup(
     name="hc_estimator",
     version="0.1.0",
-    description="Online estimators of the Hunt-Crossley contact parameters, and their node",
     packages=find_packages(include=["hc_estimator", "hc_estimator.*"]),
     package_data={"hc_estimator": ["py.typed"]},
     data_files=[

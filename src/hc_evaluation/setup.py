@@ -5,7 +5,6 @@ from setuptools import find_packages, setup
 setup(
     name="hc_evaluation",
     version="0.1.0",
-    description="Metrics, bounds, benchmarks and the papers' experiments",
     packages=find_packages(include=["hc_evaluation", "hc_evaluation.*"]),
     package_data={"hc_evaluation": ["py.typed"]},
     data_files=[

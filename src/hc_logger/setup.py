@@ -5,7 +5,6 @@ from setuptools import find_packages, setup
 setup(
     name="hc_logger",
     version="0.1.0",
-    description="Recorder and player of MCAP bags",
     packages=find_packages(include=["hc_logger", "hc_logger.*"]),
     package_data={"hc_logger": ["py.typed"]},
     data_files=[

@@ -5,7 +5,6 @@ from setuptools import find_packages, setup
 setup(
     name="hc_msgs_py",
     version="0.1.0",
-    description="ROS 2 side of the units and names: topic names, QoS profiles, SI to millimetre conversion, message to plain data",
     packages=find_packages(include=["hc_msgs_py", "hc_msgs_py.*"]),
     package_data={"hc_msgs_py": ["py.typed"]},
     data_files=[

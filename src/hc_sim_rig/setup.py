@@ -5,7 +5,6 @@ from setuptools import find_packages, setup
 setup(
     name="hc_sim_rig",
     version="0.1.0",
-    description="Simulated master-slave indenter, and its node",
     packages=find_packages(include=["hc_sim_rig", "hc_sim_rig.*"]),
     package_data={"hc_sim_rig": ["py.typed"]},
     data_files=[

@@ -1,0 +1,68 @@
+"""Diagnostics of a node: one status a second on /diagnostics, as an aggregator expects it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from hc_msgs_py.qos import DIAGNOSTICS_QOS
+from hc_msgs_py.topics import DIAGNOSTICS
+
+PERIOD_S = 1.0
+
+
+class Level(IntEnum):
+    """Levels of diagnostic_msgs/DiagnosticStatus, which has them as bytes."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+class Status(NamedTuple):
+    """What a node has to say of itself."""
+
+    level: Level
+    message: str
+    values: Mapping[str, Any]
+
+
+class DiagnosticsPublisher:
+    """Publishes a node's status once a second."""
+
+    def __init__(self, node: Node, hardware_id: str, collect: Callable[[], Status]) -> None:
+        """Start publishing.
+
+        Args:
+            node: the node whose status it is.
+            hardware_id: what the status is about, for example the sensor.
+            collect: called once a second; returns the status.
+        """
+        self._node = node
+        self._hardware_id = hardware_id
+        self._collect = collect
+        self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTICS_QOS)
+        self._timer = node.create_timer(PERIOD_S, self.publish)
+
+    def publish(self) -> None:
+        """Collect and publish the status now (the timer does so every second)."""
+        level, message, values = self._collect()
+        status = DiagnosticStatus(
+            level=bytes([level]),
+            name=self._node.get_name(),
+            message=message,
+            hardware_id=self._hardware_id,
+            values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+        )
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

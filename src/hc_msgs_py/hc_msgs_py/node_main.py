@@ -1,0 +1,93 @@
+"""How every node of the suite starts, spins and ends.
+
+Signals are handled here and not by rclpy: rclpy's own handler shuts the context down at once, and
+a node could then no longer publish its last samples or close its file properly. The first SIGINT
+or SIGTERM ends the loop; a second one ends the process.
+"""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+
+SPIN_TIMEOUT_S = 0.1
+
+
+class NodeStartError(Exception):
+    """Why a node cannot start, in one line that says what to do."""
+
+
+class ManagedNode(Protocol):
+    """What run_node needs beyond rclpy.node.Node."""
+
+    def finished(self) -> bool:
+        """Return True when the node has done its work and wants to end by itself."""
+
+    def close(self) -> None:
+        """Finish threads, publish what is left and close files, while the graph still works."""
+
+    def destroy_node(self) -> None:
+        """Destroy the node (rclpy.node.Node has it)."""
+
+
+def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None) -> int:
+    """Make a node, spin it until a signal or until it has finished, and end it cleanly.
+
+    Args:
+        factory: makes the node (a ManagedNode); may raise NodeStartError, ValueError or OSError
+            with a message for the user.
+        arguments: command line with ROS arguments; None takes sys.argv.
+
+    Returns:
+        Exit status: 0 after a clean end, 2 when the node could not start for what it was given,
+        1 when it failed later for a reason that it could name.
+    """
+    stop = False
+
+    def request_stop(number: int, _frame: Any) -> None:
+        nonlocal stop
+        stop = True
+        signal.signal(number, signal.SIG_DFL)  # a second signal ends the process at once
+
+    signal.signal(signal.SIGINT, request_stop)
+    signal.signal(signal.SIGTERM, request_stop)
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        try:
+            node: ManagedNode = factory()
+        except (NodeStartError, ParameterException, ValueError, OSError) as error:
+            print(_one_line(error), file=sys.stderr)  # noqa: T201 - there is no logger yet
+            return 2
+        executor = EventsExecutor()
+        executor.add_node(node)
+        # What exists now lives until the end: taking it out of the collector's sight avoids
+        # pauses of about 11 ms in the middle of a run.
+        gc.collect()
+        gc.freeze()
+        status = 0
+        try:
+            # spin() of this executor busy-loops in these wheels; spin_once with a timeout works.
+            while not stop and rclpy.ok() and not node.finished():
+                executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+        except NodeStartError as error:
+            print(_one_line(error), file=sys.stderr)  # noqa: T201
+            status = 1
+        finally:
+            node.close()
+            executor.remove_node(node)
+            node.destroy_node()
+        return status
+    finally:
+        rclpy.try_shutdown()
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,72 @@
+"""Declaration of ROS parameters with type, range, unit, description and read-only mark.
+
+rclpy checks ranges and the read-only mark itself; a choice among words is text only to it
+(additional_constraints), so the node's on-set callback must enforce that one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+
+def declare(
+    node: Node,
+    name: str,
+    default: bool | int | float | str | Sequence[str] | Sequence[float],
+    description: str,
+    *,
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: Sequence[str] = (),
+    unit: str = "",
+    read_only: bool = False,
+) -> Any:
+    """Declare a parameter of a node and return its value (a parameter file may override it).
+
+    Args:
+        node: the node.
+        name: the parameter's name.
+        default: value without a parameter file; its type is the parameter's type.
+        description: one sentence for the user.
+        minimum: smallest allowed number; None for no limit.
+        maximum: largest allowed number; None for no limit.
+        choices: allowed words of a string parameter.
+        unit: unit of a number, appended to the description.
+        read_only: True if it can only be set at start.
+
+    Raises:
+        rclpy.exceptions.ParameterException: if the value given at start is of the wrong type or
+            out of range; run_node turns it into one line.
+        ValueError: if a word is not among the choices.
+    """
+    descriptor = ParameterDescriptor(
+        description=f"{description} [{unit}]" if unit else description, read_only=read_only
+    )
+    if choices:
+        descriptor.additional_constraints = "one of: " + ", ".join(choices)
+    number = isinstance(default, (int, float)) and not isinstance(default, bool)
+    if number and (minimum is not None or maximum is not None):
+        if isinstance(default, int):
+            descriptor.integer_range = [
+                IntegerRange(
+                    from_value=-(2**63) if minimum is None else int(minimum),
+                    to_value=2**63 - 1 if maximum is None else int(maximum),
+                    step=0,
+                )
+            ]
+        else:
+            descriptor.floating_point_range = [
+                FloatingPointRange(
+                    from_value=float("-inf") if minimum is None else float(minimum),
+                    to_value=float("inf") if maximum is None else float(maximum),
+                    step=0.0,
+                )
+            ]
+    value = node.declare_parameter(name, default, descriptor).value
+    if choices and value not in choices:
+        raise ValueError(f"parameter {name} is {value!r}; allowed: {', '.join(choices)}")
+    return value

@@ -1,0 +1,21 @@
+"""Names of the topics and of the nodes: what DESIGN.md fixes, in one place."""
+
+from __future__ import annotations
+
+from typing import Final
+
+SAMPLE: Final = "indenter/sample"
+WRENCH: Final = "indenter/wrench"
+JOINT_STATES: Final = "indenter/joint_states"
+TRUTH: Final = "indenter/truth"
+ESTIMATE: Final = "hc/estimate"
+RECONSTRUCTED_WRENCH: Final = "hc/reconstructed_wrench"
+CONFIGURATION: Final = "hc/configuration"
+DIAGNOSTICS: Final = "/diagnostics"
+
+NODE_INDENTER: Final = "indenter"
+NODE_ESTIMATOR: Final = "estimator"
+NODE_RECORDER: Final = "recorder"
+NODE_PLAYER: Final = "player"
+
+FRAME_INDENTER_TIP: Final = "indenter_tip"
