@@ -157,7 +157,10 @@ def fill_estimate(
     configuration_revision: int,
     computation_time_s: float,
 ) -> None:
-    """Write an estimate into a HuntCrossleyEstimate, in SI but for the parameters themselves."""
+    """Write an estimate into a HuntCrossleyEstimate, in SI but for the parameters themselves.
+
+    The field latency is left to the caller, who sets it last, just before publishing.
+    """
     set_stamp(message.header.stamp, stamp_ns)
     message.sequence = sequence
     message.configuration_revision = configuration_revision
