@@ -6,7 +6,7 @@ setup(
     name="hc_sim_rig",
     version="0.1.0",
     packages=find_packages(include=["hc_sim_rig", "hc_sim_rig.*"]),
-    package_data={"hc_sim_rig": ["py.typed"]},
+    package_data={"hc_sim_rig": ["py.typed", "scenarios/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/hc_sim_rig"]),
         ("share/hc_sim_rig", ["package.xml"]),

@@ -1,1 +1,24 @@
-"""Simulated master-slave indenter, and its node."""
+"""Simulated master-slave indenter, and its node.
+
+rig = Rig(load_scenario("multisine"), seed=1)
+sample = rig.step()          # one sample
+series = rig.run(10.0)       # ten seconds, compiled, the same numbers as step()
+"""
+
+from hc_sim_rig.rig import SETTINGS, Joint, Rig, RigSample, RigSeries, Setting, Truth
+from hc_sim_rig.scenario import Scenario, available_scenarios, load_scenario
+from hc_sim_rig.schema import ScenarioError
+
+__all__ = [
+    "SETTINGS",
+    "Joint",
+    "Rig",
+    "RigSample",
+    "RigSeries",
+    "Scenario",
+    "ScenarioError",
+    "Setting",
+    "Truth",
+    "available_scenarios",
+    "load_scenario",
+]

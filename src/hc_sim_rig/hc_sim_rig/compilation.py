@@ -1,0 +1,60 @@
+"""The decorator that compiles the rig's kernels, with a disk cache that cannot go stale.
+
+The kernels here call the contact law of hc_estimator, so their cache carries a stamp of the
+sources of both packages (why a stamp is needed at all: hc_estimator.compilation).
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+import hc_estimator
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@functools.cache
+def _source_stamp() -> tuple[tuple[str, float, int], ...]:
+    """Name, modification time and size of every source file of this package and the estimator."""
+    stamps = []
+    for root in (Path(__file__).parent, Path(hc_estimator.__file__).parent):
+        for path in sorted(root.rglob("*.py")):
+            status = path.stat()
+            name = path.relative_to(root.parent).as_posix()
+            stamps.append((name, status.st_mtime, status.st_size))
+    return tuple(stamps)
+
+
+def compiled(function: F) -> F:
+    """Compile a function with numba in nopython mode at its first call, cached on disk.
+
+    Args:
+        function: function of arrays and scalars within what numba compiles.
+
+    Returns:
+        The dispatcher, callable like the function itself.
+    """
+    try:
+        dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:  # numba found no folder for the cache: compile anew in each process
+        return numba.njit(error_model="numpy")(function)  # type: ignore[no-any-return]
+    # numba offers no public way to add to the stamp; its index file holds it in this attribute.
+    dispatcher._cache._cache_file._source_stamp = _source_stamp()
+    return dispatcher  # type: ignore[no-any-return]
+
+
+def inlined(function: F) -> F:
+    """Compile a small helper that only other kernels call (no cache file of its own).
+
+    Args:
+        function: as for `compiled`.
+
+    Returns:
+        The dispatcher.
+    """
+    return numba.njit(error_model="numpy")(function)  # type: ignore[no-any-return]

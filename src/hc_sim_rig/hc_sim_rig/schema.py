@@ -1,0 +1,199 @@
+"""Checked dataclasses: each field carries its unit, range or choices, and says so when broken.
+
+A scenario is a tree of such sections. The same checks run whether it comes from a YAML file or is
+built in Python, and every error is one line with the name, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar, get_args, get_origin
+
+import numpy as np
+
+S = TypeVar("S", bound="Section")
+
+
+class ScenarioError(ValueError):
+    """A scenario that cannot be: one line that says what is wrong and what is allowed."""
+
+
+def number(
+    default: float | None = None,
+    *,
+    minimum: float = -1e9,
+    maximum: float = 1e9,
+    above: float | None = None,
+    unit: str = "",
+    about: str = "",
+) -> Any:
+    """Field for a finite number.
+
+    Args:
+        default: its value when a scenario does not name it; None makes the field required.
+        minimum: smallest allowed value.
+        maximum: largest allowed value.
+        above: if given, the value must lie strictly above it.
+        unit: unit, for error messages and the documentation.
+        about: one phrase for the documentation.
+    """
+    metadata = {"minimum": minimum, "maximum": maximum, "above": above, "unit": unit}
+    metadata["about"] = about
+    if default is None:
+        return dataclasses.field(metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def word(default: str | None, *choices: str, about: str = "") -> Any:
+    """Field for one of several words."""
+    metadata = {"choices": choices, "about": about}
+    if default is None:
+        return dataclasses.field(metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def section(factory: Any = dataclasses.MISSING, about: str = "") -> Any:
+    """Field for a section of its own; with a factory it may be left out."""
+    if factory is dataclasses.MISSING:
+        return dataclasses.field(metadata={"about": about})
+    return dataclasses.field(default_factory=factory, metadata={"about": about})
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """Base of all sections: checks its values when made."""
+
+    def __post_init__(self) -> None:
+        """Check every field against its type and metadata.
+
+        Raises:
+            ScenarioError: if a value is of the wrong kind or out of range.
+        """
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if "minimum" in field.metadata:
+                _check_number(field, value)
+            elif "choices" in field.metadata:
+                choices = field.metadata["choices"]
+                if value not in choices:
+                    raise ScenarioError(
+                        f"{field.name} is {value!r}, must be one of {', '.join(choices)}"
+                    )
+            elif field.type in ("bool", bool) and not isinstance(value, bool):
+                raise ScenarioError(f"{field.name} is {value!r}, must be true or false")
+            elif field.type in ("str", str) and not isinstance(value, str):
+                raise ScenarioError(f"{field.name} is {value!r}, must be a text")
+
+
+def _check_number(field: dataclasses.Field[Any], value: Any) -> None:
+    """Check one number, or each number of a tuple."""
+    if field.type in ("float | None",) and value is None:
+        return
+    whole = field.type in ("int", int)
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(float(value)):
+        raise ScenarioError(
+            f"{field.name} is {value!r}, must be a {'whole' if whole else 'finite'} number"
+        )
+    limits = field.metadata
+    above = limits["above"]
+    low = limits["minimum"] if above is None else above
+    if value > limits["maximum"] or value < low or (above is not None and value == above):
+        unit = f" {limits['unit']}" if limits["unit"] else ""
+        bracket = "[" if above is None else "("
+        raise ScenarioError(
+            f"{field.name} is {value:g}, must be in {bracket}{low:g}, {limits['maximum']:g}]{unit}"
+        )
+
+
+def build(kind: type[S], data: Any, path: str = "") -> S:
+    """Make a section from what a YAML file holds.
+
+    Args:
+        kind: the section's class.
+        data: a mapping of its keys.
+        path: where the section stands, for error messages (for example "tissue").
+
+    Returns:
+        The checked section.
+
+    Raises:
+        ScenarioError: names the first unknown key, missing key or impossible value.
+    """
+    here = path or "the scenario"
+    if not isinstance(data, Mapping):
+        raise ScenarioError(f"{here} is {_short(data)}, must be a mapping of keys to values")
+    hints = typing.get_type_hints(kind)
+    fields = {field.name: field for field in dataclasses.fields(kind)}
+    for key in data:
+        if key not in fields:
+            close = difflib.get_close_matches(str(key), fields, n=1)
+            guess = f" (did you mean {close[0]}?)" if close else ""
+            known = ", ".join(fields)
+            raise ScenarioError(f"{here} has no key {str(key)!r}{guess}; known: {known}")
+    values: dict[str, Any] = {}
+    for name, field in fields.items():
+        where = f"{path}.{name}" if path else name
+        if name in data:
+            values[name] = _convert(hints[name], data[name], where)
+        elif field.default is dataclasses.MISSING and (
+            field.default_factory is dataclasses.MISSING
+        ):
+            raise ScenarioError(f"{where} is missing in the scenario")
+    try:
+        return kind(**values)
+    except ScenarioError as error:
+        prefix = f"{path}." if path else ""
+        raise ScenarioError(f"{prefix}{error}") from None
+
+
+def _convert(hint: Any, value: Any, where: str) -> Any:
+    """Turn plain YAML data into what a field's type asks for; scalars are checked later."""
+    origin = get_origin(hint)
+    if origin in (typing.Union, types.UnionType):
+        options = [option for option in get_args(hint) if option is not type(None)]
+        if value is None and type(None) in get_args(hint):
+            return None
+        sections = [o for o in options if isinstance(o, type) and issubclass(o, Section)]
+        if sections:
+            return _convert_variant(sections, value, where)
+        return value
+    if origin is tuple:
+        if not isinstance(value, (list, tuple)):
+            raise ScenarioError(f"{where} is {_short(value)}, must be a list")
+        inner = get_args(hint)[0]
+        return tuple(_convert(inner, entry, f"{where}[{i}]") for i, entry in enumerate(value))
+    if isinstance(hint, type) and issubclass(hint, Section):
+        return build(hint, value, where)
+    if hint is float and isinstance(value, str):
+        raise ScenarioError(f"{where} is {value!r}, must be a number (1.0e-3, not 1e-3, in YAML)")
+    return value
+
+
+def _convert_variant(kinds: list[type[Section]], value: Any, where: str) -> Section:
+    """Pick among several sections by the key that tells them apart (`kind`)."""
+    if not isinstance(value, Mapping):
+        raise ScenarioError(f"{where} is {_short(value)}, must be a mapping of keys to values")
+    if len(kinds) == 1:
+        return build(kinds[0], value, where)
+    by_name = {
+        name: kind
+        for kind in kinds
+        for field in dataclasses.fields(kind)
+        if field.name == "kind"
+        for name in field.metadata["choices"]
+    }
+    name = value.get("kind")
+    if name not in by_name:
+        raise ScenarioError(f"{where}.kind is {name!r}, must be one of {', '.join(by_name)}")
+    return build(by_name[name], value, where)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."
