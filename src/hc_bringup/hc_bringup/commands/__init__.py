@@ -1,0 +1,1 @@
+"""The subcommands of hc, one module each: HELP, configure(parser), run(arguments)."""

@@ -1,0 +1,196 @@
+"""hc param list, get, set, dump, load: what ros2cli would offer, which the wheels lack."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+
+HELP = "list, read, change, save and load the parameters of a running node"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    commands = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    listing = commands.add_parser("list", help="names of the parameters of a node, or of all")
+    listing.add_argument("node", nargs="?", metavar="NODE")
+    listing.add_argument("--param-type", action="store_true", help="types too")
+    get = commands.add_parser("get", help="print the value of a parameter")
+    get.add_argument("node", metavar="NODE")
+    get.add_argument("name", metavar="NAME")
+    get.add_argument("--hide-type", action="store_true", help="the value only")
+    change = commands.add_parser("set", help="change a parameter")
+    change.add_argument("node", metavar="NODE")
+    change.add_argument("name", metavar="NAME")
+    change.add_argument("value", metavar="VALUE")
+    dump = commands.add_parser("dump", help="print all parameters of a node as a parameter file")
+    dump.add_argument("node", metavar="NODE")
+    load = commands.add_parser("load", help="set the parameters in a parameter file, all or none")
+    load.add_argument("node", metavar="NODE")
+    load.add_argument("file", metavar="FILE")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.graph import Graph
+
+    action = {"list": _list, "get": _get, "set": _set, "dump": _dump, "load": _load}
+    with Graph() as graph:
+        return action[arguments.action](graph, arguments)
+
+
+def _list(graph: Any, arguments: argparse.Namespace) -> int:
+    if arguments.node is not None:
+        names = [graph.require_node(arguments.node)]
+    else:
+        graph.settle()
+        names = graph.node_names()
+    for node_name in names:
+        client = graph.parameter_client(node_name)
+        parameters = sorted(_names(graph, client, node_name))
+        if arguments.node is None:
+            print(f"{node_name}:")
+        types = (
+            [_type_name(v) for v in _values(graph, client, parameters)]
+            if arguments.param_type
+            else []
+        )
+        for index, name in enumerate(parameters):
+            print(f"  {name} (type: {types[index]})" if types else f"  {name}")
+    return 0
+
+
+def _get(graph: Any, arguments: argparse.Namespace) -> int:
+    node_name, client = _connect(graph, arguments.node)
+    message = _value(graph, client, node_name, arguments.name)
+    value = _python(message)
+    print(value if arguments.hide_type else f"{_type_name(message).capitalize()} value is: {value}")
+    return 0
+
+
+def _set(graph: Any, arguments: argparse.Namespace) -> int:
+    from rclpy.parameter import Parameter, get_parameter_value, parameter_value_to_python
+
+    node_name, client = _connect(graph, arguments.node)
+    current = _python(_value(graph, client, node_name, arguments.name))
+    given = parameter_value_to_python(get_parameter_value(arguments.value))
+    parameter = Parameter(arguments.name, value=_like(current, given))
+    _set_atomically(graph, client, [parameter])
+    print("Set parameter successful")
+    return 0
+
+
+def _dump(graph: Any, arguments: argparse.Namespace) -> int:
+    node_name, client = _connect(graph, arguments.node)
+    names = sorted(_names(graph, client, node_name))
+    values = [_python(v) for v in _values(graph, client, names)]
+    tree = {node_name: {"ros__parameters": dict(zip(names, values, strict=True))}}
+    print(yaml.safe_dump(tree, default_flow_style=False, sort_keys=False), end="")
+    return 0
+
+
+def _load(graph: Any, arguments: argparse.Namespace) -> int:
+    from rclpy.parameter import Parameter
+
+    wanted = _read_file(Path(arguments.file), arguments.node)
+    node_name, client = _connect(graph, arguments.node)
+    known = set(_names(graph, client, node_name))
+    unknown = sorted(set(wanted) - known)
+    if unknown:
+        raise UserError(f"node {node_name} has no parameter {', '.join(unknown)}", FAILURE)
+    names = list(wanted)
+    current = dict(zip(names, map(_python, _values(graph, client, names)), strict=True))
+    # What is as wanted already is left alone: a dump contains read-only parameters too.
+    changes = [
+        Parameter(name, value=_like(current[name], value))
+        for name, value in wanted.items()
+        if _like(current[name], value) != current[name]
+    ]
+    if changes:
+        _set_atomically(graph, client, changes)
+    print(f"{len(changes)} of {len(wanted)} parameters changed")
+    return 0
+
+
+def _read_file(path: Path, node: str) -> dict[str, Any]:
+    """Return the parameters that a ROS parameter file has for a node, by their full names."""
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}", WRONG_USE) from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UserError(f"{path} is not valid YAML: {error}", WRONG_USE) from error
+    found: dict[str, Any] = {}
+    if isinstance(data, dict):
+        for key in ("/**", node.lstrip("/"), f"/{node.lstrip('/')}"):
+            section = data.get(key)
+            if isinstance(section, dict) and isinstance(section.get("ros__parameters"), dict):
+                found.update(_flatten(section["ros__parameters"]))
+    if not found:
+        raise UserError(
+            f"{path} has no section {node.lstrip('/')}: ros__parameters: with values", WRONG_USE
+        )
+    return found
+
+
+def _flatten(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            flat.update(_flatten(value, f"{prefix}{name}."))
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def _connect(graph: Any, node: str) -> tuple[str, Any]:
+    node_name = graph.require_node(node)
+    return node_name, graph.parameter_client(node_name)
+
+
+def _names(graph: Any, client: Any, node_name: str) -> list[str]:
+    answer = graph.result(client.list_parameters(), f"parameters of {node_name}")
+    return list(answer.result.names)
+
+
+def _values(graph: Any, client: Any, names: list[str]) -> list[Any]:
+    return list(graph.result(client.get_parameters(names), "values").values)
+
+
+def _value(graph: Any, client: Any, node_name: str, name: str) -> Any:
+    values = _values(graph, client, [name])
+    if not values or values[0].type == 0:
+        close = ", ".join(sorted(_names(graph, client, node_name)))
+        raise UserError(f"node {node_name} has no parameter {name}; it has: {close}", FAILURE)
+    return values[0]
+
+
+def _python(message: Any) -> Any:
+    from rclpy.parameter import parameter_value_to_python
+
+    value = parameter_value_to_python(message)
+    return list(value) if hasattr(value, "tolist") else value
+
+
+def _type_name(message: Any) -> str:
+    from rclpy.parameter import Parameter
+
+    return str(Parameter.Type(message.type).name).lower().replace("_", " ")
+
+
+def _like(current: Any, given: Any) -> Any:
+    """Return a whole number as a float where the parameter is one: `set window 5` shall work."""
+    if isinstance(current, float) and isinstance(given, int) and not isinstance(given, bool):
+        return float(given)
+    return given
+
+
+def _set_atomically(graph: Any, client: Any, parameters: list[Any]) -> None:
+    answer = graph.result(client.set_parameters_atomically(parameters), "setting")
+    if not answer.result.successful:
+        names = ", ".join(p.name for p in parameters)
+        raise UserError(f"setting {names} failed: {answer.result.reason}", FAILURE)

@@ -1,0 +1,93 @@
+"""hc run: rig, estimator and recorder as processes, live status, clean end, summary."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import seconds
+
+HELP = "run rig, estimator and recorder, with live status and a summary at the end"
+DEFAULT_CONFIG = "run"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "config",
+        nargs="?",
+        default=DEFAULT_CONFIG,
+        metavar="CONFIG",
+        help="YAML that lists the nodes, or a name from config/ (default: run)",
+    )
+    parser.add_argument(
+        "--duration", type=seconds, metavar="S", help="end after S seconds (0: run until Ctrl-C)"
+    )
+    parser.add_argument(
+        "--bag", metavar="DIR", help="folder of the bag (default: bags/run_DATE_TIME here)"
+    )
+    parser.add_argument("--scenario", metavar="NAME", help="scenario of the rig")
+    parser.add_argument("--headless", action="store_true", help="no live display")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    # ROS and rich are imported here so that `hc --help` need not wait for them.
+    from hc_bringup.live import Display
+    from hc_bringup.paths import find_config
+    from hc_bringup.plan import load_plan
+    from hc_bringup.runner import Runner
+    from hc_bringup.summary import run_summary, run_text, to_json
+
+    plan = load_plan(find_config(arguments.config))
+    if arguments.duration is not None:
+        plan = dataclasses.replace(plan, duration_s=arguments.duration)
+    bag = None
+    if plan.node("recorder") is not None:
+        bag = new_bag_folder(arguments.bag)
+        plan = with_parameters(plan, "recorder", {"output": str(bag)})
+    elif arguments.bag is not None:
+        raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
+    if arguments.scenario is not None:
+        if plan.node("indenter") is None:
+            raise UserError("--scenario given, but the configuration starts no rig", WRONG_USE)
+        plan = with_parameters(plan, "indenter", {"scenario": arguments.scenario})
+    with Display(enabled=not arguments.headless) as display:
+        state = Runner(plan, display.show).run()
+    summary = run_summary(state, str(bag) if bag else None)
+    print(to_json(summary) if arguments.json else run_text(summary))
+    return 0
+
+
+def new_bag_folder(given: str | None) -> Path:
+    """Return the absolute path of a bag folder that does not exist yet.
+
+    Raises:
+        UserError: if the folder exists or cannot be made.
+    """
+    folder = Path(given or f"bags/run_{datetime.now():%Y%m%d_%H%M%S}").absolute()
+    if folder.exists():
+        raise UserError(f"{folder} exists already: choose another folder with --bag", WRONG_USE)
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UserError(f"cannot make {folder.parent}: {error.strerror}", WRONG_USE) from error
+    return folder
+
+
+def with_parameters(plan: Any, node_name: str, parameters: dict[str, Any]) -> Any:
+    """Return a plan in which a node has further parameters, which win over the files."""
+    return dataclasses.replace(
+        plan,
+        nodes=tuple(
+            dataclasses.replace(node, parameters={**node.parameters, **parameters})
+            if node.name == node_name
+            else node
+            for node in plan.nodes
+        ),
+    )

@@ -1,0 +1,171 @@
+"""A look at the ROS graph from the command line, that waits for discovery before it answers.
+
+Discovery takes 65 to 830 ms (../shared/ROS_WHEELS.md). A command that answered at once would say
+that a node does not exist which only has not been seen yet. Every answer comes within 3 s.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
+from rclpy.parameter_client import AsyncParameterClient
+
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+
+_LEAST_WAIT_S: Final = 1.0
+_QUIET_S: Final = 0.4
+_MOST_WAIT_S: Final = 2.0
+
+
+class Graph:
+    """A short-lived node of the command line. Use as a context manager."""
+
+    def __enter__(self) -> Graph:
+        rclpy.init(args=[])
+        self._started = time.monotonic()
+        self.node = rclpy.create_node(
+            f"_hc_{os.getpid()}", enable_rosout=False, start_parameter_services=False
+        )
+        self._executor = EventsExecutor()
+        self._executor.add_node(self.node)
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self._executor.remove_node(self.node)
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, duration_s: float) -> bool:
+        """Handle what arrives for a while; return False once a signal asks to end."""
+        end = time.monotonic() + duration_s
+        try:
+            while (left := end - time.monotonic()) > 0.0:
+                self._executor.spin_once(timeout_sec=min(left, 0.1))
+                if not rclpy.ok():
+                    return False
+        except ExternalShutdownException:
+            return False
+        return True
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float = _MOST_WAIT_S) -> bool:
+        """Spin until a condition holds; return whether it did in time."""
+        end = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() >= end or not self.spin(0.02):
+                return False
+        return True
+
+    def settle(self) -> None:
+        """Spin until discovery has brought nothing new for a while."""
+        seen, changed = None, time.monotonic()
+        while True:
+            now = time.monotonic()
+            names = (self.node_names(hidden=True), self.topics(hidden=True))
+            if names != seen:
+                seen, changed = names, now
+            waited = now - self._started
+            if waited >= _MOST_WAIT_S:
+                return
+            if waited >= _LEAST_WAIT_S and now - changed >= _QUIET_S:
+                return
+            if not self.spin(0.05):
+                return
+
+    def node_names(self, *, hidden: bool = False) -> list[str]:
+        """Return full names of all nodes but this one; those that start with _ are hidden."""
+        names = [
+            f"{namespace.rstrip('/')}/{name}"
+            for name, namespace in self.node.get_node_names_and_namespaces()
+            if name != self.node.get_name() and (hidden or not name.startswith("_"))
+        ]
+        return sorted(names)
+
+    def topics(self, *, hidden: bool = False) -> list[tuple[str, list[str]]]:
+        """Return names and types of all topics that somebody publishes or subscribes."""
+        return sorted(
+            (name, types)
+            for name, types in self.node.get_topic_names_and_types()
+            if hidden or not any(part.startswith("_") for part in name.split("/"))
+        )
+
+    def require_node(self, name: str) -> str:
+        """Return the full name of a node once it is discovered.
+
+        Raises:
+            UserError: if it does not appear; the message lists the nodes that do.
+        """
+        full = absolute(name)
+        if not self.wait_for(lambda: full in self.node_names(hidden=True)):
+            known = ", ".join(self.node_names()) or "none"
+            raise UserError(f"there is no node {full}; running nodes: {known}", FAILURE)
+        return full
+
+    def require_topic(self, name: str) -> tuple[str, str]:
+        """Return the full name and the type of a topic once somebody publishes it.
+
+        Raises:
+            UserError: if nobody does; the message lists the topics that there are.
+        """
+        full = absolute(name)
+
+        def types() -> list[str]:
+            return next((t for n, t in self.topics(hidden=True) if n == full), [])
+
+        if not self.wait_for(lambda: self.node.count_publishers(full) > 0 and bool(types())):
+            known = ", ".join(n for n, _ in self.topics()) or "none"
+            raise UserError(f"nobody publishes {full}; topics: {known}", FAILURE)
+        if len(types()) > 1:
+            raise UserError(
+                f"{full} is published with several types: {', '.join(types())}", FAILURE
+            )
+        return full, types()[0]
+
+    def parameter_client(self, node_name: str) -> AsyncParameterClient:
+        """Return a client for the parameters of a node that has been discovered.
+
+        Raises:
+            UserError: if the node offers no parameter services.
+        """
+        client = AsyncParameterClient(self.node, node_name)
+        if not self.wait_for(client.services_are_ready):
+            raise UserError(f"node {node_name} offers no parameters", FAILURE)
+        return client
+
+    def result(self, future: Any, what: str) -> Any:
+        """Wait for the answer of a service.
+
+        Raises:
+            UserError: if none comes.
+        """
+        if not self.wait_for(future.done):
+            raise UserError(f"{what}: no answer", FAILURE)
+        return future.result()
+
+
+def absolute(name: str) -> str:
+    """Return a topic or node name with its leading slash."""
+    return name if name.startswith("/") else f"/{name}"
+
+
+def message_class(type_name: str) -> Any:
+    """Return the Python class of a message type such as std_msgs/msg/Header.
+
+    Raises:
+        UserError: if the name is not of that form or the type is not installed.
+    """
+    parts = type_name.split("/")
+    if len(parts) == 2:
+        parts.insert(1, "msg")
+    if len(parts) != 3:
+        raise UserError(f"{type_name!r} is not a message type like std_msgs/msg/Header", WRONG_USE)
+    try:
+        return getattr(importlib.import_module(f"{parts[0]}.{parts[1]}"), parts[2])
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"message type {'/'.join(parts)} is not installed", FAILURE) from error

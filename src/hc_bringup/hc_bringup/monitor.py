@@ -1,0 +1,110 @@
+"""The runner's own node: listens to estimates and diagnostics, asks nodes, starts the source."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from hc_msgs.msg import HuntCrossleyEstimate
+from rclpy.experimental import EventsExecutor
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
+
+from hc_bringup.statistics import EstimateStatistics
+from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
+from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
+
+NODE_NAME = "hc_monitor"
+SERVICE_TIMEOUT_S = 5.0
+
+
+class Monitor:
+    """Watches a run over ROS. Use as a context manager; everything happens inside spin()."""
+
+    def __init__(self) -> None:
+        self.statistics = EstimateStatistics()
+        self.diagnostics: dict[str, dict[str, str]] = {}
+        self.last_estimate_at = 0.0
+
+    def __enter__(self) -> Monitor:
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(NODE_NAME, enable_rosout=False)
+        self._subscription = self._node.create_subscription(
+            HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
+        )
+        self._node.create_subscription(
+            DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
+        )
+        self._executor = EventsExecutor()
+        self._executor.add_node(self._node)
+        self._clients: dict[str, Any] = {}
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self._executor.remove_node(self._node)
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def spin(self, duration_s: float) -> None:
+        """Handle what arrives for a while."""
+        end = time.monotonic() + duration_s
+        while (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def estimates_connected(self) -> bool:
+        """Return True once the estimator's publisher is matched."""
+        return bool(self._node.count_publishers(ESTIMATE))
+
+    def missing(self, node_name: str) -> str | None:
+        """Ask a node's ~/ready; return None if it is ready, else what is missing.
+
+        The answer of a node that is not there yet is "not started".
+        """
+        response = self._call(Trigger, node_name, "ready", Trigger.Request(), timeout_s=1.0)
+        if response is None:
+            return "not started"
+        return None if response.success else str(response.message)
+
+    def set_running(self, node_name: str, running: bool) -> str | None:
+        """Start or stop the source by its ~/run; return None, or why that failed."""
+        request = SetBool.Request(data=running)
+        response = self._call(SetBool, node_name, "run", request, timeout_s=SERVICE_TIMEOUT_S)
+        if response is None:
+            return "it does not answer its ~/run service"
+        return None if response.success else str(response.message)
+
+    def _call(
+        self, kind: Any, node_name: str, service: str, request: Any, timeout_s: float
+    ) -> Any | None:
+        name = f"/{node_name}/{service}"
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self._node.create_client(kind, name)
+        if not client.service_is_ready():
+            self.spin(0.05)
+            return None
+        future = client.call_async(request)
+        self._spin_until(future.done, timeout_s)
+        if not future.done():
+            client.remove_pending_request(future)
+            return None
+        return future.result()
+
+    def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
+        end = time.monotonic() + timeout_s
+        while not condition() and (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, 0.05))
+
+    def _on_estimate(self, message: Any) -> None:
+        self.statistics.add(message)
+        self.last_estimate_at = time.monotonic()
+
+    def _on_diagnostics(self, message: Any) -> None:
+        for status in message.status:
+            values = {item.key: item.value for item in status.values}
+            values["level"] = str(int.from_bytes(status.level, "little"))
+            values["message"] = status.message
+            self.diagnostics[status.name] = values

@@ -1,0 +1,51 @@
+"""Types of command-line options, with messages that say what is allowed."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+import yaml
+
+
+def seconds(text: str) -> float:
+    """Parse a duration: a finite number >= 0."""
+    return _number(text, 0.0, "seconds >= 0")
+
+
+def positive(text: str) -> float:
+    """Parse a finite number > 0."""
+    value = _number(text, 0.0, "a number > 0")
+    if value == 0.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number > 0")
+    return value
+
+
+def natural(text: str) -> int:
+    """Parse a whole number >= 0."""
+    value = _number(text, 0.0, "a whole number >= 0")
+    if value != int(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number >= 0")
+    return int(value)
+
+
+def assignment(text: str) -> tuple[str, Any]:
+    """Parse name=value; the value is read as YAML, so numbers, words, lists and true work."""
+    name, separator, value = text.partition("=")
+    if not separator or not name:
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
+    try:
+        return name, yaml.safe_load(value)
+    except yaml.YAMLError:
+        return name, value
+
+
+def _number(text: str, minimum: float, what: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value >= minimum):
+        raise argparse.ArgumentTypeError(f"{text!r} is not {what}")
+    return value

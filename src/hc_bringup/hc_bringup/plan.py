@@ -1,0 +1,123 @@
+"""What a run consists of: nodes, their parameters and order, read from one YAML and checked.
+
+The source of samples comes first: it is started last and stopped first, so that nothing is lost
+at either end.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hc_bringup.errors import WRONG_USE, UserError
+
+_RUN_KEYS = ("duration_s", "nodes")
+_NODE_KEYS = ("name", "module", "parameter_files", "parameters", "source", "respawn")
+
+
+@dataclass(frozen=True)
+class NodePlan:
+    """One node of a run.
+
+    Attributes:
+        name: ROS name of the node, without slash.
+        module: Python module that is run with `python -m`.
+        parameter_files: ROS parameter files, in the order in which they are applied.
+        parameters: parameters that win over the files.
+        source: True for the node that publishes the samples; its ~/run service starts them.
+        respawn: True if the node is started again when it dies.
+    """
+
+    name: str
+    module: str
+    parameter_files: tuple[Path, ...] = ()
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    source: bool = False
+    respawn: bool = False
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """All nodes of a run and how long it lasts (0: until a signal or the source ends)."""
+
+    nodes: tuple[NodePlan, ...]
+    duration_s: float = 0.0
+
+    def node(self, name: str) -> NodePlan | None:
+        """Return the node of that name, or None."""
+        return next((n for n in self.nodes if n.name == name), None)
+
+
+def load_plan(path: Path) -> RunPlan:
+    """Read and check a run configuration.
+
+    Raises:
+        UserError: with the file, the key and what is allowed, for whatever is wrong in it.
+    """
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}", WRONG_USE) from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is not a text file in UTF-8", WRONG_USE) from error
+    except yaml.YAMLError as error:
+        raise UserError(f"{path} is not valid YAML: {error}", WRONG_USE) from error
+    if not isinstance(data, dict):
+        raise UserError(f"{path} must have the keys {', '.join(_RUN_KEYS)}", WRONG_USE)
+    _check_keys(data, _RUN_KEYS, str(path))
+    duration = data.get("duration_s", 0.0)
+    if isinstance(duration, bool) or not isinstance(duration, (int, float)) or not duration >= 0:
+        raise UserError(f"{path}: duration_s is {duration!r}; give seconds >= 0", WRONG_USE)
+    entries = data.get("nodes")
+    if not isinstance(entries, list) or not entries:
+        raise UserError(f"{path}: nodes must list at least one node", WRONG_USE)
+    nodes = tuple(_node(entry, path, i) for i, entry in enumerate(entries, 1))
+    names = [node.name for node in nodes]
+    if len(set(names)) != len(names):
+        raise UserError(f"{path}: two nodes have the same name among {', '.join(names)}", WRONG_USE)
+    return RunPlan(nodes, float(duration))
+
+
+def _node(entry: Any, path: Path, number: int) -> NodePlan:
+    where = f"{path}: node {number}"
+    if not isinstance(entry, dict):
+        raise UserError(f"{where} must have the keys {', '.join(_NODE_KEYS)}", WRONG_USE)
+    _check_keys(entry, _NODE_KEYS, where)
+    for key in ("name", "module"):
+        value = entry.get(key)
+        if not isinstance(value, str) or not value.replace(".", "_").isidentifier():
+            raise UserError(f"{where}: {key} is {value!r}; give a name", WRONG_USE)
+    files = entry.get("parameter_files", [])
+    if not isinstance(files, list) or not all(isinstance(f, str) for f in files):
+        raise UserError(f"{where}: parameter_files must be a list of files", WRONG_USE)
+    resolved = tuple((path.parent / f).resolve() for f in files)
+    for file in resolved:
+        if not file.is_file():
+            raise UserError(f"{where}: there is no parameter file {file}", WRONG_USE)
+    parameters = entry.get("parameters", {})
+    if not isinstance(parameters, dict):
+        raise UserError(f"{where}: parameters must be names with values", WRONG_USE)
+    for key in ("source", "respawn"):
+        if not isinstance(entry.get(key, False), bool):
+            raise UserError(f"{where}: {key} is {entry[key]!r}; give true or false", WRONG_USE)
+    return NodePlan(
+        name=entry["name"],
+        module=entry["module"],
+        parameter_files=resolved,
+        parameters=parameters,
+        source=entry.get("source", False),
+        respawn=entry.get("respawn", False),
+    )
+
+
+def _check_keys(data: Mapping[str, Any], allowed: tuple[str, ...], where: str) -> None:
+    for key in data:
+        if key not in allowed:
+            close = difflib.get_close_matches(str(key), allowed, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"allowed: {', '.join(allowed)}"
+            raise UserError(f"{where}: unknown key {key!r}; {hint}", WRONG_USE)

@@ -1,0 +1,137 @@
+"""Node processes: started in their own session, watched, ended without leaving anything behind.
+
+A child gets SIGTERM when the runner dies however it dies (PR_SET_PDEATHSIG), so that not even a
+SIGKILL of the runner leaves a node behind.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hc_bringup.plan import NodePlan
+
+STOP_TIMEOUT_S = 5.0
+_TAIL_LINES = 12
+_PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None, use_errno=True)
+_TICKS_PER_S = os.sysconf("SC_CLK_TCK")
+
+
+class NodeProcess:
+    """One node as an operating system process."""
+
+    def __init__(self, plan: NodePlan, folder: Path) -> None:
+        """Start the node.
+
+        Args:
+            plan: what to start.
+            folder: existing folder for its output and its parameter overrides.
+        """
+        self.plan = plan
+        self._folder = folder
+        self._output_path = folder / f"{plan.name}.log"
+        self._cpu_s = 0.0
+        self._start()
+
+    def _start(self) -> None:
+        with self._output_path.open("ab") as output:
+            self._process = subprocess.Popen(
+                self._command_line(),
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C reaches the runner only, which passes it on
+                preexec_fn=_die_with_parent,
+                env={**os.environ, "PYTHONUNBUFFERED": "1", "ROS_LOG_DIR": str(self._folder)},
+            )
+        self.started_at = time.monotonic()
+
+    def _command_line(self) -> list[str]:
+        files: list[Path] = list(self.plan.parameter_files)
+        if self.plan.parameters:
+            overrides = self._folder / f"{self.plan.name}.parameters.yaml"
+            overrides.write_text(
+                yaml.safe_dump({self.plan.name: {"ros__parameters": dict(self.plan.parameters)}})
+            )
+            files.append(overrides)
+        arguments = [sys.executable, "-m", self.plan.module]
+        arguments += ["--ros-args", "-r", f"__node:={self.plan.name}"]
+        for file in files:
+            arguments += ["--params-file", str(file)]
+        return arguments
+
+    @property
+    def name(self) -> str:
+        """ROS name of the node."""
+        return self.plan.name
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    def exit_status(self) -> int | None:
+        """Return the exit status, negative for a signal, or None while it runs."""
+        return self._process.poll()
+
+    def respawn(self) -> None:
+        """Start the node again after it died."""
+        self._start()
+
+    def cpu_s(self) -> float:
+        """Return the processor time used so far; the last known one after its end."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return self._cpu_s
+        self._cpu_s = (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+        return self._cpu_s
+
+    def tail(self) -> str:
+        """Return the last lines that the node printed."""
+        lines = self._output_path.read_text(errors="replace").splitlines()
+        return "\n".join(lines[-_TAIL_LINES:])
+
+    def signal(self, number: int) -> None:
+        """Send a signal if the process still runs."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+
+    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> int:
+        """End the node: SIGINT, then SIGTERM, then SIGKILL; return its exit status."""
+        self.cpu_s()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            self.signal(number)
+            try:
+                return self._process.wait(timeout_s)
+            except subprocess.TimeoutExpired:
+                continue
+        return self._process.wait()
+
+
+def describe_exit(status: int) -> str:
+    """Say an exit status in words."""
+    if status < 0:
+        return f"was ended by {signal.Signals(-status).name}"
+    return f"ended with exit status {status}"
+
+
+def stop_in_order(processes: Sequence[NodeProcess]) -> dict[str, int]:
+    """Stop nodes one after the other and return their exit statuses by name."""
+    return {process.name: process.stop() for process in processes}
+
+
+def _die_with_parent() -> None:
+    result: Any = _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+    if result != 0:
+        os._exit(126)

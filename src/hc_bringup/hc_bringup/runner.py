@@ -1,0 +1,206 @@
+"""Runs a plan: starts the nodes, waits until they found each other, watches, stops, sums up."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+
+from hc_bringup.errors import UserError
+from hc_bringup.monitor import Monitor
+from hc_bringup.plan import RunPlan
+from hc_bringup.processes import NodeProcess, describe_exit
+from hc_bringup.shared_memory import remove_orphans
+from hc_bringup.statistics import EstimateStatistics
+
+POLL_S = 0.1
+START_TIMEOUT_S = 240.0
+"""Until a node offers ~/ready: the first start on a machine compiles the estimator."""
+MATCH_TIMEOUT_S = 15.0
+"""From then on, until it has found its partners."""
+DRAIN_QUIET_S = 0.3
+DRAIN_TIMEOUT_S = 3.0
+
+
+@dataclass
+class RunState:
+    """What the live display shows, and what a summary is made of.
+
+    Attributes:
+        phase: what the run is doing now, in words.
+        elapsed_s: time since the source was started.
+        duration_s: how long it shall last; 0 for no end.
+        cpu_percent: processor use of each node since the source was started, in percent of a core.
+        samples: how many samples the source says that it has published; None if it did not say.
+    """
+
+    statistics: EstimateStatistics
+    duration_s: float
+    phase: str = "starting"
+    elapsed_s: float = 0.0
+    cpu_percent: dict[str, float] = field(default_factory=dict)
+    samples: int | None = None
+    respawns: int = 0
+    source_diagnostics: dict[str, str] = field(default_factory=dict)
+
+
+class Runner:
+    """One run of a plan. run() does it all and always leaves a clean machine."""
+
+    def __init__(self, plan: RunPlan, show: Callable[[RunState], None]) -> None:
+        """Prepare a run.
+
+        Args:
+            plan: what to run.
+            show: called about ten times a second with the state of the run.
+        """
+        self._plan = plan
+        self._show = show
+        self._processes: list[NodeProcess] = []
+        self._signal: int | None = None
+
+    def run(self) -> RunState:
+        """Run the plan to its end.
+
+        Raises:
+            UserError: if a node died, did not start or did not find its partners.
+        """
+        began = time.time()
+        folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
+        previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            with Monitor() as monitor:
+                state = RunState(monitor.statistics, self._plan.duration_s)
+                try:
+                    self._start(folder, monitor, state)
+                    if self._signal is None:
+                        self._watch(monitor, state)
+                    self._stop(monitor, state)
+                finally:
+                    for process in self._processes:
+                        process.stop()
+        finally:
+            for number, handler in previous.items():
+                signal.signal(number, handler)
+            remove_orphans(since=began - 1.0)
+            shutil.rmtree(folder, ignore_errors=True)
+        return state
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        self._signal = number
+
+    def _start(self, folder: Path, monitor: Monitor, state: RunState) -> None:
+        self._processes = [NodeProcess(node, folder) for node in self._plan.nodes]
+        for process in self._processes:
+            self._wait_until_ready(process, monitor, state)
+            if self._signal is not None:
+                return
+        for process in self._processes:
+            if process.plan.source:
+                problem = monitor.set_running(process.name, True)
+                if problem is not None:
+                    self._check_alive(state)
+                    raise UserError(f"node {process.name} cannot start the samples: {problem}")
+
+    def _wait_until_ready(self, process: NodeProcess, monitor: Monitor, state: RunState) -> None:
+        started = time.monotonic()
+        answered_at: float | None = None
+        while self._signal is None:
+            self._check_alive(state)
+            missing = monitor.missing(process.name)
+            if missing is None:
+                return
+            now = time.monotonic()
+            if missing != "not started" and answered_at is None:
+                answered_at = now
+            state.phase = f"waiting for {process.name}: {missing}"
+            self._show(state)
+            if answered_at is not None and now - answered_at > MATCH_TIMEOUT_S:
+                raise UserError(
+                    f"node {process.name} does not get ready within {MATCH_TIMEOUT_S:.0f} s: "
+                    f"{missing}"
+                )
+            if now - started > START_TIMEOUT_S:
+                raise UserError(
+                    f"node {process.name} offers no ~/ready service after {START_TIMEOUT_S:.0f} s"
+                )
+            monitor.spin(0.02)
+
+    def _watch(self, monitor: Monitor, state: RunState) -> None:
+        state.phase = "running"
+        start = time.monotonic()
+        cpu_before = {p.name: p.cpu_s() for p in self._processes}
+        while self._signal is None:
+            monitor.spin(POLL_S)
+            state.elapsed_s = time.monotonic() - start
+            for process in self._processes:
+                used = process.cpu_s() - cpu_before[process.name]
+                state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
+            self._show(state)
+            if state.duration_s and state.elapsed_s >= state.duration_s:
+                return
+            if self._source_has_ended(state):
+                return
+
+    def _source_has_ended(self, state: RunState) -> bool:
+        self._check_alive(state)
+        return any(p.plan.source and p.exit_status() == 0 for p in self._processes)
+
+    def _check_alive(self, state: RunState) -> None:
+        for process in self._processes:
+            status = process.exit_status()
+            if status is None or (process.plan.source and status == 0):
+                continue
+            if process.plan.respawn and status != 0:
+                state.respawns += 1
+                process.respawn()
+                continue
+            output = process.tail()
+            raise NodeDiedError(process.name, status, output)
+
+    def _stop(self, monitor: Monitor, state: RunState) -> None:
+        state.phase = "stopping"
+        self._show(state)
+        sources = [p for p in self._processes if p.plan.source]
+        for source in sources:
+            if source.exit_status() is None:
+                monitor.set_running(source.name, False)
+        end = time.monotonic() + DRAIN_TIMEOUT_S
+        monitor.spin(DRAIN_QUIET_S)
+        while (
+            time.monotonic() - monitor.last_estimate_at < DRAIN_QUIET_S and time.monotonic() < end
+        ):
+            monitor.spin(POLL_S)
+        for process in sources:
+            self._stop_one(process)
+        monitor.spin(DRAIN_QUIET_S)  # the last diagnostics of the source
+        for source in sources:
+            values = monitor.diagnostics.get(source.name, {})
+            if "samples" in values:
+                state.samples = int(values["samples"])
+                state.statistics.count_missing_at_end(state.samples)
+            state.source_diagnostics = values
+        for process in self._processes:
+            if not process.plan.source:
+                self._stop_one(process)
+        state.phase = "done"
+        self._show(state)
+
+    def _stop_one(self, process: NodeProcess) -> None:
+        process.cpu_s()
+        status = process.stop()
+        if status != 0:
+            raise NodeDiedError(process.name, status, process.tail())
+
+
+class NodeDiedError(UserError):
+    """A node ended that should not have, with the last lines that it printed."""
+
+    def __init__(self, name: str, status: int, output: str) -> None:
+        super().__init__(f"node {name} {describe_exit(status)}")
+        self.output = output

@@ -1,0 +1,150 @@
+"""Running statistics of a stream of estimates, in constant memory however long the run is."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+REJECTION_NAMES: Final = {
+    1: "not_finite",
+    2: "time_repeated",
+    3: "time_backward",
+    4: "outlier",
+    5: "out_of_range",
+    6: "numerical",
+}
+"""Names of the codes of HuntCrossleyEstimate.rejected."""
+
+PARAMETERS: Final = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
+
+_RECENT = 1000
+
+
+class Histogram:
+    """Quantiles of positive numbers to 1 %, from bins of equal ratio between 1e-7 and 1e3."""
+
+    _RATIO: Final = math.log(1.01)
+    _LOWEST: Final = math.log(1e-7)
+    _BINS: Final = int(math.log(1e10) / _RATIO) + 2
+
+    def __init__(self) -> None:
+        self._counts = [0] * self._BINS
+        self.count = 0
+        self.maximum = 0.0
+
+    def add(self, value: float) -> None:
+        """Count a value; what is below 1e-7 (a negative one too) counts as that."""
+        index = 0
+        if value > 1e-7:
+            index = min(self._BINS - 1, int((math.log(value) - self._LOWEST) / self._RATIO) + 1)
+        self._counts[index] += 1
+        self.count += 1
+        self.maximum = max(self.maximum, value)
+
+    def quantile(self, fraction: float) -> float:
+        """Return the value that a fraction of all lie below, or NaN before the first."""
+        if not self.count:
+            return math.nan
+        wanted = fraction * self.count
+        seen = 0
+        for index, number in enumerate(self._counts):
+            seen += number
+            if seen >= wanted and number:
+                upper = math.exp(self._LOWEST + index * self._RATIO)
+                return min(upper, self.maximum)
+        return self.maximum
+
+
+@dataclass
+class EstimateStatistics:
+    """What a run's summary and live panel say of the estimates that arrived.
+
+    Attributes:
+        estimates: how many arrived.
+        lost: samples whose sequence number was skipped.
+        restarts: how often the sequence numbers started again (a replay that loops).
+        latency: seconds from a sample's stamp to the publication of its estimate.
+        changes: how often a change of the tissue was detected.
+        mismatch: in how many estimates the contact law did not describe the data.
+        rejected: samples not used, by reason.
+        latest: the last message (hc_msgs/HuntCrossleyEstimate), or None.
+    """
+
+    estimates: int = 0
+    lost: int = 0
+    restarts: int = 0
+    latency: Histogram = field(default_factory=Histogram)
+    changes: int = 0
+    mismatch: int = 0
+    rejected: Counter[str] = field(default_factory=Counter)
+    latest: Any = None
+    first_sequence: int | None = None
+    _last_sequence: int = -1
+    _force_error_square_sum: float = 0.0
+    _force_errors: int = 0
+    _recent_square_errors: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+
+    def add(self, message: Any) -> None:
+        """Take one HuntCrossleyEstimate into account."""
+        sequence = message.sequence
+        if self.first_sequence is None:
+            self.first_sequence = sequence
+        elif sequence > self._last_sequence:
+            self.lost += sequence - self._last_sequence - 1
+        else:
+            self.restarts += 1
+        self._last_sequence = sequence
+        self.estimates += 1
+        self.latest = message
+        self.latency.add(message.latency)
+        if message.rejected:
+            self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
+            return
+        self.changes += message.change_detected
+        self.mismatch += message.model_mismatch
+        if message.contact:
+            square = message.innovation_force**2
+            self._force_error_square_sum += square
+            self._force_errors += 1
+            self._recent_square_errors.append(square)
+
+    def count_missing_at_end(self, samples: int) -> None:
+        """Count samples lost after the last estimate.
+
+        Args:
+            samples: how many samples the source published in all, counted from sequence 0.
+        """
+        if self.restarts == 0:
+            self.lost += max(0, samples - 1 - self._last_sequence)
+
+    @property
+    def force_rmse_n(self) -> float:
+        """RMS of the one-step-ahead force error in contact, over the whole run [N]."""
+        if not self._force_errors:
+            return math.nan
+        return math.sqrt(self._force_error_square_sum / self._force_errors)
+
+    @property
+    def recent_force_rmse_n(self) -> float:
+        """The same over the last thousand samples in contact [N]."""
+        if not self._recent_square_errors:
+            return math.nan
+        return math.sqrt(sum(self._recent_square_errors) / len(self._recent_square_errors))
+
+    def parameters(self) -> dict[str, float]:
+        """Return the latest K, B, n, p by name."""
+        return {name: _field(self.latest, name) for name in PARAMETERS}
+
+    def parameters_std(self) -> dict[str, float]:
+        """Return their standard deviations by name."""
+        return {name: _field(self.latest, f"{name}_std") for name in PARAMETERS}
+
+    def identifiability(self) -> dict[str, float]:
+        """Return their identifiability (0: unknown, 1: known from the data) by name."""
+        return {name: _field(self.latest, f"{name}_identifiability") for name in PARAMETERS}
+
+
+def _field(message: Any, name: str) -> float:
+    return math.nan if message is None else float(getattr(message, name))

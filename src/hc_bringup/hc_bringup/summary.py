@@ -1,0 +1,99 @@
+"""The summary of a run: as plain data for --json, as a few lines for people."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from hc_bringup.live import SYMBOLS
+from hc_bringup.runner import RunState
+from hc_bringup.statistics import PARAMETERS
+
+
+def run_summary(state: RunState, bag: str | None) -> dict[str, Any]:
+    """Return what DESIGN.md lists for hc run --json, and a little more.
+
+    force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
+    used against the measured one. lost counts sequence numbers for which no estimate came.
+    """
+    statistics = state.statistics
+    latency = statistics.latency
+    samples = state.samples
+    if samples is None:
+        samples = statistics.estimates + statistics.lost
+    return {
+        "samples": samples,
+        "lost": statistics.lost,
+        "estimates": statistics.estimates,
+        "rejected": dict(statistics.rejected),
+        "changes_detected": statistics.changes,
+        "model_mismatch_share": _share(statistics.mismatch, statistics.estimates),
+        "duration_s": state.elapsed_s,
+        "latency_us": {
+            "p50": 1e6 * latency.quantile(0.5),
+            "p99": 1e6 * latency.quantile(0.99),
+            "max": 1e6 * latency.maximum if latency.count else math.nan,
+        },
+        "cpu_percent": dict(state.cpu_percent),
+        "parameters": statistics.parameters(),
+        "parameters_std": statistics.parameters_std(),
+        "identifiability": statistics.identifiability(),
+        "force_rmse_n": statistics.force_rmse_n,
+        "bag": bag,
+    }
+
+
+def _share(part: int, whole: int) -> float:
+    return part / whole if whole else math.nan
+
+
+def to_json(summary: dict[str, Any]) -> str:
+    """Return a summary as JSON; numbers that are not finite become null."""
+    return json.dumps(_finite(summary), indent=2)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def parameter_lines(
+    values: dict[str, float], deviations: dict[str, float], known: dict[str, float] | None = None
+) -> list[str]:
+    """Return a line for each parameter: symbol, value, standard deviation, unit."""
+    lines = []
+    for name in PARAMETERS:
+        symbol, unit = SYMBOLS[name]
+        line = f"  {symbol} = {values[name]:<10.5g} ± {deviations[name]:<8.2g} {unit:<15}"
+        if known is not None and not math.isnan(known[name]):
+            line += f" {100 * known[name]:4.0f} % known from the data"
+        lines.append(line.rstrip())
+    return lines
+
+
+def run_text(summary: dict[str, Any]) -> str:
+    """Return the summary of a run as lines for a person."""
+    latency = summary["latency_us"]
+    rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
+    cpu = ", ".join(f"{name} {percent:.0f} %" for name, percent in summary["cpu_percent"].items())
+    lines = [
+        f"{summary['estimates']} estimates of {summary['samples']} samples in "
+        f"{summary['duration_s']:.1f} s; lost {summary['lost']}, rejected {rejected}",
+        f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
+        f"max {latency['max']:.0f} us; processor use: {cpu}",
+        *parameter_lines(
+            summary["parameters"], summary["parameters_std"], summary["identifiability"]
+        ),
+        f"force one step ahead: RMS error {1e3 * summary['force_rmse_n']:.3g} mN; "
+        f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
+        f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
+    ]
+    if summary["bag"]:
+        lines.append(f"bag: {summary['bag']}")
+    return "\n".join(lines)
