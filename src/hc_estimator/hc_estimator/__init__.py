@@ -1,1 +1,31 @@
 """Online estimators of the Hunt-Crossley contact parameters, and their node."""
+
+from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Rejection
+from hc_estimator.estimator import (
+    Estimator,
+    available_contact_models,
+    available_filters,
+    available_state_spaces,
+    create_estimator,
+    filter_summary,
+    parameter_specifications,
+)
+from hc_estimator.specification import ParameterSpecification, ParameterValue
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "PARAMETER_NAMES",
+    "Estimate",
+    "EstimateSeries",
+    "Estimator",
+    "ParameterSpecification",
+    "ParameterValue",
+    "Rejection",
+    "available_contact_models",
+    "available_filters",
+    "available_state_spaces",
+    "create_estimator",
+    "filter_summary",
+    "parameter_specifications",
+]

@@ -1,0 +1,1 @@
+"""Adaptation: what changes the noise, and what it does when the tissue changes."""

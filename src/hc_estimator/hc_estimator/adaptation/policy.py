@@ -1,0 +1,68 @@
+"""What the default filter adapts, in two hooks that a filter calls around its update.
+
+`prepare` runs before the update and sets the measurement noise of this sample; `learn` runs after
+an accepted sample and may change the noise, the covariance of the parameters (a changed tissue)
+and the flags. Nothing here runs for a refused sample.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hc_estimator.adaptation import tempering
+from hc_estimator.compilation import compiled
+from hc_estimator.specification import ParameterSpecification
+
+NOISE_SPECIFICATIONS = (
+    ParameterSpecification(
+        "displacement_noise_std",
+        "float",
+        0.005,
+        "Standard deviation of the displacement sensor's noise (the first guess where the noise is "
+        "adapted).",
+        minimum=1e-9,
+        maximum=1e3,
+        unit="mm",
+    ),
+    ParameterSpecification(
+        "force_noise_std",
+        "float",
+        0.02,
+        "Standard deviation of the force sensor's noise (the first guess where the noise is "
+        "adapted).",
+        minimum=1e-9,
+        maximum=1e3,
+        unit="N",
+    ),
+)
+
+SPECIFICATIONS = NOISE_SPECIFICATIONS + tempering.SPECIFICATIONS
+FIELDS = tempering.FIELDS
+
+
+@compiled
+def initialise(settings: Any, memory: Any) -> None:
+    """State of the adaptation before any sample."""
+    set_noise(settings, memory)
+    tempering.restart(memory)
+
+
+@compiled
+def set_noise(settings: Any, memory: Any) -> None:
+    """Take the noise levels of the settings (at the start, and when they were reconfigured)."""
+    memory.noise[0] = settings.displacement_noise_std**2
+    memory.noise[1] = settings.force_noise_std**2
+
+
+@compiled
+def prepare(settings: Any, memory: Any) -> None:
+    """Set memory.measurement_noise for the sample in memory.measurement."""
+    memory.measurement_noise[0] = memory.noise[0]
+    memory.measurement_noise[1] = memory.noise[1] * tempering.tempering_factor(settings, memory)
+
+
+@compiled
+def learn(settings: Any, memory: Any) -> None:
+    """Learn from an accepted sample: memory.state and memory.covariance are those after it."""
+    memory.change_detected = 0
+    tempering.count_sample(memory)

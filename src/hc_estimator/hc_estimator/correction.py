@@ -1,0 +1,186 @@
+"""The measurement update of the Kalman-type filters, in the coordinates that whiten the state.
+
+With the Cholesky factor L of the predicted covariance, P = L L^T, every linear or statistically
+linearised measurement has P_xy = L D with a 7x2 matrix D. Then S = D^T D + E with the residual
+covariance E = R + what the nonlinearity adds, the gain is L D S^-1, and the Joseph form
+(I - K H) P (I - K H)^T + K E K^T becomes W W^T + K E K^T with W = L - K D^T: symmetric and
+positive semidefinite whatever the rounding, for the unscented and the extended filter alike.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import cholesky
+from hc_estimator.prediction import central_covariance_weight, sigma_scale
+from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER
+from hc_estimator.state_space import registry as state_space
+
+
+@compiled
+def measure_unscented(settings: Any, memory: Any) -> bool:
+    """Unscented transform through the measurement function, with points drawn anew.
+
+    Paper A, Eq. 10 to 12; the points are redrawn from the predicted covariance, process noise
+    included (reusing the predicted points would leave Q out of S). Each pair of opposite points
+    splits into an odd part, which is linear (D), and an even part, which is curvature.
+
+    Fills memory.factor, predicted_measurement, sensitivity and curvature.
+
+    Returns:
+        False if the predicted covariance has no Cholesky factor.
+    """
+    if not cholesky(memory.predicted_covariance, memory.factor):
+        return False
+    scale = sigma_scale(settings)
+    spread = math.sqrt(scale)
+    space, contact = settings.state_space, settings.contact_model
+    outputs, center = memory.outputs, memory.predicted_state
+    state_space.measure(space, contact, center, outputs[0])
+    for j in range(7):
+        for i in range(7):
+            memory.point[i] = center[i] + spread * memory.factor[i, j]
+        state_space.measure(space, contact, memory.point, outputs[1 + j])
+        for i in range(7):
+            memory.point[i] = center[i] - spread * memory.factor[i, j]
+        state_space.measure(space, contact, memory.point, outputs[8 + j])
+    for i in range(2):
+        total = 0.0
+        for j in range(7):
+            plus, minus = outputs[1 + j, i], outputs[8 + j, i]
+            total += (plus - outputs[0, i]) + (minus - outputs[0, i])
+            memory.sensitivity[j, i] = 0.5 * (plus - minus) / spread
+        memory.predicted_measurement[i] = outputs[0, i] + 0.5 * total / scale
+    central = central_covariance_weight(settings)
+    mean = memory.predicted_measurement
+    for i in range(2):
+        for k in range(i + 1):
+            total = 0.0
+            for j in range(7):
+                first = 0.5 * (outputs[1 + j, i] + outputs[8 + j, i]) - mean[i]
+                second = 0.5 * (outputs[1 + j, k] + outputs[8 + j, k]) - mean[k]
+                total += first * second
+            element = central * (outputs[0, i] - mean[i]) * (outputs[0, k] - mean[k])
+            memory.curvature[i, k] = element + total / scale
+            memory.curvature[k, i] = memory.curvature[i, k]
+    return True
+
+
+@compiled
+def innovate(memory: Any) -> bool:
+    """Innovation, its covariance S and the normalised innovation squared.
+
+    Returns:
+        False if S is not positive definite or not finite.
+    """
+    covariance = memory.innovation_covariance
+    for i in range(2):
+        memory.innovation[i] = memory.measurement[i] - memory.predicted_measurement[i]
+        for k in range(2):
+            total = memory.curvature[i, k]
+            for j in range(7):
+                total += memory.sensitivity[j, i] * memory.sensitivity[j, k]
+            covariance[i, k] = total
+        covariance[i, i] += memory.measurement_noise[i]
+    determinant = covariance[0, 0] * covariance[1, 1] - covariance[0, 1] * covariance[1, 0]
+    if not (determinant > 0.0 and covariance[0, 0] > 0.0 and determinant < math.inf):
+        return False
+    memory.inverse[0, 0] = covariance[1, 1] / determinant
+    memory.inverse[1, 1] = covariance[0, 0] / determinant
+    memory.inverse[0, 1] = memory.inverse[1, 0] = -covariance[0, 1] / determinant
+    total = 0.0
+    for i in range(2):
+        for k in range(2):
+            total += memory.innovation[i] * memory.inverse[i, k] * memory.innovation[k]
+    memory.nis = total
+    return math.isfinite(total)
+
+
+@compiled
+def gate(settings: Any, memory: Any) -> int:
+    """Refuse an innovation far outside its distribution, unless many come one after another.
+
+    Returns:
+        ACCEPTED or OUTLIER.
+    """
+    limit = settings.outlier_gate * settings.outlier_gate
+    outside = False
+    for i in range(2):
+        variance = memory.innovation_covariance[i, i]
+        if memory.innovation[i] * memory.innovation[i] > limit * variance:
+            outside = True
+    if not outside:
+        memory.outlier_count = 0
+        return ACCEPTED
+    if memory.outlier_count >= settings.outlier_limit:
+        return ACCEPTED
+    memory.outlier_count += 1
+    return OUTLIER
+
+
+@compiled
+def correct(memory: Any) -> None:
+    """Gain, updated state (paper A, Eq. 13 and 14) and covariance in the whitened Joseph form."""
+    factor, gain, half = memory.factor, memory.gain, memory.half
+    for k in range(2):
+        for i in range(7):  # G = D S^-1, kept in half for a moment
+            half[i, k] = (
+                memory.sensitivity[i, 0] * memory.inverse[0, k]
+                + memory.sensitivity[i, 1] * memory.inverse[1, k]
+            )
+    for i in range(7):
+        for k in range(2):
+            total = 0.0
+            for j in range(i + 1):
+                total += factor[i, j] * half[j, k]
+            gain[i, k] = total
+    for i in range(7):
+        memory.updated_state[i] = (
+            memory.predicted_state[i]
+            + gain[i, 0] * memory.innovation[0]
+            + gain[i, 1] * memory.innovation[1]
+        )
+        for j in range(7):
+            half[i, j] = (
+                factor[i, j]
+                - gain[i, 0] * memory.sensitivity[j, 0]
+                - gain[i, 1] * memory.sensitivity[j, 1]
+            )
+    e00 = memory.curvature[0, 0] + memory.measurement_noise[0]
+    e01 = memory.curvature[0, 1]
+    e11 = memory.curvature[1, 1] + memory.measurement_noise[1]
+    for i in range(7):
+        left = gain[i, 0] * e00 + gain[i, 1] * e01
+        right = gain[i, 0] * e01 + gain[i, 1] * e11
+        for k in range(i + 1):
+            total = left * gain[k, 0] + right * gain[k, 1]
+            for j in range(7):
+                total += half[i, j] * half[k, j]
+            memory.updated_covariance[i, k] = total
+            memory.updated_covariance[k, i] = total
+
+
+@compiled
+def commit(settings: Any, memory: Any, time: float) -> int:
+    """Make the updated state the state, if it is sound.
+
+    Returns:
+        ACCEPTED, or NUMERICAL if the update is not finite; the state is then as before.
+    """
+    state_space.constrain(settings, memory.updated_state)
+    total = 0.0
+    for i in range(7):
+        total += abs(memory.updated_state[i]) + memory.updated_covariance[i, i]
+        if not memory.updated_covariance[i, i] >= 0.0:
+            return NUMERICAL
+    if not total < 1e150:
+        return NUMERICAL
+    memory.state[:] = memory.updated_state
+    memory.covariance[:, :] = memory.updated_covariance
+    memory.last_time = time
+    memory.started = 1
+    memory.accepted += 1
+    memory.backward_count = 0
+    return ACCEPTED

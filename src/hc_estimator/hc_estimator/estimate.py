@@ -1,0 +1,225 @@
+"""What an estimator answers: the estimate after one sample, or the series after many.
+
+Both are views of rows of numbers that the compiled kernels fill; the positions stand here once,
+for the kernels and for the readers.
+"""
+
+from __future__ import annotations
+
+import enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Columns of a row.
+PARAMETERS = 0  # 4: K, B, n, p
+COVARIANCE = 4  # 16: row-major 4x4
+FORCE_PREDICTED = 20
+FORCE_RECONSTRUCTED = 21
+INNOVATION = 22  # 2: displacement, force
+NIS = 24
+IDENTIFIABILITY = 25  # 4
+DISPLACEMENT = 29
+VELOCITY = 30
+FORCE_NOISE_STD = 31
+DISPLACEMENT_NOISE_STD = 32
+CONTACT = 33
+CHANGE_DETECTED = 34
+MODEL_MISMATCH = 35
+REJECTED = 36
+COLUMNS = 37
+
+PARAMETER_NAMES = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
+
+
+class Rejection(enum.IntEnum):
+    """Why a sample was not used; the numbers of hc_msgs/HuntCrossleyEstimate."""
+
+    ACCEPTED = 0
+    NOT_FINITE = 1
+    TIME_REPEATED = 2
+    TIME_BACKWARD = 3
+    OUTLIER = 4
+    OUT_OF_RANGE = 5
+    NUMERICAL = 6
+
+
+class _Rows:
+    """Array-valued columns, common to one row (shape (COLUMNS,)) and many ((samples, COLUMNS))."""
+
+    __slots__ = ("_rows",)
+
+    def __init__(self, rows: NDArray[np.float64]) -> None:
+        self._rows = rows
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """K [N/mm^n], B [N (s/mm)^p / mm^n], n [1], p [1], shape (..., 4)."""
+        return self._rows[..., PARAMETERS : PARAMETERS + 4]
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the parameters in the same order and units, shape (..., 4, 4)."""
+        block = self._rows[..., COVARIANCE : COVARIANCE + 16]
+        return block.reshape((*block.shape[:-1], 4, 4))
+
+    @property
+    def parameters_std(self) -> NDArray[np.float64]:
+        """Standard deviations of the parameters, shape (..., 4)."""
+        deviations: NDArray[np.float64] = np.sqrt(self._rows[..., COVARIANCE : COVARIANCE + 16 : 5])
+        return deviations
+
+    @property
+    def innovation(self) -> NDArray[np.float64]:
+        """Measured minus predicted displacement [mm] and force [N], shape (..., 2).
+
+        NaN where the sample was rejected before a prediction was made.
+        """
+        return self._rows[..., INNOVATION : INNOVATION + 2]
+
+    @property
+    def identifiability(self) -> NDArray[np.float64]:
+        """How much the data said about each parameter, 0 (nothing) to 1 (all), shape (..., 4).
+
+        It is 1 - posterior variance / prior variance, in the coordinates of the state space
+        (ln K and ln B for `kinematic`), clipped to 0..1. A parameter held fixed has 0.
+        """
+        return self._rows[..., IDENTIFIABILITY : IDENTIFIABILITY + 4]
+
+
+class Estimate(_Rows):
+    """The estimate after one sample. Lengths in mm, forces in N, times in s."""
+
+    __slots__ = ()
+
+    @property
+    def force_predicted(self) -> float:
+        """Force [N] expected before the sample was used; NaN if it was rejected unseen."""
+        return float(self._rows[FORCE_PREDICTED])
+
+    @property
+    def force_reconstructed(self) -> float:
+        """Force [N] of the contact law with the updated state."""
+        return float(self._rows[FORCE_RECONSTRUCTED])
+
+    @property
+    def nis(self) -> float:
+        """Normalised innovation squared; mean 2 in a consistent filter; NaN if rejected unseen."""
+        return float(self._rows[NIS])
+
+    @property
+    def displacement(self) -> float:
+        """Filtered penetration [mm]."""
+        return float(self._rows[DISPLACEMENT])
+
+    @property
+    def velocity(self) -> float:
+        """Filtered velocity [mm/s]."""
+        return float(self._rows[VELOCITY])
+
+    @property
+    def force_noise_std(self) -> float:
+        """Standard deviation [N] of the force noise in use, model error included."""
+        return float(self._rows[FORCE_NOISE_STD])
+
+    @property
+    def displacement_noise_std(self) -> float:
+        """Standard deviation [mm] of the displacement noise in use."""
+        return float(self._rows[DISPLACEMENT_NOISE_STD])
+
+    @property
+    def contact(self) -> bool:
+        """True while the filtered penetration is positive."""
+        return bool(self._rows[CONTACT])
+
+    @property
+    def change_detected(self) -> bool:
+        """True at the sample where a change of the tissue was detected."""
+        return bool(self._rows[CHANGE_DETECTED])
+
+    @property
+    def model_mismatch(self) -> bool:
+        """True while the contact law does not describe what the sensors say."""
+        return bool(self._rows[MODEL_MISMATCH])
+
+    @property
+    def rejected(self) -> Rejection:
+        """Why the sample was not used; `Rejection.ACCEPTED` (0) if it was."""
+        return Rejection(int(self._rows[REJECTED]))
+
+    def __repr__(self) -> str:
+        pairs = zip(PARAMETER_NAMES, self.parameters, self.parameters_std, strict=True)
+        values = ", ".join(f"{name}={value:.6g}±{std:.2g}" for name, value, std in pairs)
+        return f"Estimate({values}, nis={self.nis:.3g}, rejected={self.rejected.name})"
+
+
+class EstimateSeries(_Rows):
+    """The estimates after each of many samples: the names of `Estimate`, leading sample axis."""
+
+    __slots__ = ()
+
+    @property
+    def force_predicted(self) -> NDArray[np.float64]:
+        """Force [N] expected before each sample was used, shape (samples,); NaN as above."""
+        return self._rows[:, FORCE_PREDICTED]
+
+    @property
+    def force_reconstructed(self) -> NDArray[np.float64]:
+        """Force [N] of the contact law with the updated state, shape (samples,)."""
+        return self._rows[:, FORCE_RECONSTRUCTED]
+
+    @property
+    def nis(self) -> NDArray[np.float64]:
+        """Normalised innovation squared, shape (samples,); NaN where rejected unseen."""
+        return self._rows[:, NIS]
+
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """Filtered penetration [mm], shape (samples,)."""
+        return self._rows[:, DISPLACEMENT]
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Filtered velocity [mm/s], shape (samples,)."""
+        return self._rows[:, VELOCITY]
+
+    @property
+    def force_noise_std(self) -> NDArray[np.float64]:
+        """Standard deviation [N] of the force noise in use, shape (samples,)."""
+        return self._rows[:, FORCE_NOISE_STD]
+
+    @property
+    def displacement_noise_std(self) -> NDArray[np.float64]:
+        """Standard deviation [mm] of the displacement noise in use, shape (samples,)."""
+        return self._rows[:, DISPLACEMENT_NOISE_STD]
+
+    @property
+    def contact(self) -> NDArray[np.bool_]:
+        """True while the filtered penetration is positive, shape (samples,)."""
+        return self._flags(CONTACT)
+
+    @property
+    def change_detected(self) -> NDArray[np.bool_]:
+        """True at the samples where a change of the tissue was detected, shape (samples,)."""
+        return self._flags(CHANGE_DETECTED)
+
+    @property
+    def model_mismatch(self) -> NDArray[np.bool_]:
+        """True while the contact law does not describe the sensors, shape (samples,)."""
+        return self._flags(MODEL_MISMATCH)
+
+    @property
+    def rejected(self) -> NDArray[np.int64]:
+        """Codes of `Rejection`, shape (samples,)."""
+        return self._rows[:, REJECTED].astype(np.int64)
+
+    def _flags(self, column: int) -> NDArray[np.bool_]:
+        flags: NDArray[np.bool_] = self._rows[:, column] != 0.0
+        return flags
+
+    def __len__(self) -> int:
+        return int(self._rows.shape[0])
+
+    def __getitem__(self, index: int) -> Estimate:
+        """The estimate after one of the samples."""
+        return Estimate(self._rows[index])

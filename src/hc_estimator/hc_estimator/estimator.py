@@ -1,0 +1,361 @@
+"""The estimator that users hold: settings, memory and a compiled filter behind a small interface.
+
+`step` and `run` go through the same compiled loop, `step` with one sample; their numbers are
+therefore the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hc_estimator import screening
+from hc_estimator.adaptation import policy
+from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import CONTACT_MODELS
+from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
+from hc_estimator.filters.registry import FIELDS, FILTERS, SCRATCH
+from hc_estimator.memory import record_type
+from hc_estimator.specification import (
+    ParameterSpecification,
+    ParameterValue,
+    checked_values,
+    with_defaults,
+)
+from hc_estimator.state_space import registry as state_space_registry
+from hc_estimator.state_space.registry import STATE_SPACES
+
+STATE_FORMAT = 1  # of Estimator.state(); raised when its meaning changes
+
+DEFAULT_STATE_SPACE = "kinematic"
+DEFAULT_CONTACT_MODEL = "hunt_crossley"
+
+
+def available_filters() -> tuple[str, ...]:
+    """Names that `create_estimator` takes as filter."""
+    return tuple(FILTERS)
+
+
+def available_state_spaces(filter: str | None = None) -> tuple[str, ...]:
+    """Names that `create_estimator` takes as state_space, or those that suit one filter.
+
+    Raises:
+        ValueError: unknown filter.
+    """
+    if filter is None:
+        return STATE_SPACES
+    return FILTERS[_checked_choice("filter", filter, available_filters())].state_spaces
+
+
+def available_contact_models() -> tuple[str, ...]:
+    """Names that `create_estimator` takes as contact_model."""
+    return CONTACT_MODELS
+
+
+def filter_summary(filter: str) -> str:
+    """One line on what a filter is.
+
+    Raises:
+        ValueError: unknown filter.
+    """
+    return FILTERS[_checked_choice("filter", filter, available_filters())].summary
+
+
+def _checked_choice(name: str, value: object, choices: tuple[str, ...]) -> str:
+    if not (isinstance(value, str) and value in choices):
+        raise ValueError(f"{name} = {value!r} is not one of {', '.join(choices)}")
+    return value
+
+
+def parameter_specifications(
+    filter: str,
+    state_space: str = DEFAULT_STATE_SPACE,
+    contact_model: str = DEFAULT_CONTACT_MODEL,
+) -> tuple[ParameterSpecification, ...]:
+    """The parameters that an estimator of this kind has, with the defaults for this combination.
+
+    Args:
+        filter: one of `available_filters()`.
+        state_space: one of `available_state_spaces(filter)`.
+        contact_model: one of `available_contact_models()`.
+
+    Returns:
+        One specification per parameter, in a fixed order.
+
+    Raises:
+        ValueError: an unknown name, or a combination that does not exist.
+    """
+    entry = FILTERS[_checked_choice("filter", filter, available_filters())]
+    _checked_choice("state_space", state_space, STATE_SPACES)
+    _checked_choice("contact_model", contact_model, CONTACT_MODELS)
+    if state_space not in entry.state_spaces:
+        raise ValueError(
+            f"state_space = {state_space!r} does not go with filter {filter!r}: "
+            f"one of {', '.join(entry.state_spaces)}"
+        )
+    specifications = (
+        entry.specifications
+        + state_space_registry.SPECIFICATIONS[state_space]
+        + screening.SPECIFICATIONS
+    )
+    return with_defaults(specifications, entry.defaults.get(state_space, {}))
+
+
+def _all_specifications() -> dict[str, ParameterSpecification]:
+    """Every parameter of the package once; the settings record has a field for each."""
+    result: dict[str, ParameterSpecification] = {}
+    groups = [entry.specifications for entry in FILTERS.values()]
+    groups += [*state_space_registry.SPECIFICATIONS.values(), screening.SPECIFICATIONS]
+    for group in groups:
+        for specification in group:
+            result.setdefault(specification.name, specification)
+    return result
+
+
+_ALL_SPECIFICATIONS = _all_specifications()
+SETTINGS = record_type(
+    (
+        ("state_space", np.int64, ()),
+        ("contact_model", np.int64, ()),
+        *(
+            (name, np.float64 if specification.kind == "float" else np.int64, ())
+            for name, specification in _ALL_SPECIFICATIONS.items()
+        ),
+    )
+)
+MEMORY = record_type(FIELDS + SCRATCH)
+
+
+@compiled
+def _initialise(settings_array: Any, memory_array: Any) -> None:
+    settings, memory = settings_array[0], memory_array[0]
+    state_space_registry.prior(settings, memory.state, memory.covariance)
+    for i in range(4):
+        memory.prior_variance[i] = memory.covariance[3 + i, 3 + i]
+    policy.initialise(settings, memory)
+
+
+@compiled
+def _set_noise(settings_array: Any, memory_array: Any) -> None:
+    policy.set_noise(settings_array[0], memory_array[0])
+
+
+class Estimator:
+    """Estimates the contact parameters from samples of displacement and force.
+
+    Make one with `create_estimator`. Units: mm, mm/s, N, s. Not safe for use from several threads
+    at once.
+    """
+
+    def __init__(
+        self,
+        filter: str,
+        state_space: str,
+        contact_model: str,
+        parameters: Mapping[str, object],
+    ) -> None:
+        self._filter = filter
+        self._state_space = state_space
+        self._contact_model = contact_model
+        self._specifications = parameter_specifications(filter, state_space, contact_model)
+        values = {s.name: s.default for s in self._specifications}
+        values.update(checked_values(self._specifications, parameters))
+        self._values: dict[str, ParameterValue] = values
+        self._run = FILTERS[filter].run
+        self._settings = np.zeros(1, SETTINGS)
+        for name, specification in _ALL_SPECIFICATIONS.items():
+            self._settings[name] = specification.encoded(specification.default)
+        self._settings["state_space"] = STATE_SPACES.index(state_space)
+        self._settings["contact_model"] = CONTACT_MODELS.index(contact_model)
+        self._memory = np.zeros(1, MEMORY)
+        self._particles = np.zeros((0, 8))
+        self._sample = np.zeros((1, 3))
+        self._row = np.zeros((1, COLUMNS))
+        self._write_settings(values)
+        self.reset()
+
+    @property
+    def filter(self) -> str:
+        """Name of the filter."""
+        return self._filter
+
+    @property
+    def state_space(self) -> str:
+        """Name of the state space."""
+        return self._state_space
+
+    @property
+    def contact_model(self) -> str:
+        """Name of the contact model."""
+        return self._contact_model
+
+    @property
+    def specifications(self) -> tuple[ParameterSpecification, ...]:
+        """The parameters that this estimator has."""
+        return self._specifications
+
+    @property
+    def configuration(self) -> dict[str, ParameterValue]:
+        """Every parameter's value in force, by name.
+
+        `create_estimator(e.filter, state_space=e.state_space, contact_model=e.contact_model,
+        **e.configuration)` makes an equal estimator.
+        """
+        return dict(self._values)
+
+    def step(self, time_s: float, displacement_mm: float, force_n: float) -> Estimate:
+        """Use one sample.
+
+        Never raises on data: `rejected` of the estimate says why a sample was not used.
+
+        Args:
+            time_s: stamp [s].
+            displacement_mm: penetration [mm], positive into the tissue.
+            force_n: contact force [N], compression positive.
+
+        Returns:
+            The estimate after this sample.
+        """
+        self._sample[0] = time_s, displacement_mm, force_n
+        self._run(self._settings, self._memory, self._particles, self._sample, self._row)
+        return Estimate(self._row[0].copy())
+
+    def run(
+        self, time_s: ArrayLike, displacement_mm: ArrayLike, force_n: ArrayLike
+    ) -> EstimateSeries:
+        """Use many samples; the same as `step` for each, in one compiled loop.
+
+        Args:
+            time_s: stamps [s], shape (samples,).
+            displacement_mm: penetration [mm], shape (samples,).
+            force_n: contact force [N], shape (samples,).
+
+        Returns:
+            The estimates after each sample.
+
+        Raises:
+            ValueError: the arrays are not one-dimensional or differ in length.
+        """
+        columns = [np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)]
+        shapes = [c.shape for c in columns]
+        if len(set(shapes)) != 1 or len(shapes[0]) != 1:
+            raise ValueError(
+                "time_s, displacement_mm and force_n have the shapes "
+                f"{', '.join(map(str, shapes))}: give three one-dimensional arrays of one length"
+            )
+        samples = np.ascontiguousarray(np.stack(columns, axis=1))
+        rows = np.empty((samples.shape[0], COLUMNS))
+        self._run(self._settings, self._memory, self._particles, samples, rows)
+        return EstimateSeries(rows)
+
+    def reset(self) -> None:
+        """Forget all samples; the parameters stay."""
+        self._memory[:] = np.zeros(1, MEMORY)
+        _initialise(self._settings, self._memory)
+
+    def reconfigure(self, **parameters: object) -> None:
+        """Change parameters while running, all of them or, on an error, none.
+
+        Raises:
+            ValueError: a parameter is unknown, out of range or fixed while running; the message
+                names it, its value and what is allowed.
+        """
+        values = checked_values(self._specifications, parameters, runtime_only=True)
+        self._values.update(values)
+        self._write_settings(values)
+        if "displacement_noise_std" in values or "force_noise_std" in values:
+            _set_noise(self._settings, self._memory)
+
+    def warm_up(self) -> None:
+        """Compile (or load from the cache) everything that `step` needs; the state stays."""
+        nothing = np.zeros((0, 3))
+        self._run(self._settings, self._memory, self._particles, nothing, np.zeros((0, COLUMNS)))
+
+    def state(self) -> dict[str, Any]:
+        """Everything the estimator knows, as plain data (numbers, texts, lists, dicts).
+
+        `restore` on an estimator of the same filter, state space and contact model continues from
+        it to the last bit. Survives JSON.
+        """
+        return {
+            "format": STATE_FORMAT,
+            "filter": self._filter,
+            "state_space": self._state_space,
+            "contact_model": self._contact_model,
+            "configuration": self.configuration,
+            "memory": {name: self._memory[name][0].tolist() for name, _, _ in FIELDS},
+            "particles": self._particles.tolist(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from what `state` returned, configuration included.
+
+        Args:
+            state: what `state()` of an estimator of the same kind returned.
+
+        Raises:
+            ValueError: it belongs to another kind of estimator or is not complete.
+        """
+        expected = {
+            "format": STATE_FORMAT,
+            "filter": self._filter,
+            "state_space": self._state_space,
+            "contact_model": self._contact_model,
+        }
+        for name, value in expected.items():
+            if state.get(name) != value:
+                raise ValueError(
+                    f"cannot restore a state with {name} = {state.get(name)!r}: "
+                    f"this estimator has {value!r}"
+                )
+        memory = np.zeros(1, MEMORY)
+        try:
+            values = checked_values(self._specifications, state["configuration"])
+            missing = [s.name for s in self._specifications if s.name not in values]
+            if missing:
+                raise ValueError(f"no value for {', '.join(missing)}")
+            for name, kind, shape in FIELDS:
+                field: NDArray[Any] = np.asarray(state["memory"][name], kind)
+                if field.shape != shape:
+                    raise ValueError(f"{name} has shape {field.shape} instead of {shape}")
+                memory[name][0] = field
+            particles = np.asarray(state["particles"], np.float64)
+            particles = particles.reshape(-1, self._particles.shape[1])
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"cannot restore an incomplete or damaged state: {error}") from error
+        self._values = values
+        self._write_settings(values)
+        self._memory[:] = memory
+        self._particles = np.ascontiguousarray(particles)
+
+    def _write_settings(self, values: Mapping[str, ParameterValue]) -> None:
+        for name, value in values.items():
+            self._settings[name] = _ALL_SPECIFICATIONS[name].encoded(value)
+
+
+def create_estimator(
+    filter: str,
+    *,
+    state_space: str = DEFAULT_STATE_SPACE,
+    contact_model: str = DEFAULT_CONTACT_MODEL,
+    **parameters: object,
+) -> Estimator:
+    """Make an estimator.
+
+    Args:
+        filter: one of `available_filters()`.
+        state_space: one of `available_state_spaces(filter)`.
+        contact_model: one of `available_contact_models()`.
+        **parameters: values by name, see `parameter_specifications`.
+
+    Returns:
+        The estimator, ready for the first sample.
+
+    Raises:
+        ValueError: an unknown name or a value out of its range; the message names the parameter,
+            its value and what is allowed.
+    """
+    return Estimator(filter, state_space, contact_model, parameters)

@@ -1,0 +1,51 @@
+"""Small dense linear algebra for the kernels, on preallocated arrays."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.compilation import compiled
+
+# A pivot this much smaller than its diagonal element is rounding error, not information.
+PIVOT_TOLERANCE = 1e-15
+
+
+@compiled
+def cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64]) -> bool:
+    """Lower Cholesky factor of a symmetric positive semidefinite matrix.
+
+    A pivot that is zero to rounding error makes a zero column: a parameter that is held fixed has
+    zero variance, and its sigma points then coincide.
+
+    Args:
+        matrix: symmetric matrix, shape (n, n); only the lower triangle is read.
+        factor: takes the factor L with L L^T = matrix, shape (n, n).
+
+    Returns:
+        False if the matrix is not finite or clearly indefinite; the factor is then unusable.
+    """
+    n = matrix.shape[0]
+    for j in range(n):
+        pivot = matrix[j, j]
+        for k in range(j):
+            pivot -= factor[j, k] * factor[j, k]
+        threshold = PIVOT_TOLERANCE * matrix[j, j]
+        if not (pivot >= -1e4 * threshold and pivot < math.inf):  # NaN fails too
+            return False
+        if pivot <= threshold:
+            for i in range(j, n):
+                factor[i, j] = 0.0
+        else:
+            root = math.sqrt(pivot)
+            factor[j, j] = root
+            for i in range(j + 1, n):
+                total = matrix[i, j]
+                for k in range(j):
+                    total -= factor[i, k] * factor[j, k]
+                factor[i, j] = total / root
+        for i in range(j):
+            factor[i, j] = 0.0
+    return True

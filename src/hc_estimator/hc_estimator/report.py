@@ -1,0 +1,73 @@
+"""Writes what a filter knows after a sample into one row of numbers; see `estimate`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator import estimate as columns
+from hc_estimator.compilation import compiled
+from hc_estimator.screening import ACCEPTED, OUTLIER
+from hc_estimator.state_space import registry as state_space
+
+# Globals of a module are constants to the compiler.
+PARAMETERS = columns.PARAMETERS
+COVARIANCE = columns.COVARIANCE
+FORCE_PREDICTED = columns.FORCE_PREDICTED
+FORCE_RECONSTRUCTED = columns.FORCE_RECONSTRUCTED
+INNOVATION = columns.INNOVATION
+NIS = columns.NIS
+IDENTIFIABILITY = columns.IDENTIFIABILITY
+DISPLACEMENT = columns.DISPLACEMENT
+VELOCITY = columns.VELOCITY
+FORCE_NOISE_STD = columns.FORCE_NOISE_STD
+DISPLACEMENT_NOISE_STD = columns.DISPLACEMENT_NOISE_STD
+CONTACT = columns.CONTACT
+CHANGE_DETECTED = columns.CHANGE_DETECTED
+MODEL_MISMATCH = columns.MODEL_MISMATCH
+REJECTED = columns.REJECTED
+
+
+@compiled
+def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64]) -> None:
+    """Fill a row from memory.state, memory.covariance and the scratch of the last update.
+
+    Args:
+        settings: settings record.
+        memory: memory record.
+        rejected: code of the decision on the sample.
+        row: takes the numbers, shape (estimate.COLUMNS,).
+    """
+    state, slopes = memory.state, memory.slopes
+    state_space.to_parameters(settings.state_space, state, memory.parameters, slopes)
+    for i in range(4):
+        row[PARAMETERS + i] = memory.parameters[i]
+        for j in range(4):
+            row[COVARIANCE + 4 * i + j] = slopes[i] * memory.covariance[3 + i, 3 + j] * slopes[j]
+        prior = memory.prior_variance[i]
+        share = 0.0 if prior <= 0.0 else 1.0 - memory.covariance[3 + i, 3 + i] / prior
+        row[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
+    if rejected in (ACCEPTED, OUTLIER):
+        row[FORCE_PREDICTED] = memory.predicted_measurement[1]
+        row[INNOVATION] = memory.innovation[0]
+        row[INNOVATION + 1] = memory.innovation[1]
+        row[NIS] = memory.nis
+    else:
+        row[FORCE_PREDICTED] = math.nan
+        row[INNOVATION] = math.nan
+        row[INNOVATION + 1] = math.nan
+        row[NIS] = math.nan
+    row[FORCE_RECONSTRUCTED] = state_space.force_of_state(
+        settings.state_space, settings.contact_model, state
+    )
+    row[DISPLACEMENT] = state[0]
+    row[VELOCITY] = state[1]
+    row[DISPLACEMENT_NOISE_STD] = math.sqrt(memory.noise[0])
+    row[FORCE_NOISE_STD] = math.sqrt(memory.noise[1])
+    row[CONTACT] = 1.0 if state[0] > 0.0 else 0.0
+    row[CHANGE_DETECTED] = float(memory.change_detected) if rejected == ACCEPTED else 0.0
+    row[MODEL_MISMATCH] = float(memory.model_mismatch)
+    row[REJECTED] = float(rejected)

@@ -1,0 +1,1 @@
+"""The state spaces, one file each, and their registry."""

@@ -1,0 +1,225 @@
+"""The state spaces by name, and the functions through which the filters reach them.
+
+A state space is a process function, a measurement function, a noise builder, a prior and a map to
+the physical parameters. To add one: write these in a new file, then add its name and a branch in
+each function here. Every state space has seven states, displacement and velocity first and the
+four contact parameters last.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import (
+    LARGEST_DISPLACEMENT_EXPONENT,
+    LARGEST_VELOCITY_EXPONENT,
+    SMALLEST_DISPLACEMENT_EXPONENT,
+    SMALLEST_VELOCITY_EXPONENT,
+    contact_force,
+)
+from hc_estimator.specification import ParameterSpecification
+from hc_estimator.state_space import kinematic, paper
+
+KINEMATIC = 0
+PAPER = 1
+
+STATE_SPACES = ("kinematic", "paper")  # position = code
+
+COMMON_SPECIFICATIONS = (
+    ParameterSpecification(
+        "initial_stiffness",
+        "float",
+        1.0,
+        "First guess of the stiffness K.",
+        minimum=1e-6,
+        maximum=1e6,
+        unit="N/mm^n",
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "initial_damping",
+        "float",
+        0.01,
+        "First guess of the damping B.",
+        minimum=1e-9,
+        maximum=1e6,
+        unit="N (s/mm)^p/mm^n",
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "initial_displacement_exponent",
+        "float",
+        1.5,
+        "First guess of the exponent n of the displacement (1.5: Hertz).",
+        minimum=0.5,
+        maximum=4.0,
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "initial_velocity_exponent",
+        "float",
+        1.0,
+        "First guess of the exponent p of the velocity (1: linear damping).",
+        minimum=0.25,
+        maximum=3.0,
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "initial_displacement_exponent_std",
+        "float",
+        0.3,
+        "Standard deviation of the first guess of n; 0 holds n fixed.",
+        minimum=0.0,
+        maximum=10.0,
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "initial_velocity_exponent_std",
+        "float",
+        0.1,
+        "Standard deviation of the first guess of p; 0 holds p fixed.",
+        minimum=0.0,
+        maximum=10.0,
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "initial_displacement_std",
+        "float",
+        1.0,
+        "Standard deviation of the displacement before the first sample and after a gap; wide "
+        "against the sensor's noise leaves all weight to the first sample.",
+        minimum=1e-9,
+        maximum=1e6,
+        unit="mm",
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "displacement_exponent_walk",
+        "float",
+        1e-6,
+        "Variance that n gains per second (random walk).",
+        minimum=0.0,
+        maximum=1e3,
+        unit="1/s",
+    ),
+    ParameterSpecification(
+        "velocity_exponent_walk",
+        "float",
+        1e-6,
+        "Variance that p gains per second (random walk).",
+        minimum=0.0,
+        maximum=1e3,
+        unit="1/s",
+    ),
+)
+
+SPECIFICATIONS = {
+    "kinematic": COMMON_SPECIFICATIONS + kinematic.SPECIFICATIONS,
+    "paper": COMMON_SPECIFICATIONS + paper.SPECIFICATIONS,
+}
+
+
+@compiled
+def has_linear_process(space: int) -> bool:
+    """True if the process function is linear, so that prediction needs no sigma points."""
+    return space == KINEMATIC
+
+
+@compiled
+def process(
+    space: int,
+    contact_model: int,
+    elapsed: float,
+    state: NDArray[np.float64],
+    result: NDArray[np.float64],
+) -> None:
+    """Process function without noise: state after the elapsed time [s], shape (7,)."""
+    if space == KINEMATIC:
+        kinematic.process(elapsed, state, result)
+    else:
+        paper.process(contact_model, elapsed, state, result)
+
+
+@compiled
+def process_noise(settings: Any, elapsed: float, noise: NDArray[np.float64]) -> None:
+    """Process noise covariance over the elapsed time [s], shape (7, 7)."""
+    if settings.state_space == KINEMATIC:
+        kinematic.process_noise(settings, elapsed, noise)
+    else:
+        paper.process_noise(settings, elapsed, noise)
+
+
+@compiled
+def measure(
+    space: int, contact_model: int, state: NDArray[np.float64], result: NDArray[np.float64]
+) -> None:
+    """Measurement function: displacement [mm] and force [N] of a state, shape (2,)."""
+    if space == KINEMATIC:
+        kinematic.measure(contact_model, state, result)
+    else:
+        result[0] = state[0]
+        result[1] = state[2]
+
+
+@compiled
+def prior(settings: Any, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+    """State (7,) and covariance (7, 7) before any sample."""
+    if settings.state_space == KINEMATIC:
+        kinematic.prior(settings, state, covariance)
+    else:
+        paper.prior(settings, state, covariance)
+
+
+@compiled
+def start_motion(
+    settings: Any,
+    displacement: float,
+    force: float,
+    state: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+) -> None:
+    """Replace the motion part of state and covariance by a wide prior at the measured values."""
+    if settings.state_space == KINEMATIC:
+        kinematic.start_motion(settings, displacement, state, covariance)
+    else:
+        paper.start_motion(settings, displacement, force, state, covariance)
+
+
+@compiled
+def constrain(settings: Any, state: NDArray[np.float64]) -> None:
+    """Project the parameters of `paper` into their physical range where the option asks for it."""
+    if settings.state_space == PAPER and settings.limit_parameters != 0:
+        state[3] = max(state[3], 0.0)
+        state[4] = max(state[4], 0.0)
+        state[5] = min(max(state[5], SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT)
+        state[6] = min(max(state[6], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+
+
+@compiled
+def to_parameters(
+    space: int,
+    state: NDArray[np.float64],
+    parameters: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+) -> None:
+    """Physical parameters K, B, n, p of a state and their slopes, each of shape (4,)."""
+    if space == KINEMATIC:
+        kinematic.to_parameters(state, parameters, slopes)
+    else:
+        for i in range(4):
+            parameters[i] = state[3 + i]
+            slopes[i] = 1.0
+
+
+@compiled
+def force_of_state(space: int, contact_model: int, state: NDArray[np.float64]) -> float:
+    """Force [N] of the contact law with displacement, velocity and parameters of a state."""
+    stiffness, damping = state[3], state[4]
+    if space == KINEMATIC:
+        stiffness = kinematic.exponential(stiffness)
+        damping = kinematic.exponential(damping)
+    return contact_force(contact_model, state[0], state[1], stiffness, damping, state[5], state[6])

@@ -1,0 +1,175 @@
+"""The interface of the estimators: every filter on every state space behaves alike."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+from hc_estimator import Rejection
+
+COMBINATIONS = [(f, s) for f in hc.available_filters() for s in hc.available_state_spaces(f)]
+
+
+def recording(seconds=1.0, rate=1000.0, seed=1):
+    """Multi-sine indentation of one tissue with sensor noise: time, displacement, force."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(int(seconds * rate)) / rate
+    slow, fast = 2 * np.pi * 0.7, 2 * np.pi * 2.3
+    d = 3 + 1.6 * np.sin(slow * time) + 0.8 * np.sin(fast * time + 0.5)
+    v = 1.6 * slow * np.cos(slow * time) + 0.8 * fast * np.cos(fast * time + 0.5)
+    force = d**1.8 * (0.2 + 0.05 * np.sign(v) * np.abs(v) ** 1.05)
+    noise = rng.standard_normal((2, time.size))
+    return time, d + 0.002 * noise[0], force + 0.01 * noise[1]
+
+
+@pytest.fixture(params=COMBINATIONS, ids=lambda c: "-".join(c))
+def estimator(request):
+    filter_name, state_space = request.param
+    return hc.create_estimator(filter_name, state_space=state_space)
+
+
+def rows(series):
+    return series._rows
+
+
+def test_step_and_run_give_the_same_bits(estimator):
+    time, d, force = recording(0.5)
+    d[100], force[200], time[300] = np.nan, 1e9, time[299]
+    series = estimator.run(time, d, force)
+    estimator.reset()
+    steps = [estimator.step(*sample) for sample in zip(time, d, force, strict=True)]
+    assert rows(series).tobytes() == np.array([rows(s) for s in steps]).tobytes()
+    assert len(series) == time.size
+    assert steps[100].rejected is Rejection.NOT_FINITE
+    assert steps[200].rejected is Rejection.OUT_OF_RANGE
+    assert steps[300].rejected is Rejection.TIME_REPEATED
+    assert series.covariance.shape == (time.size, 4, 4)
+    assert series.parameters_std.shape == (time.size, 4)
+
+
+def test_estimate_and_series_have_the_same_names(estimator):
+    series = estimator.run(*recording(0.05))
+    one = series[-1]
+    names = {n for n in dir(type(one)) if not n.startswith("_")}
+    assert names == {n for n in dir(type(series)) if not n.startswith("_")}
+    for name in names:
+        np.testing.assert_array_equal(getattr(series, name)[-1], getattr(one, name))
+
+
+def test_state_survives_json_and_continues_to_the_bit(estimator):
+    time, d, force = recording(0.4)
+    whole = estimator.run(time, d, force)
+    estimator.reset()
+    estimator.run(time[:150], d[:150], force[:150])
+    saved = json.loads(json.dumps(estimator.state()))
+    fresh = hc.create_estimator(estimator.filter, state_space=estimator.state_space)
+    fresh.run(time[:7], d[:7] + 1.0, force[:7])  # whatever it knew before is gone
+    fresh.restore(saved)
+    rest = fresh.run(time[150:], d[150:], force[150:])
+    assert rows(whole)[150:].tobytes() == rows(rest).tobytes()
+
+
+def test_damaged_state_is_refused_and_changes_nothing(estimator):
+    time, d, force = recording(0.1)
+    estimator.run(time, d, force)
+    before = json.dumps(estimator.state())
+    broken = json.loads(before)
+    del broken["memory"]["covariance"]
+    with pytest.raises(ValueError, match="damaged"):
+        estimator.restore(broken)
+    with pytest.raises(ValueError, match="filter = 'other'"):
+        estimator.restore(json.loads(before) | {"filter": "other"})
+    assert json.dumps(estimator.state()) == before
+
+
+def test_reconfigure_is_atomic(estimator):
+    before = json.dumps(estimator.state())
+    with pytest.raises(ValueError, match=r"force_limit = -1.*0\.001 to 1e\+06 N"):
+        estimator.reconfigure(displacement_limit=5.0, force_limit=-1)
+    with pytest.raises(ValueError, match="no_such = 1"):
+        estimator.reconfigure(displacement_limit=5.0, no_such=1)
+    with pytest.raises(ValueError, match=r"initial_stiffness = 2\.0 cannot change"):
+        estimator.reconfigure(displacement_limit=5.0, initial_stiffness=2.0)
+    assert json.dumps(estimator.state()) == before
+    estimator.reconfigure(displacement_limit=5.0)
+    assert estimator.configuration["displacement_limit"] == 5.0
+    assert estimator.step(0.0, 6.0, 0.0).rejected is Rejection.OUT_OF_RANGE
+
+
+def test_configuration_makes_an_equal_estimator(estimator):
+    time, d, force = recording(0.1)
+    estimator.reconfigure(force_limit=500.0)
+    twin = hc.create_estimator(
+        estimator.filter,
+        state_space=estimator.state_space,
+        contact_model=estimator.contact_model,
+        **estimator.configuration,
+    )
+    assert twin.configuration == estimator.configuration
+    first, second = estimator.run(time, d, force), twin.run(time, d, force)
+    assert rows(first).tobytes() == rows(second).tobytes()
+
+
+def test_rejections_keep_the_estimate(estimator):
+    time, d, force = recording(0.3)
+    estimator.run(time, d, force)
+    last = estimator.step(0.3, float(d[-1]), float(force[-1]))
+    hostile = [
+        ((math.nan, 1.0, 1.0), Rejection.NOT_FINITE),
+        ((0.301, math.inf, 1.0), Rejection.NOT_FINITE),
+        ((0.301, 1.0, -math.inf), Rejection.NOT_FINITE),
+        ((0.3, 1.0, 1.0), Rejection.TIME_REPEATED),
+        ((0.2, 1.0, 1.0), Rejection.TIME_BACKWARD),
+        ((0.301, 1e9, 1.0), Rejection.OUT_OF_RANGE),
+        ((0.301, 1.0, 1e9), Rejection.OUT_OF_RANGE),
+    ]
+    for sample, reason in hostile:
+        estimate = estimator.step(*sample)
+        assert estimate.rejected is reason
+        np.testing.assert_array_equal(estimate.parameters, last.parameters)
+        np.testing.assert_array_equal(estimate.covariance, last.covariance)
+        assert math.isnan(estimate.nis)
+        assert not estimate.change_detected
+    assert estimator.step(0.301, float(d[-1]), float(force[-1])).rejected is Rejection.ACCEPTED
+
+
+@pytest.mark.parametrize("value", ["much", math.nan, math.inf, True, None, [1.0]])
+def test_values_of_the_wrong_kind_are_refused(value):
+    with pytest.raises(ValueError, match=r"parameter force_limit = .* 0\.001 to 1e\+06 N"):
+        hc.create_estimator("ukf", force_limit=value)
+
+
+@pytest.mark.parametrize("kind", ["state_space", "contact_model"])
+def test_unknown_names_are_refused_with_the_known_ones(kind):
+    with pytest.raises(ValueError, match=f"{kind} = 'other' is not one of"):
+        hc.create_estimator("ukf", **{kind: "other"})
+    with pytest.raises(ValueError, match="filter = 3 is not one of ukf"):
+        hc.create_estimator(3)
+
+
+def test_run_refuses_arrays_that_do_not_fit():
+    estimator = hc.create_estimator("ukf")
+    with pytest.raises(ValueError, match="one-dimensional"):
+        estimator.run([0.0, 0.1], [1.0], [1.0])
+    assert len(estimator.run([], [], [])) == 0
+
+
+@pytest.mark.parametrize(("filter_name", "state_space"), COMBINATIONS)
+def test_specifications_are_complete(filter_name, state_space):
+    names = set()
+    for s in hc.parameter_specifications(filter_name, state_space):
+        assert s.name not in names
+        names.add(s.name)
+        assert s.checked(s.default) == s.default
+        assert s.description.endswith(".")
+        assert s.description[0].isupper()
+        if s.kind in ("int", "float"):
+            assert s.minimum is not None
+            assert s.maximum is not None
+            for outside in (s.minimum - abs(s.minimum) - 1, s.maximum * 2 + 1):
+                with pytest.raises(ValueError, match=s.name):
+                    s.checked(outside)
+        if s.kind == "str":
+            assert s.default in s.choices
