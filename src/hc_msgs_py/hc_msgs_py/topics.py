@@ -11,6 +11,8 @@ TRUTH: Final = "indenter/truth"
 ESTIMATE: Final = "hc/estimate"
 RECONSTRUCTED_WRENCH: Final = "hc/reconstructed_wrench"
 CONFIGURATION: Final = "hc/configuration"
+EVENTS: Final = "hc/events"
+CONTACTS: Final = "hc/contacts"
 DIAGNOSTICS: Final = "/diagnostics"
 
 NODE_INDENTER: Final = "indenter"
