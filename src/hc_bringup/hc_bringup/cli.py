@@ -13,15 +13,12 @@ from hc_bringup.errors import WRONG_USE, UserError
 
 COMMANDS: Final = (
     "run",
-    "replay",
     "estimate",
     "simulate",
     "bag",
     "node",
     "topic",
     "param",
-    "bench",
-    "report",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""

@@ -1,4 +1,7 @@
-"""Messages as YAML or CSV text, as `ros2 topic echo` prints them (rosidl_runtime_py has no wheel)."""
+"""Messages as YAML or CSV text, as `ros2 topic echo` prints them.
+
+rosidl_runtime_py, which does this in a ROS installation, has no wheel.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +69,7 @@ def field(message: Any, path: str) -> Any:
             except (ValueError, IndexError, TypeError) as error:
                 raise UserError(f"no element {part} in {path!r}", WRONG_USE) from error
             continue
-        names = getattr(value, "get_fields_and_field_types", dict)()
+        names: dict[str, str] = getattr(value, "get_fields_and_field_types", dict)()
         if part not in names:
             known = ", ".join(names) or "none"
             raise UserError(f"no field {part!r} in {path!r}; fields there: {known}", WRONG_USE)

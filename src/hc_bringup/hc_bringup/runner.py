@@ -46,7 +46,6 @@ class RunState:
     cpu_percent: dict[str, float] = field(default_factory=dict)
     samples: int | None = None
     respawns: int = 0
-    source_diagnostics: dict[str, str] = field(default_factory=dict)
 
 
 class Runner:
@@ -167,24 +166,20 @@ class Runner:
         state.phase = "stopping"
         self._show(state)
         sources = [p for p in self._processes if p.plan.source]
-        for source in sources:
-            if source.exit_status() is None:
-                monitor.set_running(source.name, False)
+        for process in sources:
+            self._stop_one(process)
+        # What the source published last is still on its way through the estimator.
         end = time.monotonic() + DRAIN_TIMEOUT_S
         monitor.spin(DRAIN_QUIET_S)
         while (
             time.monotonic() - monitor.last_estimate_at < DRAIN_QUIET_S and time.monotonic() < end
         ):
             monitor.spin(POLL_S)
-        for process in sources:
-            self._stop_one(process)
-        monitor.spin(DRAIN_QUIET_S)  # the last diagnostics of the source
         for source in sources:
             values = monitor.diagnostics.get(source.name, {})
             if "samples" in values:
                 state.samples = int(values["samples"])
                 state.statistics.count_missing_at_end(state.samples)
-            state.source_diagnostics = values
         for process in self._processes:
             if not process.plan.source:
                 self._stop_one(process)

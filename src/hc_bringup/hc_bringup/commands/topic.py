@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import sys
 import time
 from collections import deque
@@ -91,11 +92,9 @@ def _echo(arguments: argparse.Namespace) -> int:
 
 
 def _hz(arguments: argparse.Namespace) -> int:
-    from hc_bringup.graph import Graph
+    from hc_bringup.graph import Graph, message_class
 
     with Graph() as graph:
-        from hc_bringup.graph import message_class
-
         topic, type_name = graph.require_topic(arguments.topic)
         arrivals: deque[float] = deque(maxlen=max(2, arguments.window))
         graph.node.create_subscription(
@@ -117,7 +116,7 @@ def _print_rate(topic: str, arrivals: list[float]) -> None:
     if len(arrivals) < 2:
         print(f"no message on {topic} yet")
         return
-    periods = [b - a for a, b in zip(arrivals, arrivals[1:], strict=False)]
+    periods = [b - a for a, b in itertools.pairwise(arrivals)]
     mean = sum(periods) / len(periods)
     deviation = (sum((p - mean) ** 2 for p in periods) / len(periods)) ** 0.5
     print(

@@ -1,0 +1,103 @@
+"""hc bag: look into a bag, repair one that was cut off, convert CSV and bag."""
+
+from __future__ import annotations
+
+import argparse
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+
+HELP = "look into a bag, convert CSV and bag"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    commands = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    info = commands.add_parser("info", help="topics, counts, rates and gaps of a bag")
+    info.add_argument("bag", metavar="BAG")
+    convert = commands.add_parser("convert", help="CSV to bag, or bag to CSV")
+    convert.add_argument("source", metavar="SOURCE", help="CSV file or bag")
+    convert.add_argument("target", metavar="TARGET", help="bag folder, or a file that ends in .csv")
+    convert.add_argument("--topic", default="", metavar="T", help="sample topic, if several")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_logger.errors import BagError, BagExistsError
+
+    try:
+        return {"info": _info, "convert": _convert}[arguments.action](arguments)
+    except BagExistsError as error:
+        raise UserError(str(error), WRONG_USE) from error
+    except (BagError, OSError) as error:
+        raise UserError(str(error)) from error
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    from hc_logger.info import bag_info
+
+    print(_info_text(bag_info(arguments.bag)))
+    return 0
+
+
+def _info_text(info: Any) -> str:
+    """Return what `ros2 bag info` shows, with rates and gaps."""
+    start = datetime.fromtimestamp(info.start_ns * 1e-9)
+    lines = [
+        f"Files:     {', '.join(info.files)}",
+        f"Size:      {info.size_bytes / 1024:.1f} KiB",
+        f"Duration:  {info.duration_s:.6f} s",
+        f"Start:     {start:%Y-%m-%d %H:%M:%S.%f}",
+        f"Messages:  {info.message_count}",
+    ]
+    lines += [f"{key + ':':<10} {value}" for key, value in sorted(info.custom_data.items())]
+    table = [("Topic", "Type", "Count", "Rate Hz", "Longest gap s", "Gaps", "Lost")]
+    for topic in info.topics:
+        table.append(
+            (
+                topic.name,
+                topic.type_name,
+                str(topic.message_count),
+                _number(topic.rate_hz, ".2f"),
+                _number(topic.longest_interval_s, ".4f"),
+                str(topic.gaps),
+                _number(topic.lost, "d"),
+            )
+        )
+    widths = [max(len(row[i]) for row in table) for i in range(len(table[0]))]
+    for row in table:
+        cells = [
+            cell.ljust(width) if i < 2 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(cells).rstrip())
+    lines += [f"Problem:   {problem}" for problem in info.problems]
+    return "\n".join(lines)
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)
+
+
+def _convert(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_logger.convert import bag_to_csv, csv_to_bag
+
+    source, target = Path(arguments.source), Path(arguments.target)
+    to_csv = target.suffix.lower() == ".csv"
+    from_csv = source.suffix.lower() == ".csv"
+    if from_csv == to_csv:
+        raise UserError(
+            "give a CSV file and a bag folder, or a bag and a file that ends in .csv", WRONG_USE
+        )
+    with progress_bar(f"{source.name} to {target.name}") as progress:
+        if to_csv:
+            samples, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
+        else:
+            samples, problems = csv_to_bag(source, target, progress=progress), []
+    for problem in problems:
+        print(f"{source}: {problem}")
+    print(f"{samples} samples written to {target}")
+    return 0

@@ -1,0 +1,187 @@
+"""hc estimate: an estimator over a CSV recording or a bag, without a ROS graph."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import assignment
+
+HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
+COLUMNS = (
+    "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
+    "stiffness_std,damping_std,displacement_exponent_std,velocity_exponent_std,"
+    "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected"
+)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("input", metavar="INPUT", help="CSV file, bag folder or .mcap file")
+    parser.add_argument("--filter", metavar="F", help="filter (default: the node's)")
+    parser.add_argument("--state-space", metavar="S", help="state space (default: kinematic)")
+    parser.add_argument("--contact-model", metavar="M", help="contact law (default: hunt_crossley)")
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a setting of the estimator; may be given several times",
+    )
+    parser.add_argument("-o", "--output", metavar="OUT.csv", help="write every estimate to a CSV")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    import sys
+
+    from hc_bringup.summary import to_json
+
+    recording = load_recording(arguments.input)
+    estimator = make_estimator(arguments)
+    if arguments.output is not None and Path(arguments.output).exists():
+        raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
+    for line in recording.findings.lines():
+        print(f"{arguments.input}: {line}", file=sys.stderr)
+    estimator.warm_up()
+    start = time.perf_counter()
+    series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+    seconds = time.perf_counter() - start
+    if arguments.output is not None:
+        _write(Path(arguments.output), recording, series)
+    summary = summarise(estimator, recording, series, seconds)
+    print(to_json(summary) if arguments.json else _text(summary))
+    return 0
+
+
+def load_recording(path: str) -> Any:
+    """Read a recording.
+
+    Raises:
+        UserError: if it cannot be read; the message says why.
+    """
+    from hc_logger.errors import BagError
+    from hc_logger.recording import read_recording
+
+    try:
+        return read_recording(path)
+    except (BagError, OSError) as error:
+        raise UserError(str(error)) from error
+
+
+def make_estimator(arguments: argparse.Namespace) -> Any:
+    """Make the estimator that the options describe.
+
+    Raises:
+        UserError: if a name or value is wrong; the message says what is allowed.
+    """
+    from hc_estimator import DEFAULT_FILTER, create_estimator
+
+    choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
+    given = {key: value for key, value in choices.items() if value is not None}
+    parameters = dict(arguments.param)
+    clash = sorted(set(given) & set(parameters)) or sorted({"filter"} & set(parameters))
+    if clash:
+        raise UserError(f"give {clash[0]} as an option of its own, not with --param", WRONG_USE)
+    try:
+        return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
+    except ValueError as error:
+        raise UserError(str(error), WRONG_USE) from error
+
+
+def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> dict[str, Any]:
+    """Return what DESIGN.md lists for hc estimate --json.
+
+    The force errors are those of the samples in contact that were used.
+    """
+    import numpy as np
+
+    from hc_estimator import PARAMETER_NAMES, Rejection
+
+    rejected = series.rejected
+    used = rejected == 0
+    counted = used & series.contact
+    last = series[len(series) - 1]
+
+    def named(values: Any) -> dict[str, float]:
+        return dict(zip(PARAMETER_NAMES, map(float, values), strict=True))
+
+    def rms(values: Any) -> float:
+        return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+    force = recording.force_n
+    return {
+        "samples": len(series),
+        "used": int(np.count_nonzero(used)),
+        "rejected": {
+            Rejection(code).name.lower(): int(count)
+            for code, count in zip(*np.unique(rejected[~used], return_counts=True), strict=True)
+        },
+        "filter": estimator.filter,
+        "state_space": estimator.state_space,
+        "contact_model": estimator.contact_model,
+        "parameters": named(last.parameters),
+        "parameters_std": named(last.parameters_std),
+        "identifiability": named(last.identifiability),
+        "changes_detected": int(np.count_nonzero(series.change_detected)),
+        "model_mismatch_share": float(np.mean(series.model_mismatch)),
+        "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
+        "force_reconstructed_rmse_n": rms((series.force_reconstructed - force)[counted]),
+        "nis_mean": float(np.mean(series.nis[counted])) if counted.any() else float("nan"),
+        "microseconds_per_step": 1e6 * seconds / len(series),
+    }
+
+
+def _text(summary: dict[str, Any]) -> str:
+    from hc_bringup.summary import parameter_lines
+
+    rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
+    return "\n".join(
+        [
+            f"{summary['filter']} on {summary['state_space']}: {summary['used']} of "
+            f"{summary['samples']} samples used, rejected {rejected}; "
+            f"{summary['microseconds_per_step']:.1f} us a step",
+            *parameter_lines(
+                summary["parameters"], summary["parameters_std"], summary["identifiability"]
+            ),
+            f"force error in contact: {1e3 * summary['force_predicted_rmse_n']:.3g} mN one step "
+            f"ahead, {1e3 * summary['force_reconstructed_rmse_n']:.3g} mN after the update; "
+            f"mean NIS {summary['nis_mean']:.2f} (ideal 2)",
+            f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
+            f"{100 * summary['model_mismatch_share']:.0f} % of the samples",
+        ]
+    )
+
+
+def _write(path: Path, recording: Any, series: Any) -> None:
+    """Write one line a sample; the column rejected is empty for a sample that was used."""
+    import numpy as np
+
+    from hc_estimator import Rejection
+
+    names = {code.value: code.name.lower() if code else "" for code in Rejection}
+    numbers = np.column_stack(
+        [
+            recording.time_s,
+            recording.displacement_mm,
+            recording.force_n,
+            series.parameters,
+            series.parameters_std,
+            series.force_predicted,
+            series.force_reconstructed,
+            series.nis,
+        ]
+    ).tolist()
+    flags = np.column_stack([series.contact, series.change_detected]).astype(int).tolist()
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(COLUMNS + "\n")
+            for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True):
+                file.write(",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n")
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror}") from error

@@ -1,0 +1,63 @@
+"""hc test: ruff, mypy and pytest on the checkout, as CI runs them."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import time
+
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+
+HELP = "run all checks and tests of this checkout"
+_SOURCES = ("src", "test")
+_CHECKS = (
+    ("ruff check", ("ruff", "check", *_SOURCES)),
+    ("ruff format", ("ruff", "format", "--check", "--quiet", *_SOURCES)),
+    ("mypy", ("mypy",)),
+)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "pytest_arguments",
+        nargs=argparse.REMAINDER,
+        metavar="-- PYTEST ARGUMENTS",
+        help="given to pytest alone, for example: -- test/hc_logger -k csv",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.paths import checkout_root
+
+    root = checkout_root()
+    if root is None or not (root / "test").is_dir():
+        raise UserError("the tests are in the checkout only: clone it and use ./hc test", WRONG_USE)
+    extra = [a for a in arguments.pytest_arguments if a != "--"]
+    # Tests start processes of their own environment; what this one inherited must not leak in.
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("ROS_DOMAIN_ID", "PYTEST_"))
+    }
+    failed = []
+    for name, command in _CHECKS:
+        start = time.monotonic()
+        status = subprocess.run(
+            [sys.executable, "-m", *command], cwd=root, env=environment, check=False
+        ).returncode
+        print(
+            f"{name}: {'passed' if status == 0 else 'FAILED'} in {time.monotonic() - start:.0f} s"
+        )
+        sys.stdout.flush()
+        if status != 0:
+            failed.append(name)
+    status = subprocess.run(
+        [sys.executable, "-m", "pytest", *extra], cwd=root, env=environment, check=False
+    ).returncode
+    if status != 0:
+        failed.append("pytest")
+    if failed:
+        raise UserError(f"failed: {', '.join(failed)}", FAILURE)
+    return 0
