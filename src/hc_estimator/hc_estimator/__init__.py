@@ -2,6 +2,7 @@
 
 from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Rejection
 from hc_estimator.estimator import (
+    DEFAULT_FILTER,
     Estimator,
     available_contact_models,
     available_filters,
@@ -15,6 +16,7 @@ from hc_estimator.specification import ParameterSpecification, ParameterValue
 __version__ = "0.1.0"
 
 __all__ = [
+    "DEFAULT_FILTER",
     "PARAMETER_NAMES",
     "Estimate",
     "EstimateSeries",

@@ -30,6 +30,7 @@ from hc_estimator.state_space.registry import STATE_SPACES
 
 STATE_FORMAT = 1  # of Estimator.state(); raised when its meaning changes
 
+DEFAULT_FILTER = "ukf"
 DEFAULT_STATE_SPACE = "kinematic"
 DEFAULT_CONTACT_MODEL = "hunt_crossley"
 

@@ -1,4 +1,4 @@
-"""What the default filter adapts, in two hooks that a filter calls around its update.
+"""What the default filters adapt, in hooks that a filter calls around its update.
 
 `prepare` runs before the update and sets the measurement noise of this sample; `learn` runs after
 an accepted sample and may change the noise, the covariance of the parameters (a changed tissue)
@@ -9,9 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from hc_estimator.adaptation import tempering
+from hc_estimator.adaptation import change_detection, difference_noise, tempering
 from hc_estimator.compilation import compiled
 from hc_estimator.specification import ParameterSpecification
+
+FIXED = 0  # position in the choices of noise_adaptation
+DIFFERENCES = 1
 
 NOISE_SPECIFICATIONS = (
     ParameterSpecification(
@@ -36,8 +39,22 @@ NOISE_SPECIFICATIONS = (
     ),
 )
 
-SPECIFICATIONS = NOISE_SPECIFICATIONS + tempering.SPECIFICATIONS
-FIELDS = tempering.FIELDS
+SPECIFICATIONS = (
+    *NOISE_SPECIFICATIONS,
+    ParameterSpecification(
+        "noise_adaptation",
+        "str",
+        "differences",
+        "Where the sensor noise comes from: the given values, or the fifth differences of the raw "
+        "readings.",
+        choices=("fixed", "differences"),
+        runtime=False,
+    ),
+    *tempering.SPECIFICATIONS,
+    *difference_noise.SPECIFICATIONS,
+    *change_detection.SPECIFICATIONS,
+)
+FIELDS = tempering.FIELDS + difference_noise.FIELDS + change_detection.FIELDS
 
 
 @compiled
@@ -45,6 +62,8 @@ def initialise(settings: Any, memory: Any) -> None:
     """State of the adaptation before any sample."""
     set_noise(settings, memory)
     tempering.restart(memory)
+    difference_noise.restart(memory)
+    change_detection.restart(memory)
 
 
 @compiled
@@ -65,4 +84,22 @@ def prepare(settings: Any, memory: Any) -> None:
 def learn(settings: Any, memory: Any) -> None:
     """Learn from an accepted sample: memory.state and memory.covariance are those after it."""
     memory.change_detected = 0
-    tempering.count_sample(memory)
+    if settings.noise_adaptation == DIFFERENCES:
+        difference_noise.learn(settings, memory)
+    if memory.state[0] > 0.0:  # free motion says nothing of the tissue
+        tempering.count_sample(memory)
+        if change_detection.detect(settings, memory):
+            memory.change_detected = 1
+            forget_parameters(memory)
+            tempering.restart(memory)
+            change_detection.restart(memory)
+
+
+@compiled
+def forget_parameters(memory: Any) -> None:
+    """Set the covariance of the parameters back to the prior, without ties to the motion."""
+    for i in range(3, 7):
+        for j in range(7):
+            memory.covariance[i, j] = 0.0
+            memory.covariance[j, i] = 0.0
+        memory.covariance[i, i] = memory.prior_variance[i - 3]

@@ -50,9 +50,8 @@ def tempering_factor(settings: Any, memory: Any) -> float:
 
 @compiled
 def count_sample(memory: Any) -> None:
-    """Count an accepted sample, if it was in contact: free motion says nothing of the tissue."""
-    if memory.state[0] > 0.0:
-        memory.tempering_count += 1
+    """Count an accepted sample in contact."""
+    memory.tempering_count += 1
 
 
 @compiled

@@ -31,7 +31,14 @@ class FilterEntry:
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
 
 
-_PLAIN_PAPER: Mapping[str, Any] = {"paper": {"tempering_amplitude": 0.0}}
+# On the papers' own state space the filters are the papers' unless told otherwise.
+_PLAIN_PAPER: Mapping[str, Any] = {
+    "paper": {
+        "tempering_amplitude": 0.0,
+        "noise_adaptation": "fixed",
+        "change_detection": "none",
+    }
+}
 
 FILTERS: dict[str, FilterEntry] = {
     "ukf": FilterEntry(
