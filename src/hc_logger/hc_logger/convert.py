@@ -1,0 +1,224 @@
+"""Conversion between CSV recordings and bags, block by block."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_logger.csv_file import read_csv, write_csv
+from hc_logger.definitions import installed_definition
+from hc_logger.errors import BagError
+from hc_logger.layout import encode, records, stamps
+from hc_logger.reader import BagReader, Columns
+from hc_logger.recording import SAMPLE_TYPE, only_topic, stamps_from_seconds
+from hc_logger.writer import BagWriter, os_errors
+from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
+from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
+
+CSV_EPOCH_NS = 1_000_000_000 * NANOSECONDS
+"""Stamp of second 0 of a CSV file in a bag: fixed (September 2001), so that the same file always
+gives the same bag."""
+CSV_SOURCE = "csv_source"
+"""Key of the bag's custom data that names the CSV file it was made from."""
+BLOCK_MESSAGES = 16384
+
+Progress = Callable[[float], None]
+"""Called with the done share, 0 to 1."""
+
+SAMPLE_PROFILE = {
+    "history": "keep_last",
+    "depth": 2000,
+    "reliability": "best_effort",
+    "durability": "volatile",
+    "deadline": {"sec": 9223372036, "nsec": 854775807},
+    "lifespan": {"sec": 9223372036, "nsec": 854775807},
+    "liveliness": "automatic",
+    "liveliness_lease_duration": {"sec": 9223372036, "nsec": 854775807},
+    "avoid_ros_namespace_conventions": False,
+}
+"""Offered QoS of a sample topic that no publisher wrote: that of qos.SAMPLE_QOS."""
+
+
+def nothing(_share: float) -> None:
+    """Take note of nothing: the default progress."""
+
+
+class SampleWriter:
+    """Writes samples, whole arrays at a time, into the topic indenter/sample of a bag."""
+
+    def __init__(self, writer: BagWriter) -> None:
+        self._writer = writer
+        self._definition = installed_definition(SAMPLE_TYPE)
+        self._topic = writer.add_topic(SAMPLE, SAMPLE_TYPE, qos_profiles=[SAMPLE_PROFILE])
+        self._latest = -(2**63)
+
+    def write(
+        self,
+        stamps_ns: NDArray[np.int64],
+        sequence: NDArray[np.uint64],
+        displacement_mm: NDArray[np.float64],
+        force_n: NDArray[np.float64],
+    ) -> None:
+        """Write samples.
+
+        The log time never goes back, so that a player keeps the order where stamps do.
+
+        Raises:
+            BagError: if a stamp is outside what a message can hold (1901 to 2038).
+        """
+        if not len(stamps_ns):
+            return
+        seconds = stamps_ns // NANOSECONDS
+        if seconds.min() < -(2**31) or seconds.max() >= 2**31:
+            raise BagError("a time is outside what a ROS stamp can hold (1901 to 2038)")
+        data = encode(
+            self._definition,
+            FRAME_INDENTER_TIP,
+            header__stamp__sec=seconds,
+            header__stamp__nanosec=stamps_ns % NANOSECONDS,
+            sequence=sequence,
+            displacement=displacement_mm / METRE_IN_MM,
+            force=force_n,
+        )
+        log_time = np.maximum(np.maximum.accumulate(stamps_ns), self._latest)
+        self._latest = int(log_time[-1])
+        for time, stamp, row in zip(log_time.tolist(), stamps_ns.tolist(), data, strict=True):
+            self._writer.write(self._topic, time, row.tobytes(), stamp)
+
+
+def csv_to_bag(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    progress: Progress = nothing,
+) -> int:
+    """Convert a CSV recording into a bag with the topic indenter/sample.
+
+    Stamps are CSV_EPOCH_NS plus the time in the file; a time that is not finite gets the stamp of
+    the row before (the estimator rejects both).
+
+    Args:
+        source: CSV file.
+        target: bag folder; must not exist.
+        progress: told the done share.
+
+    Returns:
+        Number of samples.
+
+    Raises:
+        BagError: if the source is bad or the target exists; no target is left behind then.
+    """
+    source = Path(source)
+    blocks = read_csv(source)
+    first = next(blocks, None)  # a bad file is found before the target is made
+    if first is None or not len(first):
+        raise BagError(f"{source} has no rows")
+    size = max(source.stat().st_size, 1)
+    written = 0
+    carried = np.zeros(0)
+    with os_errors(f"cannot write {target}"):
+        writer = BagWriter(target, custom_data={CSV_SOURCE: source.name})
+        try:
+            samples = SampleWriter(writer)
+            bytes_per_row = size / max(len(first), 1)
+            block: NDArray[np.float64] | None = first
+            while block is not None:
+                time_s = np.concatenate([carried, block[:, 0]])
+                stamp = (stamps_from_seconds(time_s) + CSV_EPOCH_NS)[len(carried) :]
+                usable = time_s[np.isfinite(time_s)]
+                carried = usable[-1:]
+                sequence = np.arange(written, written + len(block), dtype=np.uint64)
+                samples.write(stamp, sequence, block[:, 1], block[:, 2])
+                written += len(block)
+                progress(min(1.0, written * bytes_per_row / size))
+                block = next(blocks, None)
+        except BagError:
+            writer.discard()
+            raise
+        writer.close()
+    return written
+
+
+def bag_to_csv(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    topic: str = "",
+    progress: Progress = nothing,
+) -> tuple[int, list[str]]:
+    """Convert the samples of a bag into a CSV recording; its time 0 is the first sample.
+
+    A bag that csv_to_bag() made gets back the times of its CSV file.
+
+    Args:
+        source: bag folder or MCAP file, whole or cut off.
+        target: CSV file; must not exist.
+        topic: topic of the samples; empty takes the only one.
+        progress: told the done share.
+
+    Returns:
+        Number of rows, and one line for each part of the bag that could not be read.
+
+    Raises:
+        BagError: if the source has no samples or the target exists.
+    """
+    with BagReader(source) as reader:
+        name = topic or only_topic(reader, SAMPLE_TYPE)
+        if name is None or name not in reader.topics:
+            raise BagError(f"{source} has no topic of type {SAMPLE_TYPE}")
+        count = write_csv(target, _rows(reader, name, progress))
+        return count, reader.problems
+
+
+def _rows(reader: BagReader, topic: str, progress: Progress) -> Iterator[NDArray[np.float64]]:
+    definition = reader.topics[topic].definition
+    first, last = reader.time_range() or (0, 1)
+    origin: int | None = None
+    for block in message_blocks(reader, topic):
+        table = records(definition, block)
+        stamp = stamps(table)
+        if origin is None:
+            origin = CSV_EPOCH_NS if CSV_SOURCE in reader.custom_data else int(stamp[0])
+        yield np.column_stack(
+            [(stamp - origin) * 1e-9, table["displacement"] * METRE_IN_MM, table["force"]]
+        )
+        progress((int(block[0].log_time[-1]) - first) / max(last - first, 1))
+
+
+def message_blocks(
+    reader: BagReader, topic: str, size: int = BLOCK_MESSAGES
+) -> Iterator[list[Columns]]:
+    """Yield the messages of a topic in time order, as columns of at most `size` messages."""
+    times: list[int] = []
+    published: list[int] = []
+    data: list[bytes] = []
+    for message in reader.messages({topic}):
+        times.append(message.log_time)
+        published.append(message.publish_time)
+        data.append(message.data)
+        if len(times) == size:
+            yield _columns(times, published, data)
+            times, published, data = [], [], []
+    if times:
+        yield _columns(times, published, data)
+
+
+def _columns(times: list[int], published: list[int], data: list[bytes]) -> list[Columns]:
+    lengths = np.array([len(d) for d in data])
+    blocks = []
+    for length in np.unique(lengths).tolist():
+        order = np.flatnonzero(lengths == length)
+        joined = b"".join(data[i] for i in order.tolist())
+        blocks.append(
+            Columns(
+                np.array(times, np.int64)[order],
+                np.array(published, np.int64)[order],
+                np.frombuffer(joined, np.uint8).reshape(-1, length),
+                order,
+            )
+        )
+    return blocks

@@ -1,0 +1,15 @@
+"""What can go wrong with a bag, each with a message of one line for the user."""
+
+from __future__ import annotations
+
+
+class BagError(Exception):
+    """A bag or recording cannot be read or written; the text says why and what to do."""
+
+
+class BagExistsError(BagError):
+    """The target exists already; nothing is ever overwritten."""
+
+
+class UnknownTypeError(BagError):
+    """The message type is not installed here, so its definition is not known."""

@@ -1,0 +1,201 @@
+"""What a bag holds: topics with counts, rates and gaps, in one pass and little memory."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_logger.definitions import TypeDefinition
+from hc_logger.errors import BagError
+from hc_logger.layout import record_dtype
+from hc_logger.mcap_file import Messages
+from hc_logger.reader import BagReader
+
+GAP_FACTOR = 5.0
+"""An interval of more than so many times the median is called a gap."""
+_BINS_PER_OCTAVE = 16
+_BINS = 64 * _BINS_PER_OCTAVE
+_SEQUENCE_FIELD = "sequence"
+
+
+@dataclass
+class TopicInfo:
+    """What a bag holds of one topic.
+
+    Attributes:
+        name: topic name.
+        type_name: message type.
+        type_hash: RIHS01 hash, empty if the bag does not say.
+        message_count: messages that could be read.
+        rate_hz: (count - 1) / (last - first log time); None with fewer than two messages.
+        median_interval_s: between log times, to 5 %; None with fewer than two messages.
+        longest_interval_s: largest interval between log times.
+        gaps: intervals longer than five times the median.
+        lost: numbers missing in the messages' own field `sequence`; None if they have none.
+        repeated_or_backward: messages whose sequence does not grow; None as above.
+    """
+
+    name: str
+    type_name: str
+    type_hash: str
+    message_count: int = 0
+    rate_hz: float | None = None
+    median_interval_s: float | None = None
+    longest_interval_s: float | None = None
+    gaps: int = 0
+    lost: int | None = None
+    repeated_or_backward: int | None = None
+
+
+@dataclass
+class BagInfo:
+    """What `hc bag info` says of a bag.
+
+    Attributes:
+        path: the bag.
+        files: names of its files.
+        size_bytes: their size.
+        start_ns: first log time.
+        duration_s: last minus first log time.
+        message_count: messages that could be read.
+        topics: by name.
+        custom_data: texts of the metadata.
+        problems: what could not be read, one line each.
+    """
+
+    path: Path
+    files: list[str]
+    size_bytes: int
+    start_ns: int
+    duration_s: float
+    message_count: int
+    topics: list[TopicInfo]
+    custom_data: dict[str, str]
+    problems: list[str]
+
+
+@dataclass
+class _Pass:
+    """Running figures of one topic."""
+
+    definition: TypeDefinition
+    count: int = 0
+    first: int = 0
+    last: int = 0
+    longest: int = 0
+    histogram: NDArray[np.int64] = field(default_factory=lambda: np.zeros(_BINS, np.int64))
+    sequence: int | None = None
+    lost: int = 0
+    unordered: int = 0
+
+
+def bag_info(path: str | os.PathLike[str]) -> BagInfo:
+    """Look through a bag once.
+
+    Args:
+        path: bag folder or MCAP file, whole or cut off.
+
+    Raises:
+        BagError: if it is missing or no MCAP bag.
+    """
+    with BagReader(path) as reader:
+        passes = {name: _Pass(topic.definition) for name, topic in reader.topics.items()}
+        sequenced = {n: _sequence_offset(t.definition) for n, t in reader.topics.items()}
+        for messages, names in reader.chunks():
+            for channel in np.unique(messages.channel).tolist():
+                name = names.get(channel)
+                if name is not None:
+                    rows = np.flatnonzero(messages.channel == channel)
+                    _add(passes[name], messages.log_time[rows])
+                    if sequenced[name]:
+                        _add_sequence(passes[name], _sequences(messages, rows))
+        topics = [_topic(reader, name, p, sequenced[name]) for name, p in passes.items()]
+        filled = [p for p in passes.values() if p.count]
+        start = min((p.first for p in filled), default=0)
+        end = max((p.last for p in filled), default=0)
+        return BagInfo(
+            reader.path,
+            [file.path.name for file in reader.files],
+            sum(file.scan.size for file in reader.files),
+            start,
+            (end - start) * 1e-9,
+            sum(p.count for p in filled),
+            topics,
+            reader.custom_data,
+            reader.problems,
+        )
+
+
+def _add(one: _Pass, times: NDArray[np.int64]) -> None:
+    if one.count:
+        times = np.concatenate([[one.last], times])
+    else:
+        one.first = int(times[0])
+        one.count = 1
+    one.count += len(times) - 1
+    one.last = int(times.max())
+    one.first = min(one.first, int(times.min()))
+    steps = np.diff(np.sort(times))
+    if len(steps):
+        one.longest = max(one.longest, int(steps.max()))
+        bins = np.log2(np.maximum(steps, 1)) * _BINS_PER_OCTAVE
+        one.histogram += np.bincount(bins.astype(np.int64), minlength=_BINS)
+
+
+def _sequence_offset(definition: TypeDefinition) -> bool:
+    """Return True if messages of this type begin with a header and a uint64 sequence."""
+    try:
+        names = record_dtype(definition, 1).names or ()
+    except BagError:  # not of fixed size, so none of the suite's streams
+        return False
+    return names[:4] == (
+        "header.stamp.sec",
+        "header.stamp.nanosec",
+        "header.frame_id",
+        _SEQUENCE_FIELD,
+    )
+
+
+def _sequences(messages: Messages, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the field sequence of messages that have it after their header."""
+    offset = messages.offset[rows]
+    lengths = _words(messages.buffer, offset + 12, "<u4").astype(np.int64)
+    position = 12 + lengths  # in the CDR stream: stamp 8, length 4, frame_id
+    position += -position % 8
+    return _words(messages.buffer, offset + 4 + position, "<i8").astype(np.int64)
+
+
+def _words(buffer: NDArray[np.uint8], offset: NDArray[np.int64], kind: str) -> NDArray[Any]:
+    size = np.dtype(kind).itemsize
+    words: NDArray[Any] = buffer[offset[:, None] + np.arange(size)].view(kind).reshape(-1)
+    return words
+
+
+def _add_sequence(one: _Pass, sequence: NDArray[np.int64]) -> None:
+    if one.sequence is not None:
+        sequence = np.concatenate([[one.sequence], sequence])
+    one.sequence = int(sequence[-1])
+    steps = np.diff(sequence)
+    one.lost += int((steps[steps > 1] - 1).sum())
+    one.unordered += int(np.count_nonzero(steps < 1))
+
+
+def _topic(reader: BagReader, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
+    definition = reader.topics[name].definition
+    info = TopicInfo(name, definition.name, definition.type_hash, one.count)
+    if one.count > 1 and one.last > one.first:
+        info.rate_hz = (one.count - 1) / ((one.last - one.first) * 1e-9)
+    if one.count > 1:
+        middle = np.searchsorted(np.cumsum(one.histogram), one.histogram.sum() / 2)
+        info.median_interval_s = float(2.0 ** ((middle + 0.5) / _BINS_PER_OCTAVE)) * 1e-9
+        info.longest_interval_s = one.longest * 1e-9
+        far = int(np.ceil(middle + 0.5 + np.log2(GAP_FACTOR) * _BINS_PER_OCTAVE))
+        info.gaps = int(one.histogram[far:].sum())
+    if sequenced:
+        info.lost, info.repeated_or_backward = one.lost, one.unordered
+    return info

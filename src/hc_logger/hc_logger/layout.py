@@ -1,0 +1,181 @@
+"""Messages of fixed size after their header as numpy records: millions of them at once.
+
+CDR, the encoding of ROS 2 messages, aligns every number to its own size, counted from the end of
+the 4-byte encapsulation. Only strings and unbounded sequences make the places of later fields
+vary. The messages of this suite (and wrenches and poses) have one string, frame_id, which hardly
+ever changes within a recording; so for each length of frame_id there is one numpy dtype.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import get_types_from_msg
+
+from hc_logger.definitions import TypeDefinition
+from hc_logger.errors import BagError
+from hc_logger.reader import Columns
+
+ENCAPSULATION = bytes((0, 1, 0, 0))
+"""Plain CDR, little-endian."""
+FRAME_LENGTH_OFFSET = 12
+"""Place of the length of frame_id in a message that begins with a std_msgs/Header."""
+
+_NUMBERS = {
+    "bool": "?",
+    "byte": "u1",
+    "char": "u1",
+    "octet": "u1",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "<i2",
+    "uint16": "<u2",
+    "int32": "<i4",
+    "uint32": "<u4",
+    "int64": "<i8",
+    "uint64": "<u8",
+    "float32": "<f4",
+    "float64": "<f8",
+}
+
+
+@functools.lru_cache(maxsize=64)
+def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
+    """Return the dtype of a message that has no variable part but its header's frame_id.
+
+    Fields have the names of the message's fields, nested ones joined by dots; the header gives
+    header.stamp.sec, header.stamp.nanosec and header.frame_id (fixed bytes).
+
+    Args:
+        definition: the message type.
+        frame_bytes: length of frame_id with its closing zero byte.
+
+    Raises:
+        BagError: if the type has other variable parts.
+    """
+    types = get_types_from_msg(definition.text, definition.name)
+    names: list[str] = []
+    formats: list[Any] = []
+    offsets: list[int] = []
+    position = 0
+
+    def place(name: str, kind: str, count: int | None) -> None:
+        nonlocal position
+        dtype = np.dtype(_NUMBERS[kind])
+        position += -position % dtype.itemsize
+        names.append(name)
+        formats.append(dtype if count is None else (dtype, (count,)))
+        offsets.append(len(ENCAPSULATION) + position)
+        position += dtype.itemsize * (1 if count is None else count)
+
+    def walk(type_name: str, prefix: str) -> None:
+        nonlocal position
+        for name, (node, detail) in types[type_name][1]:
+            full = prefix + name
+            if node == Nodetype.NAME:
+                walk(detail, full + ".")
+            elif node == Nodetype.BASE and detail[0] in _NUMBERS:
+                place(full, detail[0], None)
+            elif (
+                node == Nodetype.ARRAY
+                and detail[0][0] == Nodetype.BASE
+                and detail[0][1][0] in _NUMBERS
+            ):
+                place(full, detail[0][1][0], detail[1])
+            elif node == Nodetype.BASE and full == "header.frame_id":
+                position += -position % 4 + 4
+                names.append(full)
+                formats.append(f"S{frame_bytes}")
+                offsets.append(len(ENCAPSULATION) + position)
+                position += frame_bytes
+            else:
+                raise BagError(f"{definition.name}: field {full} has no fixed size")
+
+    walk(definition.name, "")
+    return np.dtype(
+        {
+            "names": names,
+            "formats": formats,
+            "offsets": offsets,
+            "itemsize": len(ENCAPSULATION) + position,
+        }
+    )
+
+
+def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
+    """Return all messages of a topic as one array of records, in the order of their log times.
+
+    The frame_id is left out of the records (its length may differ between messages).
+
+    Args:
+        definition: the topic's type, with a header and of fixed size after it.
+        columns: what BagReader.columns() gives.
+
+    Raises:
+        BagError: if the type has other variable parts.
+    """
+    total = sum(len(block.order) for block in columns)
+    empty = record_dtype(definition, 1)
+    kept = [name for name in empty.names or () if name != "header.frame_id"]
+    target = np.dtype([(name, empty[name]) for name in kept])
+    out = np.empty(total, target)
+    for block in columns:
+        if block.data.shape[1] < FRAME_LENGTH_OFFSET + 4:
+            raise BagError(f"a message of type {definition.name} is cut off")
+        frame_bytes = (
+            np.ascontiguousarray(block.data[:, FRAME_LENGTH_OFFSET : FRAME_LENGTH_OFFSET + 4])
+            .view("<u4")
+            .reshape(-1)
+        )
+        for frame in np.unique(frame_bytes).tolist():
+            dtype = record_dtype(definition, frame)
+            rows = block.data if np.all(frame_bytes == frame) else block.data[frame_bytes == frame]
+            order = (
+                block.order if len(rows) == len(block.order) else block.order[frame_bytes == frame]
+            )
+            if rows.shape[1] < dtype.itemsize or not np.all(rows[:, :2] == (0, 1)):
+                raise BagError(
+                    f"a message is not little-endian CDR of type {definition.name}, "
+                    "as its definition says"
+                )
+            view = np.ascontiguousarray(rows[:, : dtype.itemsize]).view(dtype).reshape(-1)
+            for name in kept:
+                out[name][order] = view[name]
+    return out
+
+
+def stamps(table: NDArray[Any]) -> NDArray[np.int64]:
+    """Return the header stamps of records in ns, (n,) int64."""
+    seconds = table["header.stamp.sec"].astype(np.int64)
+    nanoseconds: NDArray[np.int64] = seconds * 1_000_000_000 + table["header.stamp.nanosec"]
+    return nanoseconds
+
+
+def encode(definition: TypeDefinition, frame_id: str, **fields: Any) -> NDArray[np.uint8]:
+    """Return messages as a matrix of bytes, (n, length): row.tobytes() is one CDR message.
+
+    Args:
+        definition: a type with a header and of fixed size after it.
+        frame_id: frame of all messages.
+        **fields: (n,) array for each field, dots replaced by two underscores.
+
+    Raises:
+        BagError: if the type has other variable parts.
+    """
+    frame = frame_id.encode() + b"\0"
+    dtype = record_dtype(definition, len(frame))
+    count = len(next(iter(fields.values())))
+    data = np.zeros((count, dtype.itemsize), np.uint8)
+    data[:, : len(ENCAPSULATION)] = np.frombuffer(ENCAPSULATION, np.uint8)
+    data[:, FRAME_LENGTH_OFFSET : FRAME_LENGTH_OFFSET + 4] = np.frombuffer(
+        len(frame).to_bytes(4, "little"), np.uint8
+    )
+    table = data.view(dtype).reshape(-1)
+    table["header.frame_id"] = frame
+    for name, values in fields.items():
+        table[name.replace("__", ".")] = values
+    return data

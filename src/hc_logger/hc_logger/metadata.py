@@ -1,0 +1,137 @@
+"""metadata.yaml of a bag folder, version 9, as rosbag2 of Jazzy writes it, and reading of any."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import yaml
+
+from hc_logger.errors import BagError
+
+FILE_NAME = "metadata.yaml"
+VERSION = 9
+ROS_DISTRO = "jazzy"
+
+
+@dataclass
+class TopicRecord:
+    """One topic of a bag.
+
+    Attributes:
+        name: topic name with leading slash.
+        type_name: for example "hc_msgs/msg/IndenterSample".
+        type_hash: RIHS01 hash, empty if not known.
+        qos_profiles: offered QoS profiles, a list of mappings as rosbag2 has them.
+        message_count: messages in the whole bag.
+    """
+
+    name: str
+    type_name: str
+    type_hash: str
+    qos_profiles: list[dict[str, Any]]
+    message_count: int = 0
+
+
+@dataclass
+class FileRecord:
+    """One file of a bag: name, first and last log time (ns), number of messages."""
+
+    path: str
+    start_ns: int = 0
+    end_ns: int = 0
+    message_count: int = 0
+
+
+@dataclass
+class BagMetadata:
+    """Content of metadata.yaml."""
+
+    topics: list[TopicRecord]
+    files: list[FileRecord]
+    custom_data: dict[str, str] = field(default_factory=dict)
+    storage: str = "mcap"
+
+
+def _times(start_ns: int, end_ns: int) -> dict[str, Any]:
+    return {
+        "duration": {"nanoseconds": end_ns - start_ns},
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+    }
+
+
+def bag_information(metadata: BagMetadata) -> dict[str, Any]:
+    """Return the mapping that stands below rosbag2_bagfile_information."""
+    filled = [f for f in metadata.files if f.message_count] or [FileRecord("")]
+    return {
+        "version": VERSION,
+        "storage_identifier": metadata.storage,
+        **_times(min(f.start_ns for f in filled), max(f.end_ns for f in filled)),
+        "message_count": sum(f.message_count for f in metadata.files),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": topic.qos_profiles,
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": topic.message_count,
+            }
+            for topic in metadata.topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [f.path for f in metadata.files],
+        "files": [
+            {"path": f.path, **_times(f.start_ns, f.end_ns), "message_count": f.message_count}
+            for f in metadata.files
+        ],
+        "custom_data": dict(metadata.custom_data) or None,
+        "ros_distro": ROS_DISTRO,
+    }
+
+
+def qos_text(profiles: Sequence[Mapping[str, Any]]) -> str:
+    """Return QoS profiles as the YAML text that stands in the metadata of an MCAP channel."""
+    return yaml.safe_dump([dict(p) for p in profiles], sort_keys=False) if profiles else ""
+
+
+def information_text(metadata: BagMetadata) -> str:
+    """Return the text of the metadata record named rosbag2 inside an MCAP file."""
+    return yaml.safe_dump(bag_information(metadata), sort_keys=False)
+
+
+def write_metadata(folder: Path, metadata: BagMetadata) -> None:
+    """Write metadata.yaml in one step, so that a reader never sees half of it."""
+    text = yaml.safe_dump(
+        {"rosbag2_bagfile_information": bag_information(metadata)}, sort_keys=False
+    )
+    temporary = folder / (FILE_NAME + ".tmp")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(folder / FILE_NAME)
+
+
+def read_information(folder: Path) -> dict[str, Any] | None:
+    """Return what stands below rosbag2_bagfile_information, or None without metadata.yaml.
+
+    Raises:
+        BagError: if the file is not such YAML.
+    """
+    path = folder / FILE_NAME
+    if not path.is_file():
+        return None
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=loader)
+        information = content["rosbag2_bagfile_information"]
+        information["storage_identifier"], information["relative_file_paths"]
+    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+        raise BagError(
+            f"{path} is damaged ({type(error).__name__}); "
+            "delete it, or rebuild the bag with: hc bag recover"
+        ) from error
+    return cast("dict[str, Any]", information)

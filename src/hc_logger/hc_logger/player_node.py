@@ -1,0 +1,255 @@
+"""Node `player`: publishes a bag again with its timing, message bytes unchanged.
+
+Header stamps are those of the recording, so that estimates from a replay equal those from the bag.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool
+
+from hc_logger.definitions import installed_definition
+from hc_logger.errors import BagError, UnknownTypeError
+from hc_logger.message_class import message_class
+from hc_logger.playback import Playback
+from hc_logger.qos_profiles import publisher_profile
+from hc_logger.reader import BagReader, Message, Topic
+from hc_logger.selection import TopicSelection, full_name
+from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.node_main import NodeStartError, run_node
+from hc_msgs_py.parameters import declare
+from hc_msgs_py.qos import STREAM_DEPTH
+from hc_msgs_py.services import add_ready_service
+from hc_msgs_py.topics import NODE_PLAYER, SAMPLE
+
+LAST_DELIVERY_S = 0.5
+"""How long the node lives on after the last message, so that slow subscribers get it."""
+START_CHECK_PERIOD_S = 0.05
+
+
+class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
+    """Plays a bag."""
+
+    def __init__(self) -> None:
+        """Open the bag and make a publisher for each chosen topic.
+
+        Raises:
+            NodeStartError: if the bag cannot be read or has nothing to play.
+        """
+        super().__init__(NODE_PLAYER)
+        bag = declare(self, "bag", "", "bag to play: a folder or an .mcap file", read_only=True)
+        if not bag:
+            raise NodeStartError("parameter bag is empty; give the bag to play")
+        namespace = self.get_namespace()
+        selection = TopicSelection(
+            declare(
+                self,
+                "topics",
+                ["*"],
+                "topics to play: names or patterns with * and ?",
+                read_only=True,
+            ),
+            declare(
+                self, "exclude", [""], "topics to leave out: names or patterns", read_only=True
+            ),
+            namespace,
+        )
+        self._expected = declare(
+            self,
+            "expected_sample_subscribers",
+            0,
+            "how many subscribers of the samples ~/ready and the start wait for",
+            minimum=0,
+            maximum=1000,
+            read_only=True,
+        )
+        self._start_paused = declare(
+            self, "start_paused", False, "wait for ~/run before the first message", read_only=True
+        )
+        self._exit_when_done = declare(
+            self, "exit_when_done", False, "end the node after the last message", read_only=True
+        )
+        try:
+            self._reader = BagReader(bag)
+            for problem in self._reader.problems:
+                self.get_logger().warning(problem)
+            self._skipped: dict[str, str] = {}
+            self._publishers_by_topic = self._make_publishers(selection)
+            self._playback = Playback(
+                self._reader,
+                self._publish,
+                TopicSelection(list(self._publishers_by_topic)),
+                **self._timing(),
+            )
+        except (BagError, ValueError) as error:
+            raise NodeStartError(str(error)) from error
+        self._sample_topic = full_name(SAMPLE, namespace)
+        self._finished_at: float | None = None
+        self._started = False
+        self._last_reported = (time.monotonic(), 0)
+        self.create_service(SetBool, "~/run", self._run)
+        add_ready_service(self, self._missing)
+        self._diagnostics = DiagnosticsPublisher(self, bag, self._status)
+        if not self._start_paused:
+            self._start_timer = self.create_timer(START_CHECK_PERIOD_S, self._start_when_ready)
+
+    def _timing(self) -> dict[str, Any]:
+        return {
+            "rate": declare(
+                self,
+                "rate",
+                1.0,
+                "recorded seconds per second",
+                minimum=1e-3,
+                maximum=1e6,
+                read_only=True,
+            ),
+            "loop": declare(self, "loop", False, "start again at the end", read_only=True),
+            "start_offset_s": declare(
+                self,
+                "start_offset",
+                0.0,
+                "where to begin, after the first message",
+                minimum=0.0,
+                unit="s",
+                read_only=True,
+            ),
+            "duration_s": declare(
+                self,
+                "duration",
+                0.0,
+                "how much to play; 0 plays to the end",
+                minimum=0.0,
+                unit="s",
+                read_only=True,
+            ),
+        }
+
+    def _make_publishers(self, selection: TopicSelection) -> dict[str, Any]:
+        publishers = {}
+        for name, topic in self._reader.topics.items():
+            if name not in selection:
+                continue
+            try:
+                self._check_type(topic)
+                publishers[name] = self.create_publisher(
+                    message_class(topic.definition.name),
+                    name,
+                    publisher_profile(topic.qos_profiles, STREAM_DEPTH),
+                )
+            except UnknownTypeError as error:
+                self._skipped[name] = str(error)
+                self.get_logger().warning(f"{name} is not played: {error}")
+        if self._skipped and not publishers:
+            raise BagError("; ".join(f"{n}: {reason}" for n, reason in self._skipped.items()))
+        return publishers
+
+    @staticmethod
+    def _check_type(topic: Topic) -> None:
+        """Refuse a topic whose messages others would read wrongly."""
+        recorded = topic.definition.type_hash
+        installed = installed_definition(topic.definition.name).type_hash
+        if recorded.startswith("RIHS01_") and recorded != installed:
+            raise UnknownTypeError(
+                f"{topic.definition.name} was recorded with another definition than the one "
+                "installed here"
+            )
+
+    def _publish(self, message: Message) -> None:
+        """Publish one message; called from the playing thread."""
+        self._publishers_by_topic[message.topic].publish(message.data)
+
+    def _start_when_ready(self) -> None:
+        if not self._missing():
+            self.destroy_timer(self._start_timer)
+            self._started = True
+            self._playback.resume()
+
+    def _run(self, request: Any, response: Any) -> Any:
+        """Service ~/run: start or play on, or pause."""
+        if request.data:
+            self._started = True
+            self._playback.resume()
+        else:
+            self._playback.pause()
+        response.success = True
+        response.message = "plays" if request.data else "paused"
+        return response
+
+    def _missing(self) -> list[str]:
+        """Return who is not there yet, for ~/ready."""
+        publisher = self._publishers_by_topic.get(self._sample_topic)
+        found = publisher.get_subscription_count() if publisher is not None else 0
+        if found >= self._expected:
+            return []
+        return [f"{self._sample_topic} has {found} of {self._expected} subscribers"]
+
+    def _status(self) -> Status:
+        """Return what /diagnostics says."""
+        playback = self._playback
+        count = sum(playback.published.values())
+        now, before = time.monotonic(), self._last_reported
+        self._last_reported = (now, count)
+        delays = playback.delays()
+        values: dict[str, Any] = {
+            "bag": self._reader.path,
+            "messages": count,
+            "samples": playback.published.get(self._sample_topic, 0),
+            "rate_hz": (count - before[1]) / max(now - before[0], 1e-9),
+            "rate": playback.rate,
+            "position_s": (playback.time_ns() - playback.first_ns) * 1e-9,
+            "duration_s": (playback.last_ns - playback.first_ns) * 1e-9,
+            "loops": playback.loops,
+            "delay_p50_us": delays.p50,
+            "delay_p99_us": delays.p99,
+            "delay_max_us": delays.maximum,
+        }
+        for topic, reason in self._skipped.items():
+            values[f"{topic} skipped"] = reason
+        problems = self._reader.problems
+        if playback.error is not None:
+            return Status(Level.ERROR, str(playback.error), values)
+        if playback.finished:
+            return Status(Level.OK, "finished", values)
+        if not self._started:
+            return Status(Level.OK, "waits for ~/run or its subscribers", values)
+        if problems:
+            return Status(Level.WARN, "; ".join(problems), values)
+        return Status(Level.OK, "paused" if playback.paused else "plays", values)
+
+    def finished(self) -> bool:
+        """Whether the node wants to end by itself.
+
+        Raises:
+            NodeStartError: if the bag could not be read on.
+        """
+        if not self._playback.finished:
+            self._finished_at = None
+            return False
+        if self._finished_at is None:
+            self._finished_at = time.monotonic()
+            self._diagnostics.publish()
+        if time.monotonic() - self._finished_at < LAST_DELIVERY_S:
+            return False
+        if self._playback.error is not None:
+            raise NodeStartError(f"{self._reader.path}: {self._playback.error}")
+        return bool(self._exit_when_done)
+
+    def close(self) -> None:
+        """End the playing and close the bag."""
+        self._playback.stop()
+        self._diagnostics.publish()
+        self._reader.close()
+
+
+def main() -> int:
+    """Run the node; returns the exit status."""
+    return run_node(PlayerNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

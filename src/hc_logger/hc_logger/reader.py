@@ -1,0 +1,313 @@
+"""A bag (folder or single MCAP file, whole or cut off) as one stream of messages.
+
+Damage never ends a reading: what cannot be read is skipped and named in `problems`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from bisect import bisect_left
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from hc_logger.definitions import TypeDefinition
+from hc_logger.errors import BagError
+from hc_logger.mcap_file import ChunkPlace, McapFile, Messages
+from hc_logger.metadata import FILE_NAME, read_information
+
+
+class Message(NamedTuple):
+    """One recorded message: topic, log and publish time (ns), and its CDR bytes."""
+
+    topic: str
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+class Topic(NamedTuple):
+    """One topic of a bag: name, definition of its type, offered QoS profiles."""
+
+    name: str
+    definition: TypeDefinition
+    qos_profiles: list[dict[str, Any]]
+
+
+class Columns(NamedTuple):
+    """All messages of one topic that have one length, stacked.
+
+    Attributes:
+        log_time: (n,) int64 ns.
+        publish_time: (n,) int64 ns.
+        data: (n, length) uint8.
+        order: (n,) int64, place of each among all messages of the topic.
+    """
+
+    log_time: NDArray[np.int64]
+    publish_time: NDArray[np.int64]
+    data: NDArray[np.uint8]
+    order: NDArray[np.int64]
+
+
+def bag_files(path: Path) -> list[Path]:
+    """Return the MCAP files of a bag in order.
+
+    Raises:
+        BagError: if there is none, or the bag is of another storage.
+    """
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise BagError(f"{path} does not exist")
+    information = read_information(path)
+    if information is not None and information["storage_identifier"] != "mcap":
+        raise BagError(
+            f"{path} is stored as {information['storage_identifier']}; "
+            "convert it with: hc bag convert SOURCE TARGET"
+        )
+    found = sorted(path.glob("*.mcap"), key=_natural)
+    if information is not None and information["relative_file_paths"]:
+        listed = [path / name for name in information["relative_file_paths"]]
+        if all(file.is_file() for file in listed):
+            return listed
+        if not found:
+            raise BagError(f"{path}: {listed[0].name}, named in {FILE_NAME}, is missing")
+    if not found:
+        raise BagError(f"{path} holds no bag (no .mcap file in it)")
+    return found
+
+
+def _natural(path: Path) -> list[Any]:
+    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+
+
+class BagReader:
+    """Reads a bag.
+
+    Attributes:
+        path: as given.
+        files: the open files.
+        topics: topics by name, sorted.
+        custom_data: texts of the metadata.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open a bag.
+
+        Raises:
+            BagError: if it is missing, empty, or no MCAP bag.
+        """
+        self.path = Path(path)
+        self._unreadable: list[str] = []
+        self.files = self._open(bag_files(self.path))
+        self.topics: dict[str, Topic] = {}
+        self._names: list[dict[int, str]] = []
+        for file in self.files:
+            self._names.append(self._collect_topics(file))
+        self.topics = dict(sorted(self.topics.items()))
+        self.custom_data = self._custom_data()
+
+    def _open(self, paths: list[Path]) -> list[McapFile]:
+        files = []
+        for path in paths:
+            try:
+                files.append(McapFile(path))
+            except BagError as error:
+                if len(paths) == 1:
+                    raise
+                self._unreadable.append(str(error))
+        if not files:
+            raise BagError("; ".join(self._unreadable))
+        return files
+
+    def _collect_topics(self, file: McapFile) -> dict[int, str]:
+        names = {}
+        for channel in file.scan.channels.values():
+            schema = file.scan.schemas.get(channel.schema_id)
+            if schema is None or channel.message_encoding != "cdr":
+                continue
+            names[channel.id] = channel.topic
+            if channel.topic not in self.topics:
+                definition = TypeDefinition(
+                    schema.name,
+                    schema.data.decode("utf-8", "replace"),
+                    channel.metadata.get("topic_type_hash", ""),
+                )
+                profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
+                self.topics[channel.topic] = Topic(channel.topic, definition, profiles)
+        return names
+
+    def _custom_data(self) -> dict[str, str]:
+        information = read_information(self.path) if self.path.is_dir() else None
+        if information is None:
+            text = self.files[-1].scan.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+            information = yaml.safe_load(text) or {}
+        return dict(information.get("custom_data") or {})
+
+    @property
+    def complete(self) -> bool:
+        """True if every file has its end and nothing damaged has been met so far."""
+        return not self.problems
+
+    @property
+    def problems(self) -> list[str]:
+        """One line for each thing that could not be read so far."""
+        lines = list(self._unreadable)
+        for file in self.files:
+            if file.scan.problem:
+                lines.append(f"{file.path.name}: {file.scan.problem}")
+            lines += [
+                f"{file.path.name}: the chunk at byte {damage.place.offset} is damaged "
+                f"({damage.reason})"
+                for damage in file.damaged
+            ]
+        return lines
+
+    def _places(self) -> list[tuple[ChunkPlace, int]]:
+        """Return all chunks with the number of their file, by the time of their first message."""
+        places = [(p, i) for i, file in enumerate(self.files) for p in file.scan.chunks]
+        return sorted(places, key=lambda entry: entry[0].start_ns)  # stable: file order
+
+    def time_range(self) -> tuple[int, int] | None:
+        """Return first and last log time (ns) as the chunks state them; None without messages."""
+        places = [p for file in self.files for p in file.scan.chunks]
+        if not places:
+            return None
+        return min(p.start_ns for p in places), max(p.end_ns for p in places)
+
+    def chunks(self) -> Iterator[tuple[Messages, dict[int, str]]]:
+        """Yield the messages of each sound chunk and the topic names of its channel numbers."""
+        for file, names in zip(self.files, self._names, strict=True):
+            for messages in file.chunks():
+                yield messages, names
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[Message]:
+        """Yield messages by log time; those of one time in the order of the file.
+
+        Args:
+            topics: names of the wanted topics; None for all.
+            start_ns: first log time.
+            end_ns: last log time.
+        """
+        places = self._places()
+        first = -(2**63) if start_ns is None else start_ns
+        last = 2**63 - 1 if end_ns is None else end_ns
+        places = [(p, i) for p, i in places if p.end_ns >= first and p.start_ns <= last]
+        carried: list[Message] = []
+        for k, (place, number) in enumerate(places):
+            messages = self.files[number].read_chunk(place)
+            if messages is not None:
+                carried += self._list(messages, self._names[number], topics, first, last)
+                carried.sort(key=_log_time)
+            bound = places[k + 1][0].start_ns if k + 1 < len(places) else None
+            # what comes before the first message of the next chunk is complete and sorted
+            ready = len(carried) if bound is None else bisect_left(carried, bound, key=_log_time)
+            yield from carried[:ready]
+            del carried[:ready]
+
+    @staticmethod
+    def _list(
+        messages: Messages,
+        names: dict[int, str],
+        topics: Collection[str] | None,
+        first: int,
+        last: int,
+    ) -> list[Message]:
+        wanted = {i: n for i, n in names.items() if topics is None or n in topics}
+        buffer = messages.buffer.tobytes()
+        return [
+            Message(wanted[channel], log, publish, buffer[offset : offset + length])
+            for channel, log, publish, offset, length in zip(
+                messages.channel.tolist(),
+                messages.log_time.tolist(),
+                messages.publish_time.tolist(),
+                messages.offset.tolist(),
+                messages.length.tolist(),
+                strict=True,
+            )
+            if channel in wanted and first <= log <= last
+        ]
+
+    def columns(self, topic: str) -> list[Columns]:
+        """Return all messages of a topic as byte matrices, one for each message length.
+
+        Messages stand in the order of their log times.
+        """
+        blocks: dict[int, list[Columns]] = {}
+        count = 0
+        for messages, names in self.chunks():
+            numbers = [i for i, name in names.items() if name == topic]
+            rows = np.flatnonzero(np.isin(messages.channel, numbers))
+            for length in np.unique(messages.length[rows]).tolist():
+                same = rows[messages.length[rows] == length]
+                data = messages.buffer[messages.offset[same][:, None] + np.arange(length)]
+                order = count + np.searchsorted(rows, same)
+                blocks.setdefault(length, []).append(
+                    Columns(messages.log_time[same], messages.publish_time[same], data, order)
+                )
+            count += len(rows)
+        stacked = [
+            Columns(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+            for parts in blocks.values()
+        ]
+        return _ordered(stacked)
+
+    def close(self) -> None:
+        """Close all files."""
+        for file in self.files:
+            file.close()
+
+    def __enter__(self) -> BagReader:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _log_time(message: Message) -> int:
+    return message.log_time
+
+
+def _ordered(blocks: list[Columns]) -> list[Columns]:
+    """Replace the order in the file by the order in time, over all blocks of a topic."""
+    if not blocks:
+        return []
+    log_time = np.concatenate([block.log_time for block in blocks])
+    order = np.concatenate([block.order for block in blocks])
+    rank = np.empty(len(order), np.int64)
+    rank[np.lexsort((order, log_time))] = np.arange(len(order))
+    result = []
+    start = 0
+    for block in blocks:
+        own = rank[start : start + len(block.order)]
+        start += len(block.order)
+        sorting = np.argsort(own)
+        if np.all(sorting[:-1] < sorting[1:]):
+            result.append(block._replace(order=own))
+        else:
+            result.append(
+                Columns(
+                    block.log_time[sorting],
+                    block.publish_time[sorting],
+                    block.data[sorting],
+                    own[sorting],
+                )
+            )
+    return result

@@ -1,0 +1,293 @@
+"""Node `recorder`: writes topics into a bag as they come, bytes unopened.
+
+The subscriptions are not served by the executor: a timer empties their queues. That costs less
+than half the processor time per message, and gives the time of reception and the publisher's
+counter, by which losses show.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+
+from hc_logger.errors import BagError, UnknownTypeError
+from hc_logger.message_class import message_class
+from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
+from hc_logger.selection import TopicSelection, full_name
+from hc_logger.session import RecordingSession
+from hc_logger.writer import BagWriter
+from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.node_main import NodeStartError, run_node
+from hc_msgs_py.parameters import declare
+from hc_msgs_py.qos import STREAM_DEPTH
+from hc_msgs_py.services import add_ready_service
+from hc_msgs_py.topics import NODE_RECORDER
+
+DRAIN_PERIOD_S = 0.01
+"""How often the queues are emptied: they hold seconds of messages, so this loses none."""
+DISCOVERY_PERIOD_S = 0.1
+MOST_AT_ONCE = 5000
+"""Messages taken from one queue before the others and the services get their turn."""
+
+
+@dataclass
+class Tap:
+    """One subscription of the recorder."""
+
+    topic: str
+    number: int
+    subscription: Any
+    reliable: bool
+    transient_local: bool
+    publishers: int
+
+
+class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
+    """Records topics until it is ended."""
+
+    def __init__(self) -> None:
+        """Make the bag and look for topics.
+
+        Raises:
+            NodeStartError: if the bag cannot be made.
+        """
+        self._taps: dict[str, Tap] = {}
+        self._tapped: frozenset[int] = frozenset()
+        super().__init__(NODE_RECORDER)
+        output = declare(self, "output", "", "folder of the new bag", read_only=True)
+        topics = declare(
+            self,
+            "topics",
+            ["*"],
+            "topics to record: names or patterns with * and ?",
+            read_only=True,
+        )
+        exclude = declare(
+            self, "exclude", [""], "topics to leave out: names or patterns", read_only=True
+        )
+        expected = declare(
+            self, "expected_topics", [""], "topics that ~/ready waits for", read_only=True
+        )
+        self._depth = declare(
+            self,
+            "queue_depth",
+            STREAM_DEPTH,
+            "messages that wait to be written, of each topic",
+            minimum=1,
+            maximum=100_000,
+            read_only=True,
+        )
+        flush = declare(
+            self,
+            "flush_interval",
+            0.25,
+            "a killed recorder loses at most this much",
+            minimum=0.02,
+            maximum=10.0,
+            unit="s",
+            read_only=True,
+        )
+        fsync = declare(
+            self,
+            "fsync_interval",
+            5.0,
+            "a power cut loses at most this much; 0 leaves it to the system",
+            minimum=0.0,
+            maximum=3600.0,
+            unit="s",
+            read_only=True,
+        )
+        custom = declare(
+            self, "custom_data", [""], "texts for the bag's metadata, key=value", read_only=True
+        )
+        if not output:
+            raise NodeStartError("parameter output is empty; give the folder of the new bag")
+        namespace = self.get_namespace()
+        self._expected = [full_name(name, namespace) for name in expected if name]
+        self._selection = TopicSelection([*topics, *self._expected], exclude, namespace)
+        self._skipped: dict[str, str] = {}
+        self._reported_failure = ""
+        self._last_reported = (time.monotonic(), 0)
+        self._sim_time = bool(self.get_parameter("use_sim_time").value)
+        try:
+            writer = BagWriter(output, custom_data=_custom_data(custom))
+        except BagError as error:
+            raise NodeStartError(str(error)) from error
+        self._session = RecordingSession(writer, flush_interval_s=flush, fsync_interval_s=fsync)
+        self.create_timer(DRAIN_PERIOD_S, self._drain)
+        self.create_timer(DISCOVERY_PERIOD_S, self._discover)
+        add_ready_service(self, self._missing)
+        self._diagnostics = DiagnosticsPublisher(self, str(writer.path), self._status)
+        self._discover()
+
+    @property
+    def subscriptions(self) -> Iterator[Any]:
+        """Subscriptions that an executor serves: not the recorded ones."""
+        return (s for s in super().subscriptions if id(s) not in self._tapped)
+
+    def _discover(self) -> None:
+        """Subscribe to what is new, and again where publishers came that need other QoS."""
+        for topic, types in self.get_topic_names_and_types():
+            if topic not in self._selection or topic in self._skipped:
+                continue
+            endpoints = self.get_publishers_info_by_topic(topic)
+            if not endpoints:
+                continue
+            if len(types) > 1:
+                self._skip(topic, f"has several types: {', '.join(types)}")
+                continue
+            offered = [endpoint.qos_profile for endpoint in endpoints]
+            profile = subscription_profile(offered, self._depth)
+            reliable = profile.reliability.name == "RELIABLE"
+            local = profile.durability.name == "TRANSIENT_LOCAL"
+            tap = self._taps.get(topic)
+            if tap is None:
+                try:
+                    kind = message_class(types[0])
+                    number = self._session.add_topic(
+                        topic, types[0], [mapping_from_profile(p) for p in offered]
+                    )
+                    subscription = self._subscribe(kind, topic, profile)
+                except UnknownTypeError as error:
+                    self._skip(topic, str(error))
+                    continue
+                self._taps[topic] = Tap(
+                    topic, number, subscription, reliable, local, len(endpoints)
+                )
+                continue
+            tap.publishers = len(endpoints)
+            if (tap.reliable and not reliable) or (tap.transient_local and not local):
+                self._drain_one(tap)
+                self.destroy_subscription(tap.subscription)
+                tap.subscription = self._subscribe(message_class(types[0]), topic, profile)
+                tap.reliable, tap.transient_local = reliable, local
+
+    def _subscribe(self, kind: Any, topic: str, profile: Any) -> Any:
+        subscription = self.create_subscription(kind, topic, _never_called, profile, raw=True)
+        kept = {id(tap.subscription) for tap in self._taps.values() if tap.topic != topic}
+        self._tapped = frozenset(kept | {id(subscription)})
+        return subscription
+
+    def _skip(self, topic: str, reason: str) -> None:
+        self._skipped[topic] = reason
+        self.get_logger().warning(f"{topic} is not recorded: {reason}")
+
+    def _drain(self) -> None:
+        """Write what has arrived; runs every 10 ms."""
+        for tap in self._taps.values():
+            self._drain_one(tap)
+        self._session.flush_if_due()
+        if self._session.failure and not self._reported_failure:
+            self._reported_failure = self._session.failure
+            self.get_logger().error(
+                f"{self._session.failure}; recording has stopped, the run goes on"
+            )
+
+    def _drain_one(self, tap: Tap) -> None:
+        session, number = self._session, tap.number
+        now = self.get_clock().now().nanoseconds if self._sim_time else 0
+        handle, kind = tap.subscription.handle, tap.subscription.msg_type
+        single = tap.publishers == 1
+        with handle:
+            for _ in range(MOST_AT_ONCE):
+                taken = handle.take_message(kind, True)
+                if taken is None:
+                    return
+                data, info = taken
+                session.add(
+                    number,
+                    now or info["received_timestamp"],
+                    data,
+                    info["source_timestamp"],
+                    info["publication_sequence_number"] if single else None,
+                )
+
+    def _missing(self) -> list[str]:
+        """Return which expected topics are not matched yet, for ~/ready."""
+        self._discover()
+        lines = []
+        for topic in self._expected:
+            tap = self._taps.get(topic)
+            if topic in self._skipped:
+                lines.append(f"{topic} {self._skipped[topic]}")
+            elif tap is None or tap.subscription.get_publisher_count() == 0:
+                lines.append(f"{topic} has no publisher yet")
+        return lines
+
+    def _status(self) -> Status:
+        """Return what /diagnostics says."""
+        session = self._session
+        now, before = time.monotonic(), self._last_reported
+        self._last_reported = (now, session.messages)
+        values: dict[str, Any] = {
+            "bag": session.writer.path,
+            "messages": session.messages,
+            "rate_hz": (session.messages - before[1]) / max(now - before[0], 1e-9),
+            "bytes": sum(count.bytes for count in session.counts.values()),
+            "file_bytes": session.writer.bytes_written(),
+            "topics": len(self._taps),
+            "dropped": session.dropped,
+            "unwritten": session.unwritten,
+        }
+        for tap in self._taps.values():
+            count = session.counts[tap.number]
+            values[f"{tap.topic} messages"] = count.messages
+            if count.dropped:
+                values[f"{tap.topic} dropped"] = count.dropped
+        for topic, reason in self._skipped.items():
+            values[f"{topic} skipped"] = reason
+        if session.failure:
+            return Status(Level.ERROR, session.failure, values)
+        if session.dropped:
+            return Status(Level.WARN, f"{session.dropped} messages dropped", values)
+        if self._skipped:
+            return Status(Level.WARN, f"{len(self._skipped)} topics not recorded", values)
+        return Status(Level.OK, "recording", values)
+
+    def finished(self) -> bool:
+        """Whether the node wants to end by itself: never."""
+        return False
+
+    def close(self) -> None:
+        """Write everything received, and the metadata."""
+        self._drain()
+        self._session.writer.set_custom_data("dropped", str(self._session.dropped))
+        self._session.close()
+        if self._session.failure and not self._reported_failure:
+            self.get_logger().error(self._session.failure)
+        self._diagnostics.publish()
+
+
+def _never_called(_data: bytes) -> None:
+    """Stand in for the callback that a subscription must have."""
+
+
+def _custom_data(entries: list[str]) -> Mapping[str, str]:
+    """Split key=value texts.
+
+    Raises:
+        NodeStartError: if one has no key.
+    """
+    result = {}
+    for entry in entries:
+        if not entry:
+            continue
+        key, separator, value = entry.partition("=")
+        if not separator or not key:
+            raise NodeStartError(f"custom_data entry {entry!r} is not key=value")
+        result[key] = value
+    return result
+
+
+def main() -> int:
+    """Run the node; returns the exit status."""
+    return run_node(RecorderNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,159 @@
+"""What the recorder keeps besides the ROS graph: the bag, its flushing, counts, a full disk.
+
+A write that fails (full disk, unplugged disk) must not end a run: the session then stops writing,
+keeps counting, and says so.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hc_logger.writer import BagWriter
+
+LONGEST_COUNTED_GAP = 1_000_000
+"""A jump of a publisher's counter beyond this is a restarted publisher, not a loss."""
+
+
+@dataclass
+class TopicCount:
+    """Messages and bytes written of a topic, and messages lost on the way to the recorder.
+
+    Losses are gaps in the publisher's own counter, so they cannot be told where several
+    publishers share a topic.
+    """
+
+    messages: int = 0
+    bytes: int = 0
+    dropped: int = 0
+    last_sequence: int | None = None
+
+
+class RecordingSession:
+    """Writes what arrives into a bag, flushes by time, and counts.
+
+    Attributes:
+        counts: by topic number.
+        failure: why writing has stopped, empty while it works.
+        unwritten: messages that arrived after that.
+    """
+
+    def __init__(
+        self, writer: BagWriter, *, flush_interval_s: float = 0.25, fsync_interval_s: float = 5.0
+    ) -> None:
+        """Start a session.
+
+        Args:
+            writer: the open bag.
+            flush_interval_s: a killed recorder loses at most this much (and what is on its way).
+            fsync_interval_s: a power cut loses at most this much more; 0 leaves it to the system.
+        """
+        self.writer = writer
+        self.counts: dict[int, TopicCount] = {}
+        self.failure = ""
+        self.unwritten = 0
+        self._flush_interval_s = flush_interval_s
+        self._last_flush = time.monotonic()
+        self._stop = threading.Event()
+        self._syncer: threading.Thread | None = None
+        if fsync_interval_s > 0:
+            # in a thread of its own: a slow disk must not hold up the reception
+            self._syncer = threading.Thread(
+                target=self._sync_repeatedly, args=(fsync_interval_s,), daemon=True
+            )
+            self._syncer.start()
+
+    def add_topic(
+        self, name: str, type_name: str, qos_profiles: Sequence[Mapping[str, Any]]
+    ) -> int:
+        """Announce a topic; returns its number.
+
+        Raises:
+            UnknownTypeError: if the type is not installed.
+        """
+        number = self.writer.add_topic(name, type_name, qos_profiles=qos_profiles)
+        self.counts[number] = TopicCount()
+        return number
+
+    def add(
+        self, topic: int, log_time_ns: int, data: bytes, publish_time_ns: int, sequence: int | None
+    ) -> None:
+        """Write a message.
+
+        Args:
+            topic: number from add_topic().
+            log_time_ns: time of reception.
+            data: CDR bytes.
+            publish_time_ns: time of publication.
+            sequence: the publisher's counter; None if not known or not of one publisher.
+        """
+        count = self.counts[topic]
+        if sequence is not None:
+            if count.last_sequence is not None:
+                missing = sequence - count.last_sequence - 1
+                if 0 < missing < LONGEST_COUNTED_GAP:
+                    count.dropped += missing
+            count.last_sequence = sequence
+        if self.failure:
+            self.unwritten += 1
+            return
+        try:
+            self.writer.write(
+                topic, log_time_ns, data, publish_time_ns, (sequence or 0) & 0xFFFFFFFF
+            )
+        except OSError as error:
+            self._fail(error)
+            return
+        count.messages += 1
+        count.bytes += len(data)
+
+    def flush_if_due(self) -> None:
+        """Flush when the interval is over; call it often."""
+        now = time.monotonic()
+        if now - self._last_flush < self._flush_interval_s or self.failure:
+            return
+        self._last_flush = now
+        try:
+            self.writer.flush()
+        except OSError as error:
+            self._fail(error)
+
+    def _fail(self, error: OSError) -> None:
+        self.failure = f"cannot write {self.writer.path}: {error.strerror or error}"
+        self.unwritten += 1
+
+    def _sync_repeatedly(self, interval_s: float) -> None:
+        while not self._stop.wait(interval_s):
+            if self.failure:
+                return
+            try:
+                self.writer.sync()
+            except OSError as error:
+                self._fail(error)
+
+    @property
+    def messages(self) -> int:
+        """Messages written."""
+        return sum(count.messages for count in self.counts.values())
+
+    @property
+    def dropped(self) -> int:
+        """Messages that publishers sent and that did not arrive."""
+        return sum(count.dropped for count in self.counts.values())
+
+    def close(self) -> None:
+        """Write the rest and the metadata."""
+        self._stop.set()
+        if self._syncer is not None:
+            self._syncer.join()
+        if self.failure:
+            self.writer.abandon()
+            return
+        try:
+            self.writer.close()
+        except OSError as error:
+            self._fail(error)
+            self.writer.abandon()

@@ -1,0 +1,286 @@
+"""Writes a bag: a folder with one MCAP file and metadata.yaml, in the layout of rosbag2.
+
+Chunks are small and flushed often, so that little is lost when the process is killed. flush()
+hands everything to the operating system (survives SIGKILL), sync() to the disk (survives a power
+cut). The mcap package does the encoding.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, IndexType, Writer
+
+from hc_logger.definitions import TypeDefinition, installed_definition
+from hc_logger.errors import BagError, BagExistsError
+from hc_logger.metadata import (
+    BagMetadata,
+    FileRecord,
+    TopicRecord,
+    information_text,
+    qos_text,
+    write_metadata,
+)
+
+CHUNK_BYTES = 256 * 1024
+LIBRARY = "hc_logger"
+
+
+class BagWriter:
+    """Writes messages into a new bag folder."""
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        custom_data: Mapping[str, str] | None = None,
+        chunk_bytes: int = CHUNK_BYTES,
+    ) -> None:
+        """Make the folder and its first file.
+
+        Args:
+            path: bag folder; must not exist.
+            custom_data: texts that go into the metadata (configuration, seed, version).
+            chunk_bytes: size at which a chunk is compressed and written.
+
+        Raises:
+            BagExistsError: if the path exists.
+            BagError: if the folder cannot be made.
+        """
+        self.path = Path(path)
+        self._chunk_bytes = chunk_bytes
+        self._topics: list[TopicRecord] = []
+        self._definitions: list[TypeDefinition] = []
+        self._files: list[FileRecord] = []
+        self._custom_data = dict(custom_data or {})
+        self._schemas: dict[tuple[str, str], int] = {}
+        self._closed = False
+        self._bytes = 0
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.mkdir()  # atomic: of two recorders on one folder only one gets it
+        except FileExistsError:
+            raise BagExistsError(
+                f"{self.path} exists already and is not overwritten; give another name or delete it"
+            ) from None
+        except OSError as error:
+            raise BagError(f"cannot make the bag folder {self.path}: {error.strerror}") from error
+        self._open_file()
+
+    def _open_file(self) -> None:
+        name = f"{self.path.resolve().name}_{len(self._files)}.mcap"
+        # unbuffered: the mcap writer hands over whole chunks, and a failed write shows at once
+        self._stream = open(self.path / name, "xb", buffering=0)  # noqa: SIM115 - kept open
+        self._writer = Writer(
+            _WholeWrites(self._stream),
+            chunk_size=self._chunk_bytes,
+            compression=CompressionType.ZSTD,
+            index_types=IndexType.ALL,
+        )
+        self._writer.start(profile="ros2", library=LIBRARY)
+        self._file = FileRecord(name)
+        self._files.append(self._file)
+        self._counts_at_open = [topic.message_count for topic in self._topics]
+        self._schemas.clear()
+        for topic, definition in zip(self._topics, self._definitions, strict=True):
+            self._register(topic, definition)
+
+    def _register(self, topic: TopicRecord, definition: TypeDefinition) -> int:
+        key = (definition.name, definition.text)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                definition.name, "ros2msg", definition.text.encode()
+            )
+        channel_id: int = self._writer.register_channel(
+            topic.name,
+            "cdr",
+            self._schemas[key],
+            {
+                "offered_qos_profiles": qos_text(topic.qos_profiles),
+                "topic_type_hash": topic.type_hash,
+            },
+        )
+        return channel_id
+
+    def add_topic(
+        self,
+        name: str,
+        type_name: str,
+        *,
+        qos_profiles: Sequence[Mapping[str, Any]] = (),
+        definition: TypeDefinition | None = None,
+    ) -> int:
+        """Announce a topic and return its number for write().
+
+        Args:
+            name: topic name; a leading slash is added where it is missing.
+            type_name: for example "hc_msgs/msg/IndenterSample".
+            qos_profiles: what the publishers offered, as rosbag2 has it.
+            definition: text and hash of the type; None takes those installed here.
+
+        Raises:
+            UnknownTypeError: if no definition is given and the type is not installed.
+        """
+        definition = definition or installed_definition(type_name)
+        topic = TopicRecord(
+            name if name.startswith("/") else "/" + name,
+            definition.name,
+            definition.type_hash,
+            [dict(profile) for profile in qos_profiles],
+        )
+        self._topics.append(topic)
+        self._definitions.append(definition)
+        return self._register(topic, definition)
+
+    def write(
+        self,
+        topic: int,
+        log_time_ns: int,
+        data: bytes,
+        publish_time_ns: int | None = None,
+        sequence: int = 0,
+    ) -> None:
+        """Add a message.
+
+        Args:
+            topic: number from add_topic().
+            log_time_ns: time of reception, by which a player orders and spaces the messages.
+            data: the message in CDR with its 4-byte encapsulation.
+            publish_time_ns: time of publication; None takes the log time.
+            sequence: the publisher's counter, 0 if not known.
+
+        Raises:
+            OSError: if the disk is full or gone.
+        """
+        self._writer.add_message(
+            topic,
+            log_time_ns,
+            data,
+            log_time_ns if publish_time_ns is None else publish_time_ns,
+            sequence,
+        )
+        record = self._file
+        if not record.message_count:
+            record.start_ns = record.end_ns = log_time_ns
+        elif log_time_ns > record.end_ns:
+            record.end_ns = log_time_ns
+        elif log_time_ns < record.start_ns:
+            record.start_ns = log_time_ns
+        record.message_count += 1
+        self._topics[topic - 1].message_count += 1
+
+    @property
+    def message_count(self) -> int:
+        """Messages written so far, over all files."""
+        return sum(record.message_count for record in self._files)
+
+    def bytes_written(self) -> int:
+        """Return the size of the current file so far."""
+        if not self._closed:
+            self._bytes = self._stream.tell()
+        return self._bytes
+
+    def flush(self) -> None:
+        """Hand everything received so far to the operating system."""
+        self._writer.flush()
+
+    def sync(self) -> None:
+        """Hand what was flushed to the disk; may take long, may be called from another thread."""
+        os.fsync(self._stream.fileno())
+
+    def set_custom_data(self, key: str, value: str) -> None:
+        """Set a text of the metadata that is known only at the end."""
+        self._custom_data[key] = value
+
+    def _metadata(self) -> BagMetadata:
+        return BagMetadata(self._topics, self._files, self._custom_data)
+
+    def _finish_file(self) -> None:
+        own = [
+            TopicRecord(t.name, t.type_name, t.type_hash, t.qos_profiles, t.message_count - before)
+            for t, before in zip(
+                self._topics,
+                self._counts_at_open + [0] * (len(self._topics) - len(self._counts_at_open)),
+                strict=True,
+            )
+        ]
+        self._writer.flush()
+        self._writer.add_metadata(
+            "rosbag2",
+            {
+                "serialized_metadata": information_text(
+                    BagMetadata(own, [self._file], self._custom_data)
+                )
+            },
+        )
+        self._writer.finish()
+        self.bytes_written()
+        self._stream.close()
+
+    def close(self) -> None:
+        """Finish the file and write metadata.yaml; a second call does nothing."""
+        if self._closed:
+            return
+        self._finish_file()
+        self._closed = True
+        write_metadata(self.path, self._metadata())
+
+    def abandon(self) -> None:
+        """Close the file as it is, without its end: after a write that failed."""
+        self._closed = True
+        self._stream.close()
+
+    def discard(self) -> None:
+        """Delete what was written: for a conversion that failed half way."""
+        self._closed = True
+        self._stream.close()
+        for record in self._files:
+            (self.path / record.path).unlink()
+        self.path.rmdir()
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+class _WholeWrites:
+    """An unbuffered file whose write() writes everything or raises.
+
+    A raw file may write a part only (a nearly full disk does); the mcap writer does not look.
+    """
+
+    def __init__(self, raw: Any) -> None:
+        self._raw = raw
+
+    def write(self, data: bytes) -> int:
+        view = memoryview(data)
+        while view:
+            view = view[self._raw.write(view) :]
+        return len(data)
+
+    def tell(self) -> int:
+        return int(self._raw.tell())
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+
+@contextlib.contextmanager
+def os_errors(what: str) -> Iterator[None]:
+    """Turn an OSError of a file operation into a BagError of one line."""
+    try:
+        yield
+    except OSError as error:
+        raise BagError(f"{what}: {error.strerror or error}") from error
