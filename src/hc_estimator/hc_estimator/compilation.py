@@ -17,13 +17,17 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+WITHOUT_KERNELS = ("node.py", "ros", "input", "online")  # nothing in there is compiled
+
 
 @functools.cache
 def _package_stamp() -> tuple[tuple[str, float, int], ...]:
-    """Name, modification time and size of every source file of the package."""
+    """Name, modification time and size of every source file that may hold or feed a kernel."""
     root = Path(__file__).parent
     stamps = []
     for path in sorted(root.rglob("*.py")):
+        if path.relative_to(root).parts[0] in WITHOUT_KERNELS:
+            continue
         status = path.stat()
         stamps.append((path.relative_to(root).as_posix(), status.st_mtime, status.st_size))
     return tuple(stamps)
