@@ -116,7 +116,7 @@ class Playback:
         self._generation = 0
         self._position_ns = self.first_ns
         self._anchor_ns = self.first_ns
-        self._anchor_s = 0.0
+        self._anchor_s: float | None = None  # None: set by the first message after a jump
         self._rate = 1.0
         self._paused = True
         self._burst = 0
@@ -133,13 +133,24 @@ class Playback:
             for thread in self._threads:
                 thread.start()
 
+    def prepare(self) -> None:
+        """Read ahead already, so that the first message is there when resume() wants it."""
+        with self._changed:
+            self._begin()
+
     def resume(self) -> None:
         """Play, or play on."""
         with self._changed:
-            self._anchor_ns, self._anchor_s = self._time_ns(), time.monotonic()
+            self._anchor()
             self._paused = False
             self._begin()
             self._changed.notify_all()
+
+    def _anchor(self) -> None:
+        """Let the recorded time that is now be now on the monotonic clock."""
+        self._anchor_ns = self._time_ns()
+        if self._anchor_s is not None:
+            self._anchor_s = time.monotonic()
 
     def pause(self) -> None:
         """Publish nothing until resume() or burst()."""
@@ -171,7 +182,7 @@ class Playback:
             position = min(max(time_ns, self.first_ns), self.last_ns)
             self._generation += 1
             self._position_ns = position
-            self._anchor_ns, self._anchor_s = position, time.monotonic()
+            self._anchor_ns, self._anchor_s = position, None
             self._finished = False
             self._changed.notify_all()
         return position
@@ -185,9 +196,8 @@ class Playback:
         if not 0.0 < rate < float("inf"):
             raise ValueError(f"rate is {rate}; give a number above 0")
         with self._changed:
-            self._anchor_ns, self._anchor_s = self._time_ns(), time.monotonic()
+            self._anchor()
             self._rate = rate
-            self._changed.notify_all()
 
     def stop(self) -> None:
         """End both threads."""
@@ -218,7 +228,7 @@ class Playback:
             return self._time_ns()
 
     def _time_ns(self) -> int:
-        if self._paused:
+        if self._paused or self._anchor_s is None:
             return self._anchor_ns
         now = self._anchor_ns + round((time.monotonic() - self._anchor_s) * self._rate * 1e9)
         return min(now, self.last_ns)
@@ -314,6 +324,11 @@ class Playback:
                 self._publish_one(message)
                 return True
             anchor_ns, anchor_s, rate = self._anchor_ns, self._anchor_s, self._rate
+            if anchor_s is None:
+                with self._changed:
+                    if generation == self._generation:
+                        self._anchor_s = time.monotonic()
+                continue
             deadline = anchor_s + (message.log_time - anchor_ns) * 1e-9 / rate
             remaining = deadline - time.monotonic()
             if remaining > LONGEST_SLEEP_S:

@@ -87,6 +87,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             )
         except (BagError, ValueError) as error:
             raise NodeStartError(str(error)) from error
+        self._playback.prepare()
         self._sample_topic = full_name(SAMPLE, namespace)
         self._finished_at: float | None = None
         self._started = False
