@@ -20,10 +20,11 @@ from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
 
 __all__ = [
     "Configuration",
-    "EstimateLike",
     "Sample",
     "configuration_from_message",
+    "fill_contact",
     "fill_estimate",
+    "fill_event",
     "fill_force",
     "fill_sample",
     "fill_truth",
@@ -33,6 +34,9 @@ __all__ = [
     "new_truth_message",
     "sample_from_message",
 ]
+
+LONGEST_REASON = 255
+PARAMETER_FIELDS = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
 
 class Sample(NamedTuple):
@@ -44,25 +48,76 @@ class Sample(NamedTuple):
     force_n: float
 
 
-class EstimateLike(Protocol):
+class _EstimateLike(Protocol):
     """What fill_estimate reads; hc_estimator.Estimate has it. Units mm, mm/s, N."""
 
+    @property
+    def parameters(self) -> NDArray[np.float64]: ...
+    @property
+    def parameters_std(self) -> NDArray[np.float64]: ...
+    @property
+    def covariance(self) -> NDArray[np.float64]: ...
+    @property
+    def identifiability(self) -> NDArray[np.float64]: ...
+    @property
+    def innovation(self) -> NDArray[np.float64]: ...
+    @property
+    def displacement(self) -> float: ...
+    @property
+    def velocity(self) -> float: ...
+    @property
+    def force_predicted(self) -> float: ...
+    @property
+    def force_reconstructed(self) -> float: ...
+    @property
+    def nis(self) -> float: ...
+    @property
+    def force_noise_std(self) -> float: ...
+    @property
+    def displacement_noise_std(self) -> float: ...
+    @property
+    def contact(self) -> bool: ...
+    @property
+    def change_detected(self) -> bool: ...
+    @property
+    def model_mismatch(self) -> bool: ...
+    @property
+    def rejected(self) -> int: ...
+
+
+class _ContactLike(Protocol):
+    """What fill_contact reads; hc_estimator.online.contacts.ContactSummary has it.
+
+    Units mm, mm/s, N, N mm; times in ns.
+    """
+
+    number: int
+    start_ns: int
+    end_ns: int
+    first_sequence: int
+    last_sequence: int
+    samples: int
+    rejected: int
+    tissue_changes: int
+    model_mismatch: bool
     parameters: NDArray[np.float64]
-    parameters_std: NDArray[np.float64]
     covariance: NDArray[np.float64]
     identifiability: NDArray[np.float64]
-    innovation: NDArray[np.float64]
-    displacement: float
-    velocity: float
-    force_predicted: float
-    force_reconstructed: float
-    nis: float
-    force_noise_std: float
-    displacement_noise_std: float
-    contact: bool
-    change_detected: bool
-    model_mismatch: bool
-    rejected: int
+    peak_force: float
+    peak_displacement: float
+    peak_speed: float
+    energy_in: float
+    energy_loss: float
+    position_m: tuple[float, float, float]
+    position_frame_id: str
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last sample."""
+
+    @property
+    def force_rmse(self) -> float:
+        """Root mean square of measured minus predicted force."""
 
 
 class Configuration(NamedTuple):
@@ -150,7 +205,7 @@ def fill_force(message: Any, stamp_ns: int, force_n: float) -> None:
 
 def fill_estimate(
     message: Any,
-    estimate: EstimateLike,
+    estimate: _EstimateLike,
     stamp_ns: int,
     sequence: int,
     force_measured_n: float,
@@ -199,6 +254,53 @@ def fill_estimate(
     message.model_mismatch = estimate.model_mismatch
     message.rejected = int(estimate.rejected)
     message.covariance = estimate.covariance.reshape(16)
+
+
+def fill_event(
+    message: Any,
+    kind: int,
+    stamp_ns: int,
+    sequence: int,
+    configuration_revision: int,
+    reason: str,
+) -> None:
+    """Write an event into an EstimatorEvent; a reason that is too long is cut."""
+    set_stamp(message.header.stamp, stamp_ns)
+    message.sequence = sequence
+    message.configuration_revision = configuration_revision
+    message.kind = kind
+    message.reason = (
+        reason if len(reason) <= LONGEST_REASON else reason[: LONGEST_REASON - 3] + "..."
+    )
+
+
+def fill_contact(message: Any, contact: _ContactLike, configuration_revision: int) -> None:
+    """Write the summary of a contact into a ContactSummary, in SI but for the parameters."""
+    set_stamp(message.header.stamp, contact.end_ns)
+    set_stamp(message.start, contact.start_ns)
+    message.contact = contact.number
+    message.first_sequence = contact.first_sequence
+    message.last_sequence = contact.last_sequence
+    message.samples = contact.samples
+    message.rejected = contact.rejected
+    message.tissue_changes = contact.tissue_changes
+    message.configuration_revision = configuration_revision
+    message.duration = contact.duration_s
+    deviations = np.sqrt(np.diagonal(contact.covariance))
+    for i, name in enumerate(PARAMETER_FIELDS):
+        setattr(message, name, float(contact.parameters[i]))
+        setattr(message, f"{name}_std", float(deviations[i]))
+        setattr(message, f"{name}_identifiability", float(contact.identifiability[i]))
+    message.peak_force = contact.peak_force
+    message.peak_displacement = contact.peak_displacement / METRE_IN_MM
+    message.peak_speed = contact.peak_speed / METRE_IN_MM
+    message.energy_in = contact.energy_in / METRE_IN_MM
+    message.energy_loss = contact.energy_loss / METRE_IN_MM
+    message.force_rmse = contact.force_rmse
+    message.position_x, message.position_y, message.position_z = contact.position_m
+    message.position_frame_id = contact.position_frame_id
+    message.model_mismatch = contact.model_mismatch
+    message.covariance = contact.covariance.reshape(16)
 
 
 def message_from_configuration(configuration: Configuration) -> Any:

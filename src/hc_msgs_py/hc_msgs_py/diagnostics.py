@@ -7,6 +7,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from hc_msgs_py.qos import DIAGNOSTICS_QOS
@@ -47,7 +48,10 @@ class DiagnosticsPublisher:
         self._hardware_id = hardware_id
         self._collect = collect
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTICS_QOS)
-        self._timer = node.create_timer(PERIOD_S, self.publish)
+        # The steady clock: a status is due even while simulated time stands still.
+        self._timer = node.create_timer(
+            PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
 
     def publish(self) -> None:
         """Collect and publish the status now (the timer does so every second)."""

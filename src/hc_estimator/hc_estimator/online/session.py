@@ -1,0 +1,429 @@
+"""One estimator under a stream of samples that never ends: revisions, faults, events, counters.
+
+The session is what the node would be without ROS: samples go in, and a listener hears of
+estimates, events, contacts and new revisions of the configuration. Nothing here raises on data.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Any, NamedTuple, Protocol
+
+from hc_estimator.estimate import Estimate, Rejection
+from hc_estimator.estimator import Estimator
+from hc_estimator.input.stream_guard import Break, StreamGuard, StreamSample
+from hc_estimator.online.contacts import ContactSummary, ContactTracker
+from hc_estimator.online.histogram import DurationHistogram
+
+
+class EventKind(IntEnum):
+    """What happened; the numbers of hc_msgs/EstimatorEvent."""
+
+    TISSUE_CHANGE = 1
+    CONTACT_MADE = 2
+    CONTACT_LOST = 3
+    REJECTION_BURST = 4
+    RESET = 5
+    RECONFIGURED = 6
+    TIME_JUMP = 7
+    INPUT_SILENT = 8
+    INPUT_RECOVERED = 9
+    INPUT_FROZEN = 10
+    INPUT_SATURATED = 11
+    SOURCE_RESTARTED = 12
+    SOURCE_CONFLICT = 13
+    SAMPLES_SKIPPED = 14
+    TARED = 15
+    STATE_LOADED = 16
+    MODEL_MISMATCH = 17
+
+
+class Cause(IntEnum):
+    """What made a revision; the numbers of hc_msgs/EstimatorConfiguration."""
+
+    STARTED = 0
+    RECONFIGURED = 1
+    RESET = 2
+    TIME_JUMP = 3
+    STATE_LOADED = 4
+
+
+class Event(NamedTuple):
+    """Something that a user may want to hear of."""
+
+    kind: EventKind
+    stamp_ns: int  # 0 when no sample came yet
+    sequence: int
+    reason: str
+
+
+class Revision(NamedTuple):
+    """From when on a configuration holds.
+
+    time_origin_ns is 0 as long as no sample came after a start; the same revision is then told
+    again with its origin at the first sample.
+    """
+
+    number: int
+    valid_from_sequence: int
+    time_origin_ns: int
+    cause: Cause
+
+
+class Listener(Protocol):
+    """Who hears what the session says."""
+
+    def on_estimate(
+        self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
+    ) -> None:
+        """A sample was taken in; the estimate after it."""
+
+    def on_event(self, event: Event) -> None:
+        """Something happened."""
+
+    def on_contact(self, summary: ContactSummary) -> None:
+        """A contact is over."""
+
+    def on_revision(self, revision: Revision) -> None:
+        """Another configuration is in force, or the time origin of the present one is known."""
+
+
+@dataclasses.dataclass
+class SessionSettings:
+    """How a session judges its stream.
+
+    Attributes:
+        silence_timeout_s: without a sample for so long, the input is silent [s].
+        maximum_gap_s: stamps further ahead than this are a time jump [s].
+        rejection_burst: samples refused in a row that are worth an event.
+        frozen_samples: equal readings in a row that are worth an event.
+        contact_minimum_s: shorter touches are not reported [s].
+        contact_release_s: so long away, and the contact is over [s].
+    """
+
+    silence_timeout_s: float = 0.5
+    maximum_gap_s: float = 60.0
+    rejection_burst: int = 50
+    frozen_samples: int = 200
+    contact_minimum_s: float = 0.05
+    contact_release_s: float = 0.02
+
+
+@dataclasses.dataclass
+class Counters:
+    """What a session counted since it was made.
+
+    Attributes:
+        received: samples given to the session.
+        estimates: estimates made (rejected samples included).
+        rejected: samples refused by the estimator, by reason code.
+        skipped: samples left out because the node could not keep up.
+        restarts: restarts of the source.
+        time_jumps: jumps of the stamps or of the clock.
+        changes: tissue changes detected.
+        nis_sum: sum of the normalised innovations squared of accepted samples.
+        accepted: accepted samples.
+    """
+
+    received: int = 0
+    estimates: int = 0
+    rejected: list[int] = dataclasses.field(default_factory=lambda: [0] * len(Rejection))
+    skipped: int = 0
+    restarts: int = 0
+    time_jumps: int = 0
+    changes: int = 0
+    nis_sum: float = 0.0
+    accepted: int = 0
+
+
+class EstimationSession:
+    """Feeds an estimator and tells a listener what comes of it.
+
+    Attributes:
+        estimator: the estimator in use; replace it with `replace_estimator`.
+        counters: what was counted.
+        guard: counts lost and stray samples.
+        contacts: the contact that goes on and the number of contacts.
+        computation: wall times of the estimation steps since `computation.clear()`.
+        revision: the revision in force.
+        last_estimate: the newest estimate; None before the first.
+    """
+
+    def __init__(
+        self, estimator: Estimator, listener: Listener, settings: SessionSettings | None = None
+    ) -> None:
+        self.estimator = estimator
+        self.counters = Counters()
+        self.guard = StreamGuard(maximum_gap_ns=1)
+        self.contacts = ContactTracker()
+        self.computation = DurationHistogram()
+        self.revision = Revision(0, 0, 0, Cause.STARTED)
+        self.last_estimate: Estimate | None = None
+        self._listener = listener
+        self._origin_ns: int | None = None
+        self._last_time_ns: int | None = None
+        self._arrival_ns: int | None = None
+        self._silent = False
+        self._burst = 0
+        self._burst_reason = 0
+        self._force = 0.0
+        self._displacement = 0.0
+        self._equal_forces = 0
+        self._equal_displacements = 0
+        self._mismatch = False
+        self.settings = settings or SessionSettings()
+        self.apply_settings(self.settings)
+
+    def apply_settings(self, settings: SessionSettings) -> None:
+        """Judge the stream by other settings from the next sample on."""
+        self.settings = settings
+        self.guard.maximum_gap_ns = round(settings.maximum_gap_s * 1e9)
+        self.contacts.minimum_duration_ns = round(settings.contact_minimum_s * 1e9)
+        self.contacts.release_ns = round(settings.contact_release_s * 1e9)
+
+    # What a user or the node asks for, between two samples.
+
+    def start(self) -> None:
+        """Announce the first revision."""
+        self._revise(Cause.STARTED, None)
+
+    def reset(self, cause: Cause = Cause.RESET, estimator: Estimator | None = None) -> None:
+        """Start afresh with the same parameters, or with a fresh estimator; time starts anew.
+
+        Args:
+            cause: why, for the revision.
+            estimator: replaces the present one, whose samples are forgotten otherwise.
+        """
+        self._finish_contact()
+        if estimator is None:
+            self.estimator.reset()
+        else:
+            self.estimator = estimator
+        self._origin_ns = None
+        self._mismatch = False
+        self.last_estimate = None
+        self._revise(cause, None)
+        if cause is Cause.RESET:
+            self.report(EventKind.RESET, "the estimator was started afresh")
+
+    def reconfigure(self, parameters: Mapping[str, Any]) -> None:
+        """Change parameters of the estimator from the next sample on.
+
+        Raises:
+            ValueError: see Estimator.reconfigure; nothing has changed then.
+        """
+        self.estimator.reconfigure(**parameters)
+        self.announce_reconfiguration(", ".join(f"{k} = {v}" for k, v in parameters.items()))
+
+    def replace_estimator(self, estimator: Estimator, reason: str) -> None:
+        """Go on with another estimator that has taken over what this one knew."""
+        self.estimator = estimator
+        self.announce_reconfiguration(reason)
+
+    def announce_reconfiguration(self, what: str) -> None:
+        """Make a new revision for a changed setting that the estimator itself does not hold."""
+        self._revise(Cause.RECONFIGURED, self._origin_ns)
+        self.report(EventKind.RECONFIGURED, what)
+
+    def load(self, state: Mapping[str, Any], time_origin_ns: int) -> None:
+        """Go on from a saved state of an estimator of the same kind.
+
+        Args:
+            state: what `save` returned.
+            time_origin_ns: its time origin, so that the gap since then is seen as one.
+
+        Raises:
+            ValueError: see Estimator.restore; nothing has changed then.
+        """
+        self.estimator.restore(state)
+        self._finish_contact()
+        self._origin_ns = time_origin_ns
+        self._revise(Cause.STATE_LOADED, time_origin_ns)
+        self.report(EventKind.STATE_LOADED, "a saved state was loaded")
+
+    @property
+    def time_origin_ns(self) -> int | None:
+        """Stamp that is second 0 of the estimator's time; None before the first sample."""
+        return self._origin_ns
+
+    def time_jumped(self, reason: str) -> None:
+        """The clock jumped: start afresh, and take the next stamp as it comes."""
+        self.guard.forget()
+        self._jump(reason)
+
+    def skip(self, number: int) -> None:
+        """Count samples that the node left out because it could not keep up."""
+        self.counters.skipped += number
+        self.report(EventKind.SAMPLES_SKIPPED, f"{number} samples skipped: too many were waiting")
+
+    def report(self, kind: EventKind, reason: str) -> None:
+        """Tell the listener of an event at the last sample."""
+        guard = self.guard
+        event = Event(kind, guard.last_stamp_ns or 0, guard.last_sequence, reason)
+        self._listener.on_event(event)
+
+    def end(self) -> None:
+        """The stream is over: report the contact that still goes on."""
+        self._finish_contact()
+
+    # The stream.
+
+    def process(self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float) -> None:
+        """Take in one sample.
+
+        Args:
+            stamp_ns: stamp [ns].
+            sequence: number of the sample; 0 throughout if the source does not count.
+            displacement_mm: penetration [mm], positive into the tissue.
+            force_n: contact force [N], compression positive.
+        """
+        self.counters.received += 1
+        if self.guard.is_next(stamp_ns, sequence):
+            self._use(stamp_ns, sequence, displacement_mm, force_n)
+        else:
+            self._out_of_place(StreamSample(stamp_ns, sequence, displacement_mm, force_n))
+
+    def check_silence(self, now_ns: int) -> bool:
+        """Say whether the input is silent; to be called some times a second.
+
+        Args:
+            now_ns: time.perf_counter_ns().
+
+        Returns:
+            True if no sample came for longer than the timeout.
+        """
+        if self._arrival_ns is None:
+            return False
+        silent_s = (now_ns - self._arrival_ns) * 1e-9
+        if not self._silent and silent_s > self.settings.silence_timeout_s:
+            self._silent = True
+            self.report(EventKind.INPUT_SILENT, f"no sample for {silent_s:.2f} s")
+        return self._silent
+
+    @property
+    def alarms(self) -> list[str]:
+        """What is wrong with the input or the fit at this moment, a line each."""
+        result = []
+        if self._burst >= self.settings.rejection_burst:
+            reason = Rejection(self._burst_reason).name.lower()
+            result.append(f"{self._burst} samples rejected in a row ({reason})")
+        if self._equal_forces >= self.settings.frozen_samples:
+            result.append(f"force frozen at {self._force:.6g} N")
+        if self._equal_displacements >= self.settings.frozen_samples:
+            result.append(f"displacement frozen at {self._displacement:.6g} mm")
+        if self._mismatch:
+            result.append("the contact law does not describe what the sensors say")
+        return result
+
+    def _out_of_place(self, sample: StreamSample) -> None:
+        samples, broken = self.guard.push(sample)
+        if broken is Break.TIME_JUMP:
+            before = self._last_time_ns or 0
+            self._jump(f"stamps jumped by {(samples[0].stamp_ns - before) * 1e-9:+.3f} s")
+        elif broken is Break.RESTARTED:
+            self.counters.restarts += 1
+            self.report(
+                EventKind.SOURCE_RESTARTED, f"the source numbers anew from {samples[0].sequence}"
+            )
+        for one in samples:
+            self._use(*one)
+
+    def _use(self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float) -> None:
+        origin = self._origin_ns
+        if origin is None:
+            origin = self._origin_ns = stamp_ns
+            self.revision = self.revision._replace(
+                valid_from_sequence=sequence, time_origin_ns=origin
+            )
+            self._listener.on_revision(self.revision)
+        before = time.perf_counter_ns()
+        estimate = self.estimator.step((stamp_ns - origin) * 1e-9, displacement_mm, force_n)
+        after = time.perf_counter_ns()
+        self._arrival_ns = after
+        self._last_time_ns = stamp_ns
+        computation_ns = after - before
+        self.computation.add(computation_ns)
+        self.counters.estimates += 1
+        self.last_estimate = estimate
+        # First of all the estimate goes out; what follows may take its time.
+        self._listener.on_estimate(stamp_ns, sequence, force_n, estimate, computation_ns)
+        if self._silent:
+            self._silent = False
+            self.report(EventKind.INPUT_RECOVERED, "samples come again")
+        self._watch_rejection(estimate)
+        self._watch_readings(displacement_mm, force_n)
+        self._watch_fit(estimate)
+        made, over = self.contacts.update(stamp_ns, sequence, displacement_mm, force_n, estimate)
+        if made is not None:
+            self.report(EventKind.CONTACT_MADE, f"contact {made.number}")
+        if over is not None:
+            self._tell_contact(over)
+
+    def _watch_rejection(self, estimate: Estimate) -> None:
+        rejected = estimate.rejected
+        if not rejected:
+            self._burst = 0
+            self.counters.accepted += 1
+            self.counters.nis_sum += estimate.nis
+            return
+        self.counters.rejected[rejected] += 1
+        self._burst += 1
+        self._burst_reason = rejected
+        if self._burst == self.settings.rejection_burst:
+            kind = EventKind.REJECTION_BURST
+            reason = f"{self._burst} samples rejected in a row ({rejected.name.lower()})"
+            if rejected is Rejection.OUT_OF_RANGE:
+                kind = EventKind.INPUT_SATURATED
+                reason = f"readings out of range: {self._burst} samples rejected in a row"
+            self.report(kind, reason)
+
+    def _watch_readings(self, displacement_mm: float, force_n: float) -> None:
+        # Zero is what a simulated force reads in free motion: not a frozen sensor.
+        self._equal_forces = self._equal_forces + 1 if force_n == self._force != 0.0 else 0
+        self._force = force_n
+        equal = displacement_mm == self._displacement != 0.0
+        self._equal_displacements = self._equal_displacements + 1 if equal else 0
+        self._displacement = displacement_mm
+        limit = self.settings.frozen_samples
+        if self._equal_forces == limit:
+            self.report(EventKind.INPUT_FROZEN, f"force frozen at {force_n:.6g} N")
+        if self._equal_displacements == limit:
+            text = f"displacement frozen at {displacement_mm:.6g} mm"
+            self.report(EventKind.INPUT_FROZEN, text)
+
+    def _watch_fit(self, estimate: Estimate) -> None:
+        if estimate.change_detected:
+            self.counters.changes += 1
+            self.report(EventKind.TISSUE_CHANGE, "the tissue changed")
+        mismatch = estimate.model_mismatch
+        if mismatch and not self._mismatch:
+            self.report(
+                EventKind.MODEL_MISMATCH, "the contact law does not describe what the sensors say"
+            )
+        self._mismatch = mismatch
+
+    def _jump(self, reason: str) -> None:
+        self.counters.time_jumps += 1
+        self.reset(Cause.TIME_JUMP)
+        self.report(EventKind.TIME_JUMP, reason)
+
+    def _finish_contact(self) -> None:
+        summary = self.contacts.finish()
+        if summary is not None:
+            self._tell_contact(summary)
+
+    def _tell_contact(self, summary: ContactSummary) -> None:
+        self.report(
+            EventKind.CONTACT_LOST, f"contact {summary.number} after {summary.duration_s:.3f} s"
+        )
+        self._listener.on_contact(summary)
+
+    def _revise(self, cause: Cause, time_origin_ns: int | None) -> None:
+        number = self.revision.number + 1
+        first = self.guard.last_stamp_ns is None
+        valid_from = 0 if first else self.guard.last_sequence + 1
+        self.revision = Revision(number, valid_from, time_origin_ns or 0, cause)
+        self._listener.on_revision(self.revision)

@@ -1,0 +1,147 @@
+"""Publishers of the node and what they send: estimate, wrench, configuration, events, contacts.
+
+Messages of the 1 kHz streams are made once and filled again for every sample.
+"""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import WrenchStamped
+from hc_msgs.msg import (
+    ContactSummary,
+    EstimatorConfiguration,
+    EstimatorEvent,
+    HuntCrossleyEstimate,
+)
+from rclpy.node import Node
+
+from hc_estimator import Estimate, Estimator, __version__
+from hc_estimator.online import contacts
+from hc_estimator.online.session import Event, Revision
+from hc_msgs_py.conversion import (
+    Configuration,
+    fill_contact,
+    fill_estimate,
+    fill_event,
+    fill_force,
+    message_from_configuration,
+    new_estimate_message,
+)
+from hc_msgs_py.qos import CONFIGURATION_QOS, ESTIMATE_QOS
+from hc_msgs_py.topics import (
+    CONFIGURATION,
+    CONTACTS,
+    ESTIMATE,
+    EVENTS,
+    FRAME_INDENTER_TIP,
+    RECONSTRUCTED_WRENCH,
+)
+
+
+class Outputs:
+    """The node's publishers.
+
+    Attributes:
+        frame_id: frame of the samples.
+        wrench_wanted: whether somebody listens to the wrench, as `look_who_listens` saw it last.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._estimate = node.create_publisher(HuntCrossleyEstimate, ESTIMATE, ESTIMATE_QOS)
+        self._wrench = node.create_publisher(WrenchStamped, RECONSTRUCTED_WRENCH, ESTIMATE_QOS)
+        self._configuration = node.create_publisher(
+            EstimatorConfiguration, CONFIGURATION, CONFIGURATION_QOS
+        )
+        self._events = node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
+        self._contacts = node.create_publisher(ContactSummary, CONTACTS, CONFIGURATION_QOS)
+        self._estimate_message = new_estimate_message()
+        self._wrench_message = WrenchStamped()
+        self.wrench_wanted = False
+        self.frame_id = ""
+        self.set_frame(FRAME_INDENTER_TIP)
+
+    def close(self) -> None:
+        """Destroy the publishers."""
+        for publisher in (
+            self._estimate,
+            self._wrench,
+            self._configuration,
+            self._events,
+            self._contacts,
+        ):
+            self._node.destroy_publisher(publisher)
+
+    def set_frame(self, frame_id: str) -> None:
+        """Name the frame of the samples in what is published from now on."""
+        self.frame_id = frame_id
+        self._estimate_message.header.frame_id = frame_id
+        self._wrench_message.header.frame_id = frame_id
+
+    def look_who_listens(self) -> None:
+        """Ask who listens; called now and then, because asking costs as much as publishing."""
+        self.wrench_wanted = self._wrench.get_subscription_count() > 0
+
+    @property
+    def estimate_subscribers(self) -> int:
+        """Matched subscribers of hc/estimate."""
+        return int(self._estimate.get_subscription_count())
+
+    def publish_estimate(
+        self,
+        stamp_ns: int,
+        sequence: int,
+        force_n: float,
+        estimate: Estimate,
+        computation_ns: int,
+        revision: int,
+    ) -> int:
+        """Publish an estimate, and its force as a wrench where somebody wants it.
+
+        Returns:
+            The latency [ns]: from the stamp to now, by the node's clock.
+        """
+        message = self._estimate_message
+        fill_estimate(
+            message, estimate, stamp_ns, sequence, force_n, revision, computation_ns * 1e-9
+        )
+        latency_ns: int = self._node.get_clock().now().nanoseconds - stamp_ns
+        message.latency = latency_ns * 1e-9
+        self._estimate.publish(message)
+        if self.wrench_wanted:
+            fill_force(self._wrench_message, stamp_ns, message.force_reconstructed)
+            self._wrench.publish(self._wrench_message)
+        return latency_ns
+
+    def publish_configuration(self, revision: Revision, estimator: Estimator) -> None:
+        """Publish the configuration in force."""
+        self._configuration.publish(
+            message_from_configuration(
+                Configuration(
+                    stamp_ns=self._node.get_clock().now().nanoseconds,
+                    revision=revision.number,
+                    valid_from_sequence=revision.valid_from_sequence,
+                    time_origin_ns=revision.time_origin_ns,
+                    cause=int(revision.cause),
+                    filter=estimator.filter,
+                    state_space=estimator.state_space,
+                    contact_model=estimator.contact_model,
+                    software_version=__version__,
+                    parameters=estimator.configuration,
+                )
+            )
+        )
+
+    def publish_event(self, event: Event, revision: int) -> None:
+        """Publish an event; one that no sample belongs to carries the node's time."""
+        message = EstimatorEvent()
+        message.header.frame_id = self.frame_id
+        stamp_ns = event.stamp_ns or self._node.get_clock().now().nanoseconds
+        fill_event(message, int(event.kind), stamp_ns, event.sequence, revision, event.reason)
+        self._events.publish(message)
+
+    def publish_contact(self, summary: contacts.ContactSummary, revision: int) -> None:
+        """Publish the summary of a contact that is over."""
+        message = ContactSummary()
+        message.header.frame_id = self.frame_id
+        fill_contact(message, summary, revision)
+        self._contacts.publish(message)
