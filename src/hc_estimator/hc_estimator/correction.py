@@ -36,16 +36,15 @@ def measure_unscented(settings: Any, memory: Any) -> bool:
         return False
     scale = sigma_scale(settings)
     spread = math.sqrt(scale)
-    space, contact = settings.state_space, settings.contact_model
     outputs, center = memory.outputs, memory.predicted_state
-    state_space.measure(space, contact, center, outputs[0])
+    state_space.measure(settings, center, outputs[0])
     for j in range(7):
         for i in range(7):
             memory.point[i] = center[i] + spread * memory.factor[i, j]
-        state_space.measure(space, contact, memory.point, outputs[1 + j])
+        state_space.measure(settings, memory.point, outputs[1 + j])
         for i in range(7):
             memory.point[i] = center[i] - spread * memory.factor[i, j]
-        state_space.measure(space, contact, memory.point, outputs[8 + j])
+        state_space.measure(settings, memory.point, outputs[8 + j])
     for i in range(2):
         total = 0.0
         for j in range(7):
@@ -65,6 +64,29 @@ def measure_unscented(settings: Any, memory: Any) -> bool:
             element = central * (outputs[0, i] - mean[i]) * (outputs[0, k] - mean[k])
             memory.curvature[i, k] = element + total / scale
             memory.curvature[k, i] = memory.curvature[i, k]
+    return True
+
+
+@compiled
+def measure_linearised(settings: Any, memory: Any) -> bool:
+    """Measurement function at the mean and its Jacobian; fills what `measure_unscented` fills.
+
+    Returns:
+        False if the predicted covariance has no Cholesky factor.
+    """
+    if not cholesky(memory.predicted_covariance, memory.factor):
+        return False
+    jacobian = memory.measurement_jacobian
+    state_space.measure(settings, memory.predicted_state, memory.predicted_measurement)
+    state_space.measurement_jacobian(settings, memory.predicted_state, memory.gradient, jacobian)
+    for i in range(2):
+        for j in range(7):
+            total = 0.0
+            for k in range(j, 7):
+                total += jacobian[i, k] * memory.factor[k, j]
+            memory.sensitivity[j, i] = total
+        memory.curvature[i, 0] = 0.0
+        memory.curvature[i, 1] = 0.0
     return True
 
 

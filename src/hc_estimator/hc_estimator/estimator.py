@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from hc_estimator import screening
 from hc_estimator.adaptation import policy
 from hc_estimator.compilation import compiled
+from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
 from hc_estimator.filters.registry import FIELDS, FILTERS, SCRATCH
@@ -100,6 +101,7 @@ def parameter_specifications(
     specifications = (
         entry.specifications
         + state_space_registry.SPECIFICATIONS[state_space]
+        + contact_registry.SPECIFICATIONS.get(contact_model, ())
         + screening.SPECIFICATIONS
     )
     return with_defaults(specifications, entry.defaults.get(state_space, {}))
@@ -109,7 +111,9 @@ def _all_specifications() -> dict[str, ParameterSpecification]:
     """Every parameter of the package once; the settings record has a field for each."""
     result: dict[str, ParameterSpecification] = {}
     groups = [entry.specifications for entry in FILTERS.values()]
-    groups += [*state_space_registry.SPECIFICATIONS.values(), screening.SPECIFICATIONS]
+    groups += state_space_registry.SPECIFICATIONS.values()
+    groups += contact_registry.SPECIFICATIONS.values()
+    groups.append(screening.SPECIFICATIONS)
     for group in groups:
         for specification in group:
             result.setdefault(specification.name, specification)

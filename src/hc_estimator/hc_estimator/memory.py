@@ -54,6 +54,9 @@ SCRATCH_FIELDS: tuple[Field, ...] = (
     ("point", np.float64, (7,)),
     ("images", np.float64, (15, 7)),  # sigma points through the process
     ("outputs", np.float64, (15, 2)),  # sigma points through the measurement function
+    ("gradient", np.float64, (6,)),
+    ("process_jacobian", np.float64, (7, 7)),
+    ("measurement_jacobian", np.float64, (2, 7)),
     ("parameters", np.float64, (4,)),
     ("slopes", np.float64, (4,)),
 )

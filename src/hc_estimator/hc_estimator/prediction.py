@@ -68,16 +68,16 @@ def propagate_unscented(settings: Any, memory: Any) -> bool:
     scale = sigma_scale(settings)
     spread = math.sqrt(scale)
     weight = 0.5 / scale
-    space, contact, elapsed = settings.state_space, settings.contact_model, memory.elapsed
+    elapsed = memory.elapsed
     images = memory.images
-    state_space.process(space, contact, elapsed, memory.state, images[0])
+    state_space.process(settings, elapsed, memory.state, images[0])
     for j in range(7):
         for i in range(7):
             memory.point[i] = memory.state[i] + spread * memory.factor[i, j]
-        state_space.process(space, contact, elapsed, memory.point, images[1 + j])
+        state_space.process(settings, elapsed, memory.point, images[1 + j])
         for i in range(7):
             memory.point[i] = memory.state[i] - spread * memory.factor[i, j]
-        state_space.process(space, contact, elapsed, memory.point, images[8 + j])
+        state_space.process(settings, elapsed, memory.point, images[8 + j])
     for i in range(7):
         total = 0.0
         for k in range(1, 15):
@@ -125,11 +125,53 @@ def add_process_noise(memory: Any) -> None:
 
 
 @compiled
-def predict(settings: Any, memory: Any) -> bool:
-    """Predict state and covariance over memory.elapsed, process noise included (not yet added).
+def propagate_linear(settings: Any, memory: Any) -> None:
+    """Exact propagation through a linear process function, without process noise."""
+    kinematic.propagate(
+        memory.elapsed,
+        state_space.lag(settings, memory.elapsed),
+        memory.state,
+        memory.covariance,
+        memory.predicted_state,
+        memory.predicted_covariance,
+    )
+
+
+@compiled
+def propagate_linearised(settings: Any, memory: Any) -> None:
+    """Process function at the mean and its Jacobian for the covariance, without process noise.
+
+    Paper C, Eq. 24, with the nonlinear model for the mean (F X over-counts the contact force).
+    """
+    jacobian, half = memory.process_jacobian, memory.half
+    state_space.process(settings, memory.elapsed, memory.state, memory.predicted_state)
+    state_space.process_jacobian(settings, memory.elapsed, memory.state, memory.gradient, jacobian)
+    for i in range(7):
+        for j in range(7):
+            total = 0.0
+            for k in range(7):
+                total += jacobian[i, k] * memory.covariance[k, j]
+            half[i, j] = total
+    for i in range(7):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(7):
+                total += half[i, k] * jacobian[j, k]
+            memory.predicted_covariance[i, j] = total
+            memory.predicted_covariance[j, i] = total
+
+
+@compiled
+def predict(settings: Any, memory: Any, unscented: bool) -> bool:
+    """Predict state and covariance over memory.elapsed, process noise not yet added.
 
     Leaves memory.state untouched, so that a refused sample leaves no trace. The caller adds
     memory.process_noise, which an adaptation may have changed, with `add_process_noise`.
+
+    Args:
+        settings: settings record.
+        memory: memory record.
+        unscented: sigma points for a nonlinear process function, else its Jacobian.
 
     Returns:
         False if the covariance has no Cholesky factor.
@@ -137,14 +179,10 @@ def predict(settings: Any, memory: Any) -> bool:
     state_space.process_noise(settings, memory.elapsed, memory.process_noise)
     if memory.restart != 0:
         restart_motion(settings, memory)
-        return True
-    if state_space.has_linear_process(settings.state_space):
-        kinematic.propagate(
-            memory.elapsed,
-            memory.state,
-            memory.covariance,
-            memory.predicted_state,
-            memory.predicted_covariance,
-        )
-        return True
-    return propagate_unscented(settings, memory)
+    elif state_space.has_linear_process(settings.state_space):
+        propagate_linear(settings, memory)
+    elif unscented:
+        return propagate_unscented(settings, memory)
+    else:
+        propagate_linearised(settings, memory)
+    return True

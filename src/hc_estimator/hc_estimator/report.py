@@ -42,7 +42,7 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
         row: takes the numbers, shape (estimate.COLUMNS,).
     """
     state, slopes = memory.state, memory.slopes
-    state_space.to_parameters(settings.state_space, state, memory.parameters, slopes)
+    state_space.to_parameters(settings, state, memory.parameters, slopes)
     for i in range(4):
         row[PARAMETERS + i] = memory.parameters[i]
         for j in range(4):
@@ -60,9 +60,7 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
         row[INNOVATION] = math.nan
         row[INNOVATION + 1] = math.nan
         row[NIS] = math.nan
-    row[FORCE_RECONSTRUCTED] = state_space.force_of_state(
-        settings.state_space, settings.contact_model, state
-    )
+    row[FORCE_RECONSTRUCTED] = state_space.force_of_state(settings, state)
     row[DISPLACEMENT] = state[0]
     row[VELOCITY] = state[1]
     row[DISPLACEMENT_NOISE_STD] = math.sqrt(memory.noise[0])

@@ -11,6 +11,7 @@ from typing import Any
 
 from hc_estimator.adaptation import change_detection, difference_noise, tempering
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.specification import ParameterSpecification
 
 FIXED = 0  # position in the choices of noise_adaptation
@@ -90,15 +91,17 @@ def learn(settings: Any, memory: Any) -> None:
         tempering.count_sample(memory)
         if change_detection.detect(settings, memory):
             memory.change_detected = 1
-            forget_parameters(memory)
+            forget_parameters(settings, memory)
             tempering.restart(memory)
             change_detection.restart(memory)
 
 
 @compiled
-def forget_parameters(memory: Any) -> None:
+def forget_parameters(settings: Any, memory: Any) -> None:
     """Set the covariance of the parameters back to the prior, without ties to the motion."""
-    for i in range(3, 7):
+    # Where the last state is a lagged velocity it belongs to the motion.
+    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    for i in range(3, last):
         for j in range(7):
             memory.covariance[i, j] = 0.0
             memory.covariance[j, i] = 0.0

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hc_estimator.compilation import compiled
 
 # exp() of more than this would come near the largest double; forces saturate at about 1e260 N,
@@ -15,6 +18,8 @@ from hc_estimator.compilation import compiled
 LARGEST_EXPONENT = 600.0
 # Below this a number counts as zero, so that its logarithm stays finite.
 TINY = 1e-300
+# Derivatives with respect to the velocity are taken no nearer to rest than this [mm/s].
+SMALLEST_SPEED = 1e-6
 
 
 @compiled
@@ -53,3 +58,50 @@ def hunt_crossley_force(
         drag = damping * math.exp(min(log_power, LARGEST_EXPONENT))
         force += drag if velocity > 0.0 else -drag
     return force
+
+
+@compiled
+def hunt_crossley_gradient(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    displacement_exponent: float,
+    velocity_exponent: float,
+    gradient: NDArray[np.float64],
+) -> None:
+    """Derivatives of the force with respect to d, v, K, B, n and p.
+
+    Where the law has an infinite slope (v = 0 with p < 1) the slope at `SMALLEST_SPEED` stands
+    for it; at v = 0 the derivatives with respect to B and p are 0.
+
+    Args:
+        displacement: as in `hunt_crossley_force`, like all arguments up to `velocity_exponent`.
+        velocity: v.
+        stiffness: K.
+        damping: B.
+        displacement_exponent: n.
+        velocity_exponent: p.
+        gradient: takes the six derivatives, shape (6,); zeros for d <= 0.
+    """
+    for i in range(6):
+        gradient[i] = 0.0
+    if displacement <= TINY:
+        return
+    log_displacement = math.log(displacement)
+    log_power = displacement_exponent * log_displacement
+    power = math.exp(min(log_power, LARGEST_EXPONENT))
+    speed = max(abs(velocity), SMALLEST_SPEED)
+    log_speed = math.log(speed)
+    drag = math.exp(min(log_power + velocity_exponent * log_speed, LARGEST_EXPONENT))
+    gradient[1] = damping * velocity_exponent * drag / speed
+    if velocity == 0.0:
+        drag = 0.0
+    elif velocity < 0.0:
+        drag = -drag
+    force = stiffness * power + damping * drag
+    gradient[0] = displacement_exponent * force / displacement
+    gradient[2] = power
+    gradient[3] = drag
+    gradient[4] = force * log_displacement
+    gradient[5] = damping * drag * log_speed

@@ -1,15 +1,50 @@
-"""The contact models by name, and the one function through which the kernels reach them.
+"""The contact models by name, and the functions through which the kernels reach them.
 
-To add a model: write its force function in a new file, then add its name and a branch here.
+To add a model: write its force function in a new file, then add its name and a branch in each
+function here. A model need not use all four parameters K, B, n, p: `fixed_value` says which of
+them it lacks and what is reported in their place.
 """
 
 from __future__ import annotations
 
-from hc_estimator.compilation import compiled
-from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+import math
 
-# Numba compiles these names in as constants.
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.compilation import compiled
+from hc_estimator.contact.elastic_power_law import elastic_power_law_force
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force, hunt_crossley_gradient
+from hc_estimator.contact.kelvin_boltzmann import kelvin_boltzmann_force
+from hc_estimator.contact.kelvin_voigt import kelvin_voigt_force
+from hc_estimator.specification import ParameterSpecification
+
 HUNT_CROSSLEY = 0
+KELVIN_VOIGT = 1
+KELVIN_BOLTZMANN = 2
+ELASTIC_POWER_LAW = 3
+
+CONTACT_MODELS = (  # position = code
+    "hunt_crossley",
+    "kelvin_voigt",
+    "kelvin_boltzmann",
+    "elastic_power_law",
+)
+
+# Parameters that only one model has.
+SPECIFICATIONS: dict[str, tuple[ParameterSpecification, ...]] = {
+    "kelvin_boltzmann": (
+        ParameterSpecification(
+            "relaxation_time",
+            "float",
+            1.0,
+            "Time constant with which the force relaxes during a hold; given, not estimated.",
+            minimum=1e-3,
+            maximum=1e4,
+            unit="s",
+        ),
+    ),
+}
 
 # The physical range of the exponents.
 SMALLEST_DISPLACEMENT_EXPONENT = 0.5
@@ -17,7 +52,26 @@ LARGEST_DISPLACEMENT_EXPONENT = 4.0
 SMALLEST_VELOCITY_EXPONENT = 0.25
 LARGEST_VELOCITY_EXPONENT = 3.0
 
-CONTACT_MODELS = ("hunt_crossley",)  # position = code
+
+@compiled
+def has_lagged_velocity(model: int) -> bool:
+    """True if the last state is not p but the lagged velocity of the model."""
+    return model == KELVIN_BOLTZMANN
+
+
+@compiled
+def fixed_value(model: int, parameter: int) -> float:
+    """What is reported for a parameter (0 to 3: K, B, n, p) that the model lacks; NaN if it has it.
+
+    Such a parameter is not estimated: its variance is zero from the start.
+    """
+    if model in (KELVIN_VOIGT, KELVIN_BOLTZMANN) and parameter >= 2:
+        return 1.0
+    if model == ELASTIC_POWER_LAW and parameter == 1:
+        return 0.0
+    if model == ELASTIC_POWER_LAW and parameter == 3:
+        return 1.0
+    return math.nan
 
 
 @compiled
@@ -35,9 +89,15 @@ def contact_force(
     The exponents are limited to their physical range here: an estimate may leave it for a while,
     a force computed from it must not explode.
     """
+    if model == KELVIN_VOIGT:
+        return kelvin_voigt_force(displacement, velocity, stiffness, damping)
+    if model == KELVIN_BOLTZMANN:
+        return kelvin_boltzmann_force(displacement, velocity_exponent, stiffness, damping)
     displacement_exponent = min(
         max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
     )
+    if model == ELASTIC_POWER_LAW:
+        return elastic_power_law_force(displacement, stiffness, displacement_exponent)
     velocity_exponent = min(
         max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
     )
@@ -49,3 +109,54 @@ def contact_force(
         displacement_exponent,
         velocity_exponent,
     )
+
+
+@compiled
+def contact_gradient(
+    model: int,
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    displacement_exponent: float,
+    velocity_exponent: float,
+    gradient: NDArray[np.float64],
+) -> None:
+    """Derivatives of `contact_force` with respect to its six arguments after the model.
+
+    Args:
+        model: code of the model.
+        displacement: d [mm].
+        velocity: v [mm/s].
+        stiffness: K.
+        damping: B.
+        displacement_exponent: n.
+        velocity_exponent: p, or the lagged velocity.
+        gradient: takes the derivatives, shape (6,).
+    """
+    n = min(
+        max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
+    )
+    p = min(max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+    if model in (KELVIN_VOIGT, KELVIN_BOLTZMANN):
+        for i in range(6):
+            gradient[i] = 0.0
+        if displacement > 0.0:
+            gradient[0] = stiffness
+            gradient[2] = displacement
+            if model == KELVIN_VOIGT:
+                gradient[1] = damping
+                gradient[3] = velocity
+            else:
+                gradient[5] = damping
+                gradient[3] = velocity_exponent
+        return
+    if model == ELASTIC_POWER_LAW:
+        damping = 0.0
+    hunt_crossley_gradient(displacement, velocity, stiffness, damping, n, p, gradient)
+    if model == ELASTIC_POWER_LAW:
+        gradient[3] = 0.0
+    if n != displacement_exponent:
+        gradient[4] = 0.0
+    if p != velocity_exponent:
+        gradient[5] = 0.0

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hc_estimator.adaptation import policy
-from hc_estimator.filters import ukf
+from hc_estimator.filters import ekf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 
@@ -45,6 +45,12 @@ FILTERS: dict[str, FilterEntry] = {
         run=ukf.run,
         specifications=ukf.SPECIFICATIONS,
         summary="scaled unscented Kalman filter with redrawn sigma points",
+        defaults=_PLAIN_PAPER,
+    ),
+    "ekf": FilterEntry(
+        run=ekf.run,
+        specifications=ekf.SPECIFICATIONS,
+        summary="extended Kalman filter with analytic Jacobians",
         defaults=_PLAIN_PAPER,
     ),
 }

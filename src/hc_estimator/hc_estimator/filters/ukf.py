@@ -20,7 +20,7 @@ SPECIFICATIONS = UNSCENTED_SPECIFICATIONS + policy.SPECIFICATIONS
 @compiled
 def _use(settings: Any, memory: Any, time: float) -> int:
     """Predict to the sample, update with it and adapt; the decision on the sample."""
-    if not predict(settings, memory):
+    if not predict(settings, memory, True):
         return NUMERICAL
     add_process_noise(memory)
     policy.prepare(settings, memory)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import contact_force
+from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -100,6 +100,7 @@ def exponential(logarithm: float) -> float:
 @compiled
 def propagate(
     elapsed: float,
+    lag: float,
     state: NDArray[np.float64],
     covariance: NDArray[np.float64],
     predicted_state: NDArray[np.float64],
@@ -112,6 +113,8 @@ def propagate(
 
     Args:
         elapsed: time step [s].
+        lag: share of v - w that a lagged velocity w in the last state makes good; 0 if there is
+            none.
         state: x, shape (7,).
         covariance: P, shape (7, 7).
         predicted_state: takes A x, shape (7,).
@@ -122,14 +125,17 @@ def propagate(
         predicted_state[i] = state[i]
     predicted_state[0] = state[0] + elapsed * state[1] + half * state[2]
     predicted_state[1] = state[1] + elapsed * state[2]
+    predicted_state[6] = state[6] + lag * (state[1] - state[6])
     for j in range(7):
         second, third = covariance[1, j], covariance[2, j]
         predicted_covariance[0, j] = covariance[0, j] + elapsed * second + half * third
         predicted_covariance[1, j] = second + elapsed * third
-        for i in range(2, 7):
+        for i in range(2, 6):
             predicted_covariance[i, j] = covariance[i, j]
+        predicted_covariance[6, j] = covariance[6, j] + lag * (second - covariance[6, j])
     for i in range(7):
         second, third = predicted_covariance[i, 1], predicted_covariance[i, 2]
+        predicted_covariance[i, 6] += lag * (second - predicted_covariance[i, 6])
         predicted_covariance[i, 0] += elapsed * second + half * third
         predicted_covariance[i, 1] = second + elapsed * third
     for i in range(7):  # exact symmetry
@@ -138,12 +144,15 @@ def propagate(
 
 
 @compiled
-def process(elapsed: float, state: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+def process(
+    elapsed: float, lag: float, state: NDArray[np.float64], result: NDArray[np.float64]
+) -> None:
     """The process function for one point; see `propagate`."""
     for i in range(7):
         result[i] = state[i]
     result[0] = state[0] + elapsed * state[1] + 0.5 * elapsed * elapsed * state[2]
     result[1] = state[1] + elapsed * state[2]
+    result[6] = state[6] + lag * (state[1] - state[6])
 
 
 @compiled
@@ -189,6 +198,35 @@ def measure(contact_model: int, state: NDArray[np.float64], result: NDArray[np.f
         state[5],
         state[6],
     )
+
+
+@compiled
+def measurement_jacobian(
+    contact_model: int,
+    state: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+) -> None:
+    """Derivative of the measurement function.
+
+    Args:
+        contact_model: code of the contact model.
+        state: shape (7,).
+        gradient: scratch, shape (6,).
+        jacobian: takes the derivative, shape (2, 7).
+    """
+    jacobian[:, :] = 0.0
+    jacobian[0, 0] = 1.0
+    stiffness, damping = exponential(state[3]), exponential(state[4])
+    contact_gradient(
+        contact_model, state[0], state[1], stiffness, damping, state[5], state[6], gradient
+    )
+    jacobian[1, 0] = gradient[0]
+    jacobian[1, 1] = gradient[1]
+    jacobian[1, 3] = gradient[2] * stiffness if abs(state[3]) < LARGEST_LOG else 0.0
+    jacobian[1, 4] = gradient[3] * damping if abs(state[4]) < LARGEST_LOG else 0.0
+    jacobian[1, 5] = gradient[4]
+    jacobian[1, 6] = gradient[5]
 
 
 @compiled

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import contact_force
+from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.specification import ParameterSpecification
 
 
@@ -90,6 +90,7 @@ SPECIFICATIONS = (
 def process(
     contact_model: int,
     elapsed: float,
+    lag: float,
     state: NDArray[np.float64],
     result: NDArray[np.float64],
 ) -> None:
@@ -98,6 +99,7 @@ def process(
     Args:
         contact_model: code of the contact model.
         elapsed: time step [s].
+        lag: share of v - w that a lagged velocity w in the last state makes good; 0 if none.
         state: shape (7,).
         result: takes the next state, shape (7,).
     """
@@ -107,6 +109,42 @@ def process(
     result[2] = contact_force(
         contact_model, state[0], state[1], state[3], state[4], state[5], state[6]
     )
+    result[6] = state[6] + lag * (state[1] - state[6])
+
+
+@compiled
+def process_jacobian(
+    contact_model: int,
+    elapsed: float,
+    lag: float,
+    state: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+) -> None:
+    """Derivative of the process function.
+
+    Args:
+        contact_model: code of the contact model.
+        elapsed: time step [s].
+        lag: as in `process`.
+        state: shape (7,).
+        gradient: scratch, shape (6,).
+        jacobian: takes the derivative, shape (7, 7).
+    """
+    jacobian[:, :] = 0.0
+    for i in range(7):
+        jacobian[i, i] = 1.0
+    jacobian[0, 1] = elapsed
+    contact_gradient(
+        contact_model, state[0], state[1], state[3], state[4], state[5], state[6], gradient
+    )
+    jacobian[2, 2] = 0.0
+    jacobian[2, 0] = gradient[0]
+    jacobian[2, 1] = gradient[1]
+    for i in range(4):
+        jacobian[2, 3 + i] = gradient[2 + i]
+    jacobian[6, 6] = 1.0 - lag
+    jacobian[6, 1] = lag
 
 
 @compiled

@@ -8,18 +8,22 @@ four contact parameters last.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.kelvin_boltzmann import lag_share
 from hc_estimator.contact.registry import (
     LARGEST_DISPLACEMENT_EXPONENT,
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_DISPLACEMENT_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
     contact_force,
+    fixed_value,
+    has_lagged_velocity,
 )
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space import kinematic, paper
@@ -130,18 +134,36 @@ def has_linear_process(space: int) -> bool:
 
 
 @compiled
+def lag(settings: Any, elapsed: float) -> float:
+    """Share of the lag that the contact model's lagged velocity makes good; 0 if it has none."""
+    if has_lagged_velocity(settings.contact_model):
+        return lag_share(elapsed, settings.relaxation_time)
+    return 0.0
+
+
+@compiled
 def process(
-    space: int,
-    contact_model: int,
-    elapsed: float,
-    state: NDArray[np.float64],
-    result: NDArray[np.float64],
+    settings: Any, elapsed: float, state: NDArray[np.float64], result: NDArray[np.float64]
 ) -> None:
     """Process function without noise: state after the elapsed time [s], shape (7,)."""
-    if space == KINEMATIC:
-        kinematic.process(elapsed, state, result)
+    share = lag(settings, elapsed)
+    if settings.state_space == KINEMATIC:
+        kinematic.process(elapsed, share, state, result)
     else:
-        paper.process(contact_model, elapsed, state, result)
+        paper.process(settings.contact_model, elapsed, share, state, result)
+
+
+@compiled
+def process_jacobian(
+    settings: Any,
+    elapsed: float,
+    state: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+) -> None:
+    """Derivative of the process function where that is not linear, shape (7, 7)."""
+    share = lag(settings, elapsed)
+    paper.process_jacobian(settings.contact_model, elapsed, share, state, gradient, jacobian)
 
 
 @compiled
@@ -151,18 +173,35 @@ def process_noise(settings: Any, elapsed: float, noise: NDArray[np.float64]) -> 
         kinematic.process_noise(settings, elapsed, noise)
     else:
         paper.process_noise(settings, elapsed, noise)
+    for i in range(4):
+        if not math.isnan(fixed_value(settings.contact_model, i)):
+            noise[3 + i, 3 + i] = 0.0
 
 
 @compiled
-def measure(
-    space: int, contact_model: int, state: NDArray[np.float64], result: NDArray[np.float64]
-) -> None:
+def measure(settings: Any, state: NDArray[np.float64], result: NDArray[np.float64]) -> None:
     """Measurement function: displacement [mm] and force [N] of a state, shape (2,)."""
-    if space == KINEMATIC:
-        kinematic.measure(contact_model, state, result)
+    if settings.state_space == KINEMATIC:
+        kinematic.measure(settings.contact_model, state, result)
     else:
         result[0] = state[0]
         result[1] = state[2]
+
+
+@compiled
+def measurement_jacobian(
+    settings: Any,
+    state: NDArray[np.float64],
+    gradient: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+) -> None:
+    """Derivative of the measurement function, shape (2, 7); gradient is scratch, shape (6,)."""
+    if settings.state_space == KINEMATIC:
+        kinematic.measurement_jacobian(settings.contact_model, state, gradient, jacobian)
+    else:
+        jacobian[:, :] = 0.0
+        jacobian[0, 0] = 1.0
+        jacobian[1, 2] = 1.0
 
 
 @compiled
@@ -172,6 +211,9 @@ def prior(settings: Any, state: NDArray[np.float64], covariance: NDArray[np.floa
         kinematic.prior(settings, state, covariance)
     else:
         paper.prior(settings, state, covariance)
+    for i in range(4):
+        if not math.isnan(fixed_value(settings.contact_model, i)):
+            covariance[3 + i, 3 + i] = 0.0
 
 
 @compiled
@@ -187,6 +229,12 @@ def start_motion(
         kinematic.start_motion(settings, displacement, state, covariance)
     else:
         paper.start_motion(settings, displacement, force, state, covariance)
+    if has_lagged_velocity(settings.contact_model):
+        state[6] = 0.0
+        for i in range(7):
+            covariance[6, i] = 0.0
+            covariance[i, 6] = 0.0
+        covariance[6, 6] = covariance[1, 1]
 
 
 @compiled
@@ -196,30 +244,38 @@ def constrain(settings: Any, state: NDArray[np.float64]) -> None:
         state[3] = max(state[3], 0.0)
         state[4] = max(state[4], 0.0)
         state[5] = min(max(state[5], SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT)
-        state[6] = min(max(state[6], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+        if not has_lagged_velocity(settings.contact_model):
+            state[6] = min(max(state[6], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
 
 
 @compiled
 def to_parameters(
-    space: int,
+    settings: Any,
     state: NDArray[np.float64],
     parameters: NDArray[np.float64],
     slopes: NDArray[np.float64],
 ) -> None:
     """Physical parameters K, B, n, p of a state and their slopes, each of shape (4,)."""
-    if space == KINEMATIC:
+    if settings.state_space == KINEMATIC:
         kinematic.to_parameters(state, parameters, slopes)
     else:
         for i in range(4):
             parameters[i] = state[3 + i]
             slopes[i] = 1.0
+    for i in range(4):
+        value = fixed_value(settings.contact_model, i)
+        if not math.isnan(value):
+            parameters[i] = value
+            slopes[i] = 0.0
 
 
 @compiled
-def force_of_state(space: int, contact_model: int, state: NDArray[np.float64]) -> float:
+def force_of_state(settings: Any, state: NDArray[np.float64]) -> float:
     """Force [N] of the contact law with displacement, velocity and parameters of a state."""
     stiffness, damping = state[3], state[4]
-    if space == KINEMATIC:
+    if settings.state_space == KINEMATIC:
         stiffness = kinematic.exponential(stiffness)
         damping = kinematic.exponential(damping)
-    return contact_force(contact_model, state[0], state[1], stiffness, damping, state[5], state[6])
+    return contact_force(
+        settings.contact_model, state[0], state[1], stiffness, damping, state[5], state[6]
+    )

@@ -1,0 +1,39 @@
+"""The Kelvin-Boltzmann (standard linear solid) law: a spring beside a spring and damper in series.
+
+F = K d + B w, where w follows the velocity with the relaxation time tau: dw/dt = (v - w) / tau.
+K is the stiffness that remains after relaxation, B the damping in slow motion, B / tau the extra
+stiffness in fast motion. It is the simplest law in which the force relaxes during a hold. The
+lagged velocity w is a state of its own; it takes the place of p, which this law does not have.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hc_estimator.compilation import compiled
+
+
+@compiled
+def kelvin_boltzmann_force(
+    displacement: float, lagged_velocity: float, stiffness: float, damping: float
+) -> float:
+    """Contact force of the Kelvin-Boltzmann law.
+
+    Args:
+        displacement: penetration d [mm].
+        lagged_velocity: w [mm/s].
+        stiffness: K [N/mm] after relaxation.
+        damping: B [N s/mm] in slow motion.
+
+    Returns:
+        Force [N]; 0 for d <= 0.
+    """
+    if displacement <= 0.0:
+        return 0.0
+    return stiffness * displacement + damping * lagged_velocity
+
+
+@compiled
+def lag_share(elapsed: float, relaxation_time: float) -> float:
+    """Share of v - w that w makes good in the elapsed time [s]: 1 - exp(-elapsed / tau)."""
+    return -math.expm1(-elapsed / relaxation_time)
