@@ -13,6 +13,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 
 COMMANDS: Final = (
     "run",
+    "replay",
     "estimate",
     "simulate",
     "bag",

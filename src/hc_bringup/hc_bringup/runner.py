@@ -179,7 +179,6 @@ class Runner:
             values = monitor.diagnostics.get(source.name, {})
             if "samples" in values:
                 state.samples = int(values["samples"])
-                state.statistics.count_missing_at_end(state.samples)
         for process in self._processes:
             if not process.plan.source:
                 self._stop_one(process)

@@ -110,15 +110,6 @@ class EstimateStatistics:
             self._force_errors += 1
             self._recent_square_errors.append(square)
 
-    def count_missing_at_end(self, samples: int) -> None:
-        """Count samples lost after the last estimate.
-
-        Args:
-            samples: how many samples the source published in all, counted from sequence 0.
-        """
-        if self.restarts == 0:
-            self.lost += max(0, samples - 1 - self._last_sequence)
-
     @property
     def force_rmse_n(self) -> float:
         """RMS of the one-step-ahead force error in contact, over the whole run [N]."""

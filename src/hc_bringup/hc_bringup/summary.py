@@ -11,30 +11,33 @@ from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 
 
-def run_summary(state: RunState, bag: str | None) -> dict[str, Any]:
+def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) -> dict[str, Any]:
     """Return what DESIGN.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
-    used against the measured one. lost counts sequence numbers for which no estimate came.
+    used against the measured one. lost counts samples that were published and for which no
+    estimate came.
+
+    Args:
+        state: the run at its end.
+        bag: folder of the recorded bag, or None.
+        with_latency: False where the stamps are not of the time of publication (a replay).
     """
     statistics = state.statistics
     latency = statistics.latency
-    samples = state.samples
-    if samples is None:
-        samples = statistics.estimates + statistics.lost
-    return {
+    samples, lost = state.samples, statistics.lost
+    if samples is None:  # the source did not say: all that is known are the sequence numbers
+        samples = statistics.estimates + lost
+    else:
+        lost = max(0, samples - statistics.estimates)
+    summary = {
         "samples": samples,
-        "lost": statistics.lost,
+        "lost": lost,
         "estimates": statistics.estimates,
         "rejected": dict(statistics.rejected),
         "changes_detected": statistics.changes,
         "model_mismatch_share": _share(statistics.mismatch, statistics.estimates),
         "duration_s": state.elapsed_s,
-        "latency_us": {
-            "p50": 1e6 * latency.quantile(0.5),
-            "p99": 1e6 * latency.quantile(0.99),
-            "max": 1e6 * latency.maximum if latency.count else math.nan,
-        },
         "cpu_percent": dict(state.cpu_percent),
         "parameters": statistics.parameters(),
         "parameters_std": statistics.parameters_std(),
@@ -42,6 +45,13 @@ def run_summary(state: RunState, bag: str | None) -> dict[str, Any]:
         "force_rmse_n": statistics.force_rmse_n,
         "bag": bag,
     }
+    if with_latency:
+        summary["latency_us"] = {
+            "p50": 1e6 * latency.quantile(0.5),
+            "p99": 1e6 * latency.quantile(0.99),
+            "max": 1e6 * latency.maximum if latency.count else math.nan,
+        }
+    return summary
 
 
 def _share(part: int, whole: int) -> float:
@@ -79,14 +89,12 @@ def parameter_lines(
 
 def run_text(summary: dict[str, Any]) -> str:
     """Return the summary of a run as lines for a person."""
-    latency = summary["latency_us"]
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     cpu = ", ".join(f"{name} {percent:.0f} %" for name, percent in summary["cpu_percent"].items())
     lines = [
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {summary['lost']}, rejected {rejected}",
-        f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
-        f"max {latency['max']:.0f} us; processor use: {cpu}",
+        f"processor use: {cpu}",
         *parameter_lines(
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         ),
@@ -94,6 +102,13 @@ def run_text(summary: dict[str, Any]) -> str:
         f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
         f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
     ]
+    if "latency_us" in summary:
+        latency = summary["latency_us"]
+        lines.insert(
+            1,
+            f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
+            f"max {latency['max']:.0f} us",
+        )
     if summary["bag"]:
         lines.append(f"bag: {summary['bag']}")
     return "\n".join(lines)

@@ -1,0 +1,119 @@
+"""hc replay: publishes a bag again with its timing, beside a fresh estimator if asked."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import assignment, positive, seconds
+
+HELP = "publish a bag again with its timing, beside a fresh estimator if asked"
+DERIVED_TOPICS = ["/hc/*", "/diagnostics", "/rosout", "/parameter_events"]
+"""Topics of a bag that a fresh estimator publishes itself, and the log of the recorded run."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("input", metavar="BAG", help="bag folder or .mcap file")
+    parser.add_argument(
+        "--rate", type=positive, default=1.0, metavar="R", help="recorded seconds per second"
+    )
+    parser.add_argument("--loop", action="store_true", help="start again at the end, until Ctrl-C")
+    parser.add_argument(
+        "--start", type=seconds, default=0.0, metavar="S", help="begin S seconds into the bag"
+    )
+    parser.add_argument(
+        "--duration", type=seconds, default=0.0, metavar="S", help="play S seconds (0: to the end)"
+    )
+    parser.add_argument("--estimator", action="store_true", help="start a fresh estimator beside")
+    parser.add_argument("--filter", metavar="F", help="the same, with this filter")
+    parser.add_argument("--state-space", metavar="S", help="the same, with this state space")
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the same, with this setting; may be given several times",
+    )
+    parser.add_argument("--bag", metavar="DIR", help="record the replay to a new bag")
+    parser.add_argument("--headless", action="store_true", help="no live display")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.live import Display
+    from hc_bringup.runner import Runner
+    from hc_bringup.summary import run_summary, run_text, to_json
+
+    plan, bag = _plan(arguments)
+    with Display(enabled=not arguments.headless) as display:
+        state = Runner(plan, display.show).run()
+    # Stamps are those of the recording, so there is no latency to speak of.
+    summary = run_summary(state, str(bag) if bag else None, with_latency=False)
+    print(to_json(summary) if arguments.json else run_text(summary))
+    return 0
+
+
+def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
+    from hc_bringup.commands.run import new_bag_folder
+    from hc_bringup.paths import config_folder
+    from hc_bringup.plan import NodePlan, RunPlan
+
+    source = Path(arguments.input).absolute()
+    if not source.exists():
+        raise UserError(f"{arguments.input} does not exist", WRONG_USE)
+    if source.suffix.lower() == ".csv":
+        raise UserError(
+            f"{arguments.input} is a CSV file: make a bag of it first with hc bag convert",
+            WRONG_USE,
+        )
+    settings = dict(arguments.param)
+    for name in ("filter", "state_space"):
+        if getattr(arguments, name) is not None:
+            settings[name] = getattr(arguments, name)
+    with_estimator = arguments.estimator or bool(settings)
+    bag = new_bag_folder(arguments.bag) if arguments.bag is not None else None
+    listeners = int(with_estimator) + int(bag is not None)
+    nodes = [
+        NodePlan(
+            "player",
+            "hc_logger.player_node",
+            parameters={
+                "bag": str(source),
+                "rate": arguments.rate,
+                "loop": arguments.loop,
+                "start_offset": arguments.start,
+                "duration": arguments.duration,
+                "exclude": DERIVED_TOPICS if with_estimator else [""],
+                "start_paused": True,
+                "exit_when_done": True,
+                "expected_sample_subscribers": listeners,
+            },
+            source=True,
+        )
+    ]
+    if with_estimator:
+        parameters = {**settings, "expected_sample_publishers": 1}
+        parameters["expected_estimate_subscribers"] = 1 + int(bag is not None)
+        nodes.append(
+            NodePlan(
+                "estimator",
+                "hc_estimator.node",
+                parameter_files=(config_folder() / "estimator.yaml",),
+                parameters=parameters,
+            )
+        )
+    if bag is not None:
+        topics = ["indenter/sample"] + ["hc/estimate"] * with_estimator
+        nodes.append(
+            NodePlan(
+                "recorder",
+                "hc_logger.recorder_node",
+                parameters={"output": str(bag), "expected_topics": topics},
+            )
+        )
+    return RunPlan(tuple(nodes)), bag

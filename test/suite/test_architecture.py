@@ -1,0 +1,142 @@
+"""The rule of DESIGN.md: imports run one way, and the cores know nothing of ROS."""
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+# Each package may import those after it.
+ORDER = (
+    "hc_bringup",
+    "hc_evaluation",
+    "hc_logger",
+    "hc_sim_rig",
+    "hc_estimator",
+    "hc_msgs_py",
+    "hc_msgs",
+)
+# Generated messages drag the middleware's type support in, so they count as ROS too.
+ROS = {
+    "rclpy",
+    "hc_msgs",
+    "builtin_interfaces",
+    "std_msgs",
+    "std_srvs",
+    "geometry_msgs",
+    "sensor_msgs",
+    "diagnostic_msgs",
+    "lifecycle_msgs",
+    "rcl_interfaces",
+    "rosgraph_msgs",
+}
+CORES_WITHOUT_ROS = ("hc_estimator", "hc_sim_rig", "hc_evaluation")
+LIMIT_LINES = 450
+
+
+def sources(package: str) -> list[Path]:
+    return sorted((ROOT / "src" / package / package).rglob("*.py"))
+
+
+def imported(path: Path) -> Iterator[str]:
+    """Top-level packages that a file imports, at its head or inside functions."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module.split(".")[0]
+
+
+def may_use_ros(path: Path) -> bool:
+    return path.name == "node.py" or path.name.endswith("_node.py") or path.parent.name == "ros"
+
+
+@pytest.mark.parametrize("package", ORDER[:-1])
+def test_imports_run_one_way(package: str) -> None:
+    allowed = set(ORDER[ORDER.index(package) :])
+    files = sources(package)
+    assert files
+    wrong = {
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in files
+        for name in imported(path)
+        if name in ORDER and name not in allowed
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", CORES_WITHOUT_ROS)
+def test_cores_import_no_ros(package: str) -> None:
+    wrong = {
+        f"{path.relative_to(ROOT)} imports {name}"
+        for path in sources(package)
+        if not may_use_ros(path)
+        for name in imported(path)
+        if name in ROS
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize(
+    "modules",
+    [
+        "hc_estimator",
+        "hc_sim_rig",
+        "hc_evaluation",
+        "hc_logger, hc_logger.recording, hc_logger.convert, hc_logger.info, hc_logger.writer",
+    ],
+)
+def test_importing_the_core_does_not_load_rclpy(modules: str) -> None:
+    script = f"import sys, {modules}; sys.exit('rclpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], timeout=60).returncode == 0
+
+
+def test_cores_do_not_log_or_print() -> None:
+    wrong = {
+        f"{path.relative_to(ROOT)} imports logging"
+        for package in ("hc_estimator", "hc_sim_rig", "hc_evaluation")
+        for path in sources(package)
+        if not may_use_ros(path) and "logging" in set(imported(path))
+    }
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", ORDER[:-1])
+def test_every_file_says_in_its_first_lines_what_it_is(package: str) -> None:
+    silent = [
+        str(path.relative_to(ROOT))
+        for path in sources(package)
+        if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert not silent
+
+
+@pytest.mark.parametrize("package", ORDER[:-1])
+def test_no_file_has_grown_out_of_hand(package: str) -> None:
+    long = {
+        f"{path.relative_to(ROOT)}: {lines} lines"
+        for path in sources(package)
+        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > LIMIT_LINES
+    }
+    assert not long
+
+
+@pytest.mark.parametrize("package", ORDER)
+def test_every_package_is_a_ros_package(package: str) -> None:
+    folder = ROOT / "src" / package
+    assert (folder / "package.xml").is_file()
+    if package != "hc_msgs":
+        assert (folder / "setup.py").is_file()
+        assert (folder / "setup.cfg").is_file()
+        assert (folder / "resource" / package).is_file()
+
+
+def test_lock_file_has_hashes_and_no_addresses() -> None:
+    lines = (ROOT / "requirements.lock").read_text().splitlines()
+    pinned = [line for line in lines if "==" in line and not line.startswith((" ", "#"))]
+    assert len(pinned) > 50
+    assert all(line.rstrip().endswith("\\") for line in pinned), "a package without a hash"
+    assert not [line for line in lines if "://" in line or "index-url" in line]

@@ -1,0 +1,79 @@
+"""Every command that the README shows must run: what a newcomer types is what is tested here.
+
+A fenced block that begins with `sh` holds commands, one a line, in the order in which they are
+typed; they run in one fresh folder one after the other. A command that runs until Ctrl-C ends
+with `&` in the README and is ended here when its block is over.
+"""
+
+import os
+import re
+import shlex
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```sh\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
+DOMAIN_ID = 71
+# Shown for the newcomer, run by other tests or only once in a while.
+NOT_HERE = ("./hc test", "git clone", "cd ", "sudo ", "colcon ", "pip ", "hc bench")
+
+
+def commands(block: str) -> list[str]:
+    joined = block.replace("\\\n", " ")
+    lines = [line.split("  #")[0].strip() for line in joined.splitlines()]
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def test_readme_has_commands() -> None:
+    assert sum(len(commands(block)) for block in BLOCKS) >= 8
+
+
+@pytest.mark.process
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("number", range(len(BLOCKS)))
+def test_commands_of_readme_run(number: int, tmp_path: Path) -> None:
+    for name in ("bags", "config"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    (tmp_path / "shared").mkdir()
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(DOMAIN_ID),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "PATH": f"{Path(os.sys.executable).parent}:{os.environ['PATH']}",
+    }
+    background: list[subprocess.Popen[bytes]] = []
+    ran = 0
+    try:
+        for line in commands(BLOCKS[number]):
+            if line.startswith(NOT_HERE) or "hc bench" in line:
+                continue
+            if "../shared/data" in line and not SHARED_DATA.is_dir():
+                pytest.skip(f"needs the recordings in {SHARED_DATA}")
+            line = line.replace("../shared/data", str(SHARED_DATA))
+            words = shlex.split(line.removesuffix("&"))
+            assert words[0] in ("./hc", "hc"), f"do not know how to run {line!r}"
+            words[0] = "hc"
+            if line.endswith("&"):
+                background.append(subprocess.Popen(words, cwd=tmp_path, env=environment))
+                continue
+            done = subprocess.run(
+                words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+            )
+            assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+            ran += 1
+    finally:
+        for process in background:
+            process.send_signal(signal.SIGINT)
+            try:
+                status = process.wait(15)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                raise
+            assert status == 0
+    if not ran and not background:
+        pytest.skip("nothing in this block is run here")
