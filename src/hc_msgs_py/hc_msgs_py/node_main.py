@@ -8,12 +8,14 @@ or SIGTERM ends the loop; a second one ends the process.
 from __future__ import annotations
 
 import gc
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError
 from rclpy.exceptions import ParameterException
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
@@ -59,7 +61,14 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
 
     signal.signal(signal.SIGINT, request_stop)
     signal.signal(signal.SIGTERM, request_stop)
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    # rcl would write its own line about arguments that it cannot read, before ours.
+    rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.FATAL)
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except (RCLError, UnknownROSArgsError) as error:
+        print(_without_source_lines(_one_line(error)), file=sys.stderr)  # noqa: T201
+        return 2
+    rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.INFO)
     try:
         try:
             node: ManagedNode = factory()
@@ -87,6 +96,11 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
         return status
     finally:
         rclpy.try_shutdown()
+
+
+def _without_source_lines(message: str) -> str:
+    """Cut off where in the source of rcl a message arose."""
+    return re.split(r",? at /\S+:\d+", message)[0].removeprefix("failed to initialize rcl: ")
 
 
 def _one_line(error: BaseException) -> str:

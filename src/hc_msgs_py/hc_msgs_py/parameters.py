@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 
 
@@ -39,9 +40,8 @@ def declare(
         read_only: True if it can only be set at start.
 
     Raises:
-        rclpy.exceptions.ParameterException: if the value given at start is of the wrong type or
-            out of range; run_node turns it into one line.
-        ValueError: if a word is not among the choices.
+        ValueError: if the value given at start is of the wrong type, out of range or not among
+            the choices; names the parameter, the value and what is allowed.
     """
     descriptor = ParameterDescriptor(
         description=f"{description} [{unit}]" if unit else description, read_only=read_only
@@ -55,7 +55,7 @@ def declare(
                 IntegerRange(
                     from_value=-(2**63) if minimum is None else int(minimum),
                     to_value=2**63 - 1 if maximum is None else int(maximum),
-                    step=0,
+                    step=1,
                 )
             ]
         else:
@@ -66,7 +66,26 @@ def declare(
                     step=0.0,
                 )
             ]
-    value = node.declare_parameter(name, default, descriptor).value
+    try:
+        value = node.declare_parameter(name, default, descriptor).value
+    except (InvalidParameterTypeException, InvalidParameterValueException) as error:
+        given = node._parameter_overrides[name].value  # rclpy's errors do not carry it
+        allowed = _allowed(default, minimum, maximum)
+        raise ValueError(f"parameter {name} = {given!r} is not {allowed}") from error
     if choices and value not in choices:
-        raise ValueError(f"parameter {name} is {value!r}; allowed: {', '.join(choices)}")
+        raise ValueError(f"parameter {name} = {value!r} is not one of {', '.join(choices)}")
     return value
+
+
+def _allowed(default: Any, minimum: float | None, maximum: float | None) -> str:
+    """Return in words what a parameter may be."""
+    if isinstance(default, bool):
+        return "true or false"
+    if isinstance(default, str):
+        return "a text"
+    if not isinstance(default, (int, float)):
+        return "a list of values like " + repr(list(default))
+    word = "an integer" if isinstance(default, int) else "a number with a decimal point"
+    low = "" if minimum is None else f" from {minimum:g}"
+    high = "" if maximum is None else f" to {maximum:g}"
+    return word + low + high
