@@ -62,13 +62,13 @@ class BagWriter:
         self._closed = False
         self._bytes = 0
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self.path.mkdir()  # atomic: of two recorders on one folder only one gets it
-        except FileExistsError:
-            raise BagExistsError(
-                f"{self.path} exists already and is not overwritten; give another name or delete it"
-            ) from None
+            self.path.mkdir(parents=True)  # atomic: of two recorders on one folder one gets it
         except OSError as error:
+            if self.path.exists():
+                raise BagExistsError(
+                    f"{self.path} exists already and is not overwritten; "
+                    "give another name or delete it"
+                ) from None
             raise BagError(f"cannot make the bag folder {self.path}: {error.strerror}") from error
         self._open_file()
 
