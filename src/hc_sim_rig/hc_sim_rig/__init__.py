@@ -5,14 +5,27 @@ sample = rig.step()          # one sample
 series = rig.run(10.0)       # ten seconds, compiled, the same numbers as step()
 """
 
-from hc_sim_rig.rig import SETTINGS, Joint, Rig, RigSample, RigSeries, Setting, Truth
+from hc_sim_rig.rig import (
+    Coupling,
+    Joint,
+    LinkReport,
+    Rig,
+    RigDivergedError,
+    RigSample,
+    RigSeries,
+    Truth,
+)
 from hc_sim_rig.scenario import Scenario, available_scenarios, load_scenario
 from hc_sim_rig.schema import ScenarioError
+from hc_sim_rig.settings import SETTINGS, Setting, settings_of
 
 __all__ = [
     "SETTINGS",
+    "Coupling",
     "Joint",
+    "LinkReport",
     "Rig",
+    "RigDivergedError",
     "RigSample",
     "RigSeries",
     "Scenario",
@@ -21,4 +34,5 @@ __all__ = [
     "Truth",
     "available_scenarios",
     "load_scenario",
+    "settings_of",
 ]

@@ -39,9 +39,10 @@ from hc_msgs_py.topics import (
 )
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_sim_rig.pacing import DeadlineThread
-from hc_sim_rig.rig import SETTINGS, Rig
+from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import load_scenario
 from hc_sim_rig.schema import ScenarioError
+from hc_sim_rig.settings import SETTINGS
 
 LISTENERS_EVERY = 20
 """Samples between two looks at who listens to the topics that not everybody needs."""
@@ -270,8 +271,9 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return bool(self._exit_at_end) and self._rig.finished and not self._sampler.running
 
     def close(self) -> None:
-        """Publish the sample in progress and end the thread."""
+        """Publish the sample in progress and the final count, and end the thread."""
         self._sampler.stop()
+        self._diagnostics.publish()
 
 
 def main() -> int:

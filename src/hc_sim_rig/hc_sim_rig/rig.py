@@ -5,51 +5,61 @@ Free of ROS and of clocks: time is the number of samples divided by the rate.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator import Estimator, create_estimator
+from hc_sim_rig.assembly import (
+    configuration,
+    constants,
+    first_memory,
+    first_state,
+    first_tunables,
+    variates,
+)
+from hc_sim_rig.drives import Teleoperation
 from hc_sim_rig.engine import advance
 from hc_sim_rig.layout import (
-    CONFIG,
     DRAWS,
     OUT_COLUMNS,
+    OUT_COMMAND,
     OUT_CONTACT,
     OUT_DISPLACEMENT,
+    OUT_FEEDBACK_FORCE,
     OUT_FORCE,
+    OUT_LATERAL,
     OUT_MASTER,
+    OUT_OPERATOR_FORCE,
     OUT_PARAMETERS,
     OUT_SLAVE,
     OUT_TIME,
     OUT_TRUE_DISPLACEMENT,
     OUT_TRUE_FORCE,
     OUT_TRUE_VELOCITY,
-    STATE,
-    TUNABLES,
-    TUNE_AMPLITUDE,
-    TUNE_DAMPING,
-    TUNE_DISPLACEMENT_EXPONENT,
-    TUNE_DISPLACEMENT_NOISE,
-    TUNE_FORCE_NOISE,
-    TUNE_SPEED,
-    TUNE_STIFFNESS,
+    PACKETS_LOST,
+    PACKETS_OVERTAKEN,
     TUNE_TARGET,
-    TUNE_VALUE,
-    TUNE_VELOCITY_EXPONENT,
 )
 from hc_sim_rig.scenario import Scenario, load_scenario
 from hc_sim_rig.schema import ScenarioError
+from hc_sim_rig.settings import check_settings, settings_of
 
 Array = NDArray[np.float64]
 
 BLOCK = 512
 """Rows of random draws made at a time; the numbers do not depend on it."""
 
-GLIDE_SHARE = 5.83
-"""A critically damped response is 98 % there after 5.83 / natural frequency."""
+
+FARTHEST = 1e6
+"""[mm, mm/s, rad, rad/s] A moving state beyond this is a loop that has run away."""
+
+
+class RigDivergedError(RuntimeError):
+    """The simulated loop is unstable and has run away: one line that says when."""
 
 
 class Truth(NamedTuple):
@@ -64,11 +74,25 @@ class Truth(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """Motion of the master or the slave in the slave's units [mm, mm/s, N]."""
+    """Motion of the master or the slave, both in millimetres of the slave [mm, mm/s, N].
+
+    The master of a stage is its commanded motion. Effort: the actuator's force (u_m, u_s of
+    paper C); of a stage the force that it exerts on the tissue.
+    """
 
     position_mm: Any
     velocity_mm_s: Any
     effort_n: Any
+
+
+class Coupling(NamedTuple):
+    """What passes between operator, master and slave."""
+
+    operator_force_n: Any
+    command_mm: Any
+    """Position of the master as the slave has received it."""
+    feedback_force_n: Any
+    """Contact force as the master has received it."""
 
 
 class RigSample(NamedTuple):
@@ -81,6 +105,8 @@ class RigSample(NamedTuple):
     truth: Truth
     master: Joint
     slave: Joint
+    lateral_mm: float
+    coupling: Coupling
 
 
 @dataclass(frozen=True)
@@ -94,42 +120,25 @@ class RigSeries:
     truth: Truth
     master: Joint
     slave: Joint
+    lateral_mm: Array
+    coupling: Coupling
 
     def __len__(self) -> int:
         """Number of samples."""
         return len(self.time_s)
 
 
-class Setting(NamedTuple):
-    """A setting that may change while the rig runs."""
+class LinkReport(NamedTuple):
+    """Packets of one direction that did not count."""
 
-    row: int
-    minimum: float
-    maximum: float
-    unit: str
-    about: str
-
-
-SETTINGS: Mapping[str, Setting] = {
-    "speed": Setting(TUNE_SPEED, 0.0, 10.0, "1", "pace of the motion; 0 stands still"),
-    "amplitude": Setting(TUNE_AMPLITUDE, 0.0, 10.0, "1", "scale of the motion"),
-    "stiffness": Setting(TUNE_STIFFNESS, 0.0, 1e6, "N/mm^n", "tissue parameter K"),
-    "damping": Setting(TUNE_DAMPING, 0.0, 1e6, "N (s/mm)^p / mm^n", "tissue parameter B"),
-    "displacement_exponent": Setting(
-        TUNE_DISPLACEMENT_EXPONENT, 0.2, 6.0, "1", "tissue parameter n"
-    ),
-    "velocity_exponent": Setting(TUNE_VELOCITY_EXPONENT, 0.1, 3.0, "1", "tissue parameter p"),
-    "displacement_noise_std_mm": Setting(
-        TUNE_DISPLACEMENT_NOISE, 0.0, 1e3, "mm", "noise of the displacement sensor"
-    ),
-    "force_noise_std_n": Setting(TUNE_FORCE_NOISE, 0.0, 1e3, "N", "noise of the force sensor"),
-}
+    lost: int
+    overtaken: int
 
 
 class Rig:
     """A scenario that runs."""
 
-    def __init__(self, scenario: Scenario | str, seed: int | None = None) -> None:
+    def __init__(self, scenario: Scenario | str | Path, seed: int | None = None) -> None:
         """Set the rig up at the scenario's beginning.
 
         Args:
@@ -137,48 +146,42 @@ class Rig:
             seed: seed of all random draws; None takes the scenario's.
 
         Raises:
-            ScenarioError: if the scenario cannot be loaded, or the seed is negative.
+            ScenarioError: if the scenario cannot be loaded, its estimator cannot be made, or the
+                seed is negative.
         """
-        self.scenario = load_scenario(scenario) if isinstance(scenario, str) else scenario
+        self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         self.seed = self.scenario.seed if seed is None else int(seed)
         if self.seed < 0:
             raise ScenarioError(f"seed is {self.seed}, must be >= 0")
         self.rate_hz = self.scenario.rate_hz
-        self._config = np.zeros(1, CONFIG)
+        self._config = configuration(self.scenario)
+        self._constants = constants(self.scenario)
         self._row = np.empty((1, OUT_COLUMNS))
-        self._profile = self.scenario.drive.motion.profile()
-        config = self._config[0]
-        config["rate"] = self.rate_hz
-        if self.scenario.transition_time_s > 0.0:
-            config["transition_rate"] = GLIDE_SHARE / self.scenario.transition_time_s
-        config["surface"] = self.scenario.tissue.surface_mm
-        config["offset"] = self._profile.offset
-        if self.scenario.at_end == "loop":
-            config["loop_time"] = self.scenario.duration_s
+        self._estimator = self._make_estimator()
         self.reset()
+
+    def _make_estimator(self) -> Estimator | None:
+        """The estimator in the loop, if a controller uses one."""
+        drive = self.scenario.drive
+        if not isinstance(drive, Teleoperation) or not drive.signals.uses_estimator():
+            return None
+        try:
+            return create_estimator(**{"filter": "ukf", **drive.signals.estimator})
+        except (TypeError, ValueError) as error:
+            raise ScenarioError(f"drive.signals.estimator: {error}") from None
 
     def reset(self) -> None:
         """Go back to the beginning: same scenario, same seed, same numbers."""
-        self._state = np.zeros(1, STATE)
-        self._tunables = np.zeros((TUNABLES, 3))
-        tissue, sensors = self.scenario.tissue, self.scenario.sensors
-        start = {
-            TUNE_SPEED: 1.0,
-            TUNE_AMPLITUDE: 1.0,
-            TUNE_STIFFNESS: tissue.stiffness,
-            TUNE_DAMPING: tissue.damping,
-            TUNE_DISPLACEMENT_EXPONENT: tissue.displacement_exponent,
-            TUNE_VELOCITY_EXPONENT: tissue.velocity_exponent,
-            TUNE_DISPLACEMENT_NOISE: sensors.displacement.noise_std_mm,
-            TUNE_FORCE_NOISE: sensors.force.noise_std_n,
-        }
-        for index, value in start.items():
-            self._tunables[index, TUNE_VALUE] = value
-            self._tunables[index, TUNE_TARGET] = value
+        self._state = first_state()
+        self._tunables = first_tunables(self.scenario)
+        self._memory = first_memory(self.scenario)
+        self._variates = variates(self.scenario)
         children = np.random.SeedSequence(self.seed).spawn(DRAWS)
         self._generators = [np.random.Generator(np.random.PCG64(child)) for child in children]
         self._draws = np.empty((BLOCK, DRAWS))
         self._state[0]["draw"] = BLOCK
+        if self._estimator is not None:
+            self._estimator.reset()
 
     @property
     def sequence(self) -> int:
@@ -201,65 +204,67 @@ class Rig:
         """Number of samples in a duration [s]."""
         return round(duration_s * self.rate_hz)
 
+    def link_reports(self) -> tuple[LinkReport, LinkReport]:
+        """Packets lost and overtaken so far, forward (master to slave) and backward."""
+        forward, backward = (
+            LinkReport(int(row[PACKETS_LOST]), int(row[PACKETS_OVERTAKEN]))
+            for row in self._memory.packets
+        )
+        return forward, backward
+
     def settings(self) -> dict[str, float]:
         """Targets of the settings that may change while the rig runs, by name."""
         return {
             name: float(self._tunables[setting.row, TUNE_TARGET])
-            for name, setting in SETTINGS.items()
+            for name, setting in settings_of(self.scenario).items()
         }
 
     def check(self, **settings: float) -> None:
         """Check new values of settings.
 
-        Args:
-            **settings: values by name (SETTINGS).
-
         Raises:
             ScenarioError: names the setting, its value and what is allowed.
         """
-        for name, value in settings.items():
-            if name not in SETTINGS:
-                raise ScenarioError(f"no setting {name!r}; known: {', '.join(SETTINGS)}")
-            limits = SETTINGS[name]
-            if not limits.minimum <= value <= limits.maximum:
-                raise ScenarioError(
-                    f"{name} is {value:g}, must be in [{limits.minimum:g}, {limits.maximum:g}] "
-                    f"{limits.unit}"
-                )
+        check_settings(self.scenario, settings)
 
     def tune(self, **settings: float) -> None:
         """Let settings glide to new values, within about the scenario's transition_time_s.
 
         Args:
-            **settings: new values by name (SETTINGS).
+            **settings: new values by name (settings.py).
 
         Raises:
             ScenarioError: as `check`; nothing changes then.
         """
         self.check(**settings)
+        known = settings_of(self.scenario)
         for name, value in settings.items():
-            self._tunables[SETTINGS[name].row, TUNE_TARGET] = value
+            self._tunables[known[name].row, TUNE_TARGET] = value
 
     def start_with(self, **settings: float) -> None:
         """Set settings at once, for use before the first sample.
 
         Args:
-            **settings: new values by name (SETTINGS).
+            **settings: new values by name (settings.py).
 
         Raises:
             ScenarioError: as `check`; nothing changes then.
         """
         self.check(**settings)
+        known = settings_of(self.scenario)
         for name, value in settings.items():
-            self._tunables[SETTINGS[name].row] = (value, 0.0, value)
+            self._tunables[known[name].row] = (value, 0.0, value)
 
     def warm_up(self) -> None:
-        """Compile the rig's loop, or load it from the cache; changes nothing."""
-        other = Rig(self.scenario, self.seed)
-        other.step()
+        """Compile the rig's loop, or load it from the cache; changes nothing here."""
+        Rig(self.scenario, self.seed).step()
 
     def step(self) -> RigSample:
-        """Take one sample and move on."""
+        """Take one sample and move on.
+
+        Raises:
+            RigDivergedError: if an unstable loop has run away.
+        """
         sequence = self.sequence
         self._advance(self._row)
         values = self._row[0].tolist()
@@ -277,6 +282,8 @@ class Rig:
             ),
             Joint(*values[OUT_MASTER : OUT_MASTER + 3]),
             Joint(*values[OUT_SLAVE : OUT_SLAVE + 3]),
+            values[OUT_LATERAL],
+            Coupling(values[OUT_OPERATOR_FORCE], values[OUT_COMMAND], values[OUT_FEEDBACK_FORCE]),
         )
 
     def run(self, duration_s: float | None = None) -> RigSeries:
@@ -287,6 +294,7 @@ class Rig:
 
         Raises:
             ScenarioError: if the duration is negative or not finite.
+            RigDivergedError: if an unstable loop has run away.
         """
         if duration_s is None:
             count = max(0, self.samples_in(self.scenario.duration_s) - self.sequence)
@@ -312,6 +320,10 @@ class Rig:
             ),
             Joint(*columns[OUT_MASTER : OUT_MASTER + 3]),
             Joint(*columns[OUT_SLAVE : OUT_SLAVE + 3]),
+            columns[OUT_LATERAL],
+            Coupling(
+                columns[OUT_OPERATOR_FORCE], columns[OUT_COMMAND], columns[OUT_FEEDBACK_FORCE]
+            ),
         )
 
     def _advance(self, out: Array) -> None:
@@ -323,30 +335,42 @@ class Rig:
                 self._draw()
                 row = 0
             count = min(len(out) - done, BLOCK - row)
+            if self._estimator is not None:  # it closes the loop at every sample
+                count = 1
+            part = out[done : done + count]
             advance(
                 self._config,
                 self._state,
                 self._tunables,
-                self._profile.segments,
-                self._profile.sines,
+                *self._constants,
+                *self._memory,
                 self._draws,
-                out[done : done + count],
+                part,
             )
+            if self._estimator is not None:
+                self._estimate(self._estimator, part[0])
             done += count
+            if not np.abs(self._memory.y).max() < FARTHEST:  # also when it is not a number
+                raise RigDivergedError(
+                    f"scenario {self.scenario.name} has run away before {self.time_s:g} s: its "
+                    "loop is unstable (less operator force, delay or feedback_gain may help)"
+                )
+
+    def _estimate(self, estimator: Estimator, line: Array) -> None:
+        """Give a sample to the estimator in the loop, and its answer to the controllers.
+
+        It arrives at the next sample: a period of computing time, as on a real robot.
+        """
+        estimate = estimator.step(line[OUT_TIME], line[OUT_DISPLACEMENT], line[OUT_FORCE])
+        state = self._state[0]
+        state["estimated_force"] = estimate.force_reconstructed
+        state["estimated_position"] = estimate.displacement + self._config[0]["surface"]
+        state["estimated_velocity"] = estimate.velocity
 
     def _draw(self) -> None:
         """Fill the block of random draws, one generator per column."""
-        for column, generator in enumerate(self._generators):
-            self._draws[:, column] = generator.standard_normal(BLOCK)
+        for column, (draw, generator) in enumerate(
+            zip(self._variates, self._generators, strict=True)
+        ):
+            self._draws[:, column] = draw(generator, BLOCK)
         self._state[0]["draw"] = 0
-
-
-__all__ = [
-    "SETTINGS",
-    "Joint",
-    "Rig",
-    "RigSample",
-    "RigSeries",
-    "Setting",
-    "Truth",
-]

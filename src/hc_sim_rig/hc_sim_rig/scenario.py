@@ -14,64 +14,39 @@ from pathlib import Path
 
 import yaml
 
-from hc_sim_rig.motions import ConstantVelocity, MultiSine, StepHold, Waypoints
+from hc_sim_rig.drives import Stage, Teleoperation
+from hc_sim_rig.layout import HISTORY
+from hc_sim_rig.motions import Motion
+from hc_sim_rig.profile import profile_at
 from hc_sim_rig.schema import ScenarioError, Section, build, number, section, word
+from hc_sim_rig.sensors import Sensors
+from hc_sim_rig.tissues import (
+    HuntCrossleyTissue,
+    KelvinVoigtTissue,
+    LayeredTissue,
+    NoTissue,
+    ViscoelasticTissue,
+)
+
+LOOP_TOLERANCE = 1e-3
+"""[mm or N] A motion that loops may miss its beginning by this much."""
 
 SCENARIO_FOLDER = Path(__file__).resolve().parent / "scenarios"
 """The scenarios that come with the package; config/scenarios of the checkout points here."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class HuntCrossleyTissue(Section):
-    """F = K d^n + B d^n sign(v)|v|^p (papers A, B: Eq. 1; paper C: Eq. 12 with p = 1)."""
-
-    kind: str = word(None, "hunt_crossley")
-    stiffness: float = number(None, minimum=0.0, maximum=1e6, unit="N/mm^n")
-    damping: float = number(None, minimum=0.0, maximum=1e6, unit="N (s/mm)^p / mm^n")
-    displacement_exponent: float = number(None, minimum=0.2, maximum=6.0)
-    velocity_exponent: float = number(1.0, minimum=0.1, maximum=3.0)
-    surface_mm: float = number(0.0, about="where the tissue begins", unit="mm")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stage(Section):
-    """A position-controlled linear stage that carries the tool."""
-
-    kind: str = word(None, "stage")
-    motion: ConstantVelocity | MultiSine | StepHold | Waypoints = section()
-
-
-@dataclass(frozen=True, kw_only=True)
-class DisplacementSensor(Section):
-    """How the displacement is read."""
-
-    noise_std_mm: float = number(0.0, minimum=0.0, maximum=1e3, unit="mm")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceSensor(Section):
-    """How the force is read."""
-
-    noise_std_n: float = number(0.0, minimum=0.0, maximum=1e3, unit="N")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sensors(Section):
-    """Both sensors."""
-
-    displacement: DisplacementSensor = section(DisplacementSensor)
-    force: ForceSensor = section(ForceSensor)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Scenario(Section):
     """One experiment with the rig."""
 
-    drive: Stage = section()
-    tissue: HuntCrossleyTissue = section()
+    drive: Stage | Teleoperation = section()
+    tissue: (
+        HuntCrossleyTissue | KelvinVoigtTissue | ViscoelasticTissue | LayeredTissue | NoTissue
+    ) = section()
     description: str = ""
     name: str = ""
     rate_hz: float = number(1000.0, minimum=1.0, maximum=20000.0, unit="Hz")
+    substeps: int = number(2, minimum=1, maximum=1000, about="integration steps per sample")
     duration_s: float = number(10.0, above=0.0, maximum=1e6, unit="s")
     at_end: str = word("stop", "stop", "loop")
     seed: int = number(1, minimum=0, maximum=2**63 - 1)
@@ -81,21 +56,44 @@ class Scenario(Section):
     def __post_init__(self) -> None:
         """Check what several sections say together."""
         super().__post_init__()
+        for name in ("displacement", "force"):
+            delay = getattr(self.sensors, name).delay_s
+            if delay * self.rate_hz > HISTORY - 2:
+                raise ScenarioError(
+                    f"sensors.{name}.delay_s is {delay:g}, must be at most "
+                    f"{(HISTORY - 2) / self.rate_hz:g} s at {self.rate_hz:g} Hz"
+                )
+        if isinstance(self.drive, Teleoperation):
+            self.drive.channel.check(self.rate_hz)
+        inclusion = getattr(self.tissue, "inclusion", None)
+        if inclusion is not None and getattr(self.drive, "lateral", None) is None:
+            raise ScenarioError(
+                "tissue.inclusion is felt by moving sideways only: name drive.lateral (of a stage)"
+            )
         if self.at_end == "loop":
             self._check_loop()
 
+    def motion(self) -> Motion:
+        """Return the motion of the stage, or the profile of the operator."""
+        if isinstance(self.drive, Teleoperation):
+            return self.drive.operator.profile
+        return self.drive.motion
+
     def _check_loop(self) -> None:
         """A motion that begins anew must end where it began."""
-        from hc_sim_rig.profile import profile_at
-
-        profile = self.drive.motion.profile()
-        start, _, _ = profile_at(0.0, profile.segments, profile.sines, 0)
-        end, _, _ = profile_at(self.duration_s, profile.segments, profile.sines, 0)
-        if abs(end - start) > 1e-3:
-            raise ScenarioError(
-                f"at_end is loop, but the motion ends {end - start:+.4g} mm from where it began "
-                f"after duration_s {self.duration_s:g}: choose a whole period, or at_end: stop"
-            )
+        motions = [self.motion()]
+        lateral = getattr(self.drive, "lateral", None)
+        if lateral is not None:
+            motions.append(lateral)
+        for motion in motions:
+            profile = motion.profile()
+            start, _, _ = profile_at(0.0, profile.segments, profile.sines, 0)
+            end, _, _ = profile_at(self.duration_s, profile.segments, profile.sines, 0)
+            if abs(end - start) > LOOP_TOLERANCE:
+                raise ScenarioError(
+                    f"at_end is loop, but after duration_s {self.duration_s:g} a motion is "
+                    f"{end - start:+.4g} from where it began: choose a whole period, or stop"
+                )
 
 
 def available_scenarios() -> list[str]:

@@ -91,9 +91,7 @@ class Section:
 
 
 def _check_number(field: dataclasses.Field[Any], value: Any) -> None:
-    """Check one number, or each number of a tuple."""
-    if field.type in ("float | None",) and value is None:
-        return
+    """Check one number against its range."""
     whole = field.type in ("int", int)
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
     if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(float(value)):
@@ -113,6 +111,9 @@ def _check_number(field: dataclasses.Field[Any], value: Any) -> None:
 
 def build(kind: type[S], data: Any, path: str = "") -> S:
     """Make a section from what a YAML file holds.
+
+    A class with PRESETS takes the values of the preset that the data names, unless the data give
+    their own.
 
     Args:
         kind: the section's class.
@@ -136,6 +137,8 @@ def build(kind: type[S], data: Any, path: str = "") -> S:
             guess = f" (did you mean {close[0]}?)" if close else ""
             known = ", ".join(fields)
             raise ScenarioError(f"{here} has no key {str(key)!r}{guess}; known: {known}")
+    preset = getattr(kind, "PRESETS", {}).get(data.get("preset"), {})
+    data = {**preset, **data}
     values: dict[str, Any] = {}
     for name, field in fields.items():
         where = f"{path}.{name}" if path else name
@@ -170,6 +173,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         return tuple(_convert(inner, entry, f"{where}[{i}]") for i, entry in enumerate(value))
     if isinstance(hint, type) and issubclass(hint, Section):
         return build(hint, value, where)
+    if origin is dict and not isinstance(value, dict):
+        raise ScenarioError(f"{where} is {_short(value)}, must be a mapping of keys to values")
     if hint is float and isinstance(value, str):
         raise ScenarioError(f"{where} is {value!r}, must be a number (1.0e-3, not 1e-3, in YAML)")
     return value

@@ -1,0 +1,100 @@
+"""Settings that may change while the rig runs: their names, ranges, and where they apply."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from hc_sim_rig.drives import Teleoperation
+from hc_sim_rig.layout import (
+    TUNE_AMPLITUDE,
+    TUNE_BACKWARD_DELAY,
+    TUNE_DAMPING,
+    TUNE_DISPLACEMENT_EXPONENT,
+    TUNE_DISPLACEMENT_NOISE,
+    TUNE_FEEDBACK_GAIN,
+    TUNE_FORCE_NOISE,
+    TUNE_FORWARD_DELAY,
+    TUNE_SPEED,
+    TUNE_STIFFNESS,
+    TUNE_TISSUE_SCALE,
+    TUNE_VELOCITY_EXPONENT,
+)
+from hc_sim_rig.scenario import Scenario
+from hc_sim_rig.schema import ScenarioError
+
+
+class Setting(NamedTuple):
+    """A setting that may change while the rig runs."""
+
+    row: int
+    minimum: float
+    maximum: float
+    unit: str
+    about: str
+
+
+SETTINGS: Mapping[str, Setting] = {
+    "speed": Setting(TUNE_SPEED, 0.0, 10.0, "1", "pace of the motion; 0 stands still"),
+    "amplitude": Setting(TUNE_AMPLITUDE, 0.0, 10.0, "1", "scale of the motion or the force"),
+    "displacement_noise_std_mm": Setting(
+        TUNE_DISPLACEMENT_NOISE, 0.0, 1e3, "mm", "noise of the displacement sensor"
+    ),
+    "force_noise_std_n": Setting(TUNE_FORCE_NOISE, 0.0, 1e3, "N", "noise of the force sensor"),
+    "tissue_scale": Setting(TUNE_TISSUE_SCALE, 0.0, 1e3, "1", "factor on the tissue's forces"),
+    "stiffness": Setting(TUNE_STIFFNESS, 0.0, 1e6, "N/mm^n", "tissue parameter K"),
+    "damping": Setting(TUNE_DAMPING, 0.0, 1e6, "N (s/mm)^p / mm^n", "tissue parameter B"),
+    "displacement_exponent": Setting(
+        TUNE_DISPLACEMENT_EXPONENT, 0.2, 6.0, "1", "tissue parameter n"
+    ),
+    "velocity_exponent": Setting(TUNE_VELOCITY_EXPONENT, 0.1, 3.0, "1", "tissue parameter p"),
+    "feedback_gain": Setting(TUNE_FEEDBACK_GAIN, 0.0, 1e3, "1", "k_f of the master's controller"),
+    "forward_delay_s": Setting(TUNE_FORWARD_DELAY, 0.0, 2.0, "s", "delay from master to slave"),
+    "backward_delay_s": Setting(TUNE_BACKWARD_DELAY, 0.0, 2.0, "s", "delay from slave to master"),
+}
+
+_EVERYWHERE = ("speed", "amplitude", "displacement_noise_std_mm", "force_noise_std_n")
+_TISSUE = {
+    "none": (),
+    "hunt_crossley": (
+        "tissue_scale",
+        "stiffness",
+        "damping",
+        "displacement_exponent",
+        "velocity_exponent",
+    ),
+    "kelvin_voigt": ("tissue_scale", "stiffness", "damping"),
+    "viscoelastic": ("tissue_scale", "stiffness", "displacement_exponent"),
+    "layered": ("tissue_scale",),
+}
+_TELEOPERATION = ("feedback_gain", "forward_delay_s", "backward_delay_s")
+
+
+def settings_of(scenario: Scenario) -> dict[str, Setting]:
+    """Settings that a scenario has, by name."""
+    names = _EVERYWHERE + _TISSUE[scenario.tissue.kind]
+    if isinstance(scenario.drive, Teleoperation):
+        names += _TELEOPERATION
+    return {name: SETTINGS[name] for name in names}
+
+
+def check_settings(scenario: Scenario, values: Mapping[str, float]) -> None:
+    """Check new values of settings.
+
+    Args:
+        scenario: the scenario that runs.
+        values: new values by name.
+
+    Raises:
+        ScenarioError: names the first setting that does not exist here or is out of range.
+    """
+    known = settings_of(scenario)
+    for name, value in values.items():
+        if name not in known:
+            raise ScenarioError(f"this scenario has no setting {name!r}; known: {', '.join(known)}")
+        limits = known[name]
+        if not limits.minimum <= value <= limits.maximum:
+            raise ScenarioError(
+                f"{name} is {value:g}, must be in [{limits.minimum:g}, {limits.maximum:g}] "
+                f"{limits.unit}"
+            )
