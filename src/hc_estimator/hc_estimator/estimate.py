@@ -27,7 +27,8 @@ CONTACT = 33
 CHANGE_DETECTED = 34
 MODEL_MISMATCH = 35
 REJECTED = 36
-COLUMNS = 37
+PROCESS_NOISE_SCALE = 37
+COLUMNS = 38
 
 PARAMETER_NAMES = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
@@ -128,6 +129,11 @@ class Estimate(_Rows):
         return float(self._rows[DISPLACEMENT_NOISE_STD])
 
     @property
+    def process_noise_scale(self) -> float:
+        """Factor by which an adaptation departs from the process noise of the settings."""
+        return float(self._rows[PROCESS_NOISE_SCALE])
+
+    @property
     def contact(self) -> bool:
         """True while the filtered penetration is positive."""
         return bool(self._rows[CONTACT])
@@ -192,6 +198,11 @@ class EstimateSeries(_Rows):
     def displacement_noise_std(self) -> NDArray[np.float64]:
         """Standard deviation [mm] of the displacement noise in use, shape (samples,)."""
         return self._rows[:, DISPLACEMENT_NOISE_STD]
+
+    @property
+    def process_noise_scale(self) -> NDArray[np.float64]:
+        """Factor by which an adaptation departs from the process noise, shape (samples,)."""
+        return self._rows[:, PROCESS_NOISE_SCALE]
 
     @property
     def contact(self) -> NDArray[np.bool_]:

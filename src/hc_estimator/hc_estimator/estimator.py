@@ -18,7 +18,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
-from hc_estimator.filters.registry import FIELDS, FILTERS, SCRATCH
+from hc_estimator.filters.registry import FIELDS, FILTERS, HIDDEN_SPECIFICATIONS, SCRATCH
 from hc_estimator.memory import record_type
 from hc_estimator.specification import (
     ParameterSpecification,
@@ -52,9 +52,15 @@ def available_state_spaces(filter: str | None = None) -> tuple[str, ...]:
     return FILTERS[_checked_choice("filter", filter, available_filters())].state_spaces
 
 
-def available_contact_models() -> tuple[str, ...]:
-    """Names that `create_estimator` takes as contact_model."""
-    return CONTACT_MODELS
+def available_contact_models(filter: str | None = None) -> tuple[str, ...]:
+    """Names that `create_estimator` takes as contact_model, or those that suit one filter.
+
+    Raises:
+        ValueError: unknown filter.
+    """
+    if filter is None:
+        return CONTACT_MODELS
+    return FILTERS[_checked_choice("filter", filter, available_filters())].contact_models
 
 
 def filter_summary(filter: str) -> str:
@@ -98,6 +104,11 @@ def parameter_specifications(
             f"state_space = {state_space!r} does not go with filter {filter!r}: "
             f"one of {', '.join(entry.state_spaces)}"
         )
+    if contact_model not in entry.contact_models:
+        raise ValueError(
+            f"contact_model = {contact_model!r} does not go with filter {filter!r}: "
+            f"one of {', '.join(entry.contact_models)}"
+        )
     specifications = (
         entry.specifications
         + state_space_registry.SPECIFICATIONS[state_space]
@@ -113,7 +124,7 @@ def _all_specifications() -> dict[str, ParameterSpecification]:
     groups = [entry.specifications for entry in FILTERS.values()]
     groups += state_space_registry.SPECIFICATIONS.values()
     groups += contact_registry.SPECIFICATIONS.values()
-    groups.append(screening.SPECIFICATIONS)
+    groups += [screening.SPECIFICATIONS, HIDDEN_SPECIFICATIONS]
     for group in groups:
         for specification in group:
             result.setdefault(specification.name, specification)
@@ -140,6 +151,7 @@ def _initialise(settings_array: Any, memory_array: Any) -> None:
     state_space_registry.prior(settings, memory.state, memory.covariance)
     for i in range(4):
         memory.prior_variance[i] = memory.covariance[3 + i, 3 + i]
+    memory.process_noise_scale = 1.0
     policy.initialise(settings, memory)
 
 
@@ -173,6 +185,8 @@ class Estimator:
         self._settings = np.zeros(1, SETTINGS)
         for name, specification in _ALL_SPECIFICATIONS.items():
             self._settings[name] = specification.encoded(specification.default)
+        for name, value in FILTERS[filter].fixed.items():
+            self._settings[name] = _ALL_SPECIFICATIONS[name].encoded(value)
         self._settings["state_space"] = STATE_SPACES.index(state_space)
         self._settings["contact_model"] = CONTACT_MODELS.index(contact_model)
         self._memory = np.zeros(1, MEMORY)

@@ -28,6 +28,7 @@ CORE_FIELDS: tuple[Field, ...] = (
     ("change_detected", np.int64, ()),  # at the last accepted sample
     ("model_mismatch", np.int64, ()),
     ("random_counter", np.int64, ()),  # numbers drawn so far
+    ("process_noise_scale", np.float64, ()),  # of the adapted part of Q against the settings
 )
 
 # Within one sample.
@@ -57,6 +58,9 @@ SCRATCH_FIELDS: tuple[Field, ...] = (
     ("gradient", np.float64, (6,)),
     ("process_jacobian", np.float64, (7, 7)),
     ("measurement_jacobian", np.float64, (2, 7)),
+    ("next_noise", np.float64, (2,)),
+    ("next_process_noise_scale", np.float64, ()),
+    ("first_square", np.float64, ()),  # of the innovation of a first pass
     ("parameters", np.float64, (4,)),
     ("slopes", np.float64, (4,)),
 )

@@ -29,6 +29,7 @@ CONTACT = columns.CONTACT
 CHANGE_DETECTED = columns.CHANGE_DETECTED
 MODEL_MISMATCH = columns.MODEL_MISMATCH
 REJECTED = columns.REJECTED
+PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
 
 
 @compiled
@@ -69,3 +70,4 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
     row[CHANGE_DETECTED] = float(memory.change_detected) if rejected == ACCEPTED else 0.0
     row[MODEL_MISMATCH] = float(memory.model_mismatch)
     row[REJECTED] = float(rejected)
+    row[PROCESS_NOISE_SCALE] = memory.process_noise_scale

@@ -40,17 +40,19 @@ NOISE_SPECIFICATIONS = (
     ),
 )
 
+NOISE_ADAPTATION = ParameterSpecification(
+    "noise_adaptation",
+    "str",
+    "differences",
+    "Where the sensor noise comes from: the given values, or the fifth differences of the raw "
+    "readings.",
+    choices=("fixed", "differences"),
+    runtime=False,
+)
+
 SPECIFICATIONS = (
     *NOISE_SPECIFICATIONS,
-    ParameterSpecification(
-        "noise_adaptation",
-        "str",
-        "differences",
-        "Where the sensor noise comes from: the given values, or the fifth differences of the raw "
-        "readings.",
-        choices=("fixed", "differences"),
-        runtime=False,
-    ),
+    NOISE_ADAPTATION,
     *tempering.SPECIFICATIONS,
     *difference_noise.SPECIFICATIONS,
     *change_detection.SPECIFICATIONS,
@@ -85,8 +87,7 @@ def prepare(settings: Any, memory: Any) -> None:
 def learn(settings: Any, memory: Any) -> None:
     """Learn from an accepted sample: memory.state and memory.covariance are those after it."""
     memory.change_detected = 0
-    if settings.noise_adaptation == DIFFERENCES:
-        difference_noise.learn(settings, memory)
+    learn_noise(settings, memory)
     if memory.state[0] > 0.0:  # free motion says nothing of the tissue
         tempering.count_sample(memory)
         if change_detection.detect(settings, memory):
@@ -94,6 +95,13 @@ def learn(settings: Any, memory: Any) -> None:
             forget_parameters(settings, memory)
             tempering.restart(memory)
             change_detection.restart(memory)
+
+
+@compiled
+def learn_noise(settings: Any, memory: Any) -> None:
+    """The part of `learn` that concerns the sensors' noise alone."""
+    if settings.noise_adaptation == DIFFERENCES:
+        difference_noise.learn(settings, memory)
 
 
 @compiled

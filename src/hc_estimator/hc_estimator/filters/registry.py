@@ -6,8 +6,9 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hc_estimator.adaptation import policy
-from hc_estimator.filters import ekf, ukf
+from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
+from hc_estimator.contact.registry import CONTACT_MODELS
+from hc_estimator.filters import adaptive_ukf, ekf, rls, rwstukf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 
@@ -21,14 +22,18 @@ class FilterEntry:
         specifications: parameters of the filter and of the adaptations that it uses.
         summary: one line for users.
         defaults: defaults that differ from the specifications', by state space and name.
+        fixed: settings that this filter does not offer but its kernel reads.
         state_spaces: state spaces that it combines with.
+        contact_models: contact models that it combines with.
     """
 
     run: Callable[..., None]
     specifications: tuple[ParameterSpecification, ...]
     summary: str
     defaults: Mapping[str, Mapping[str, ParameterValue]] = dataclasses.field(default_factory=dict)
+    fixed: Mapping[str, ParameterValue] = dataclasses.field(default_factory=dict)
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
+    contact_models: tuple[str, ...] = CONTACT_MODELS
 
 
 # On the papers' own state space the filters are the papers' unless told otherwise.
@@ -39,6 +44,8 @@ _PLAIN_PAPER: Mapping[str, Any] = {
         "change_detection": "none",
     }
 }
+# The mean of 30 squared innovations exceeds 2.73 once in 1e6 (chi-square).
+_RECURSIVE: dict[str, ParameterValue] = {"change_threshold": 2.73, "change_refractory": 200}
 
 FILTERS: dict[str, FilterEntry] = {
     "ukf": FilterEntry(
@@ -53,7 +60,48 @@ FILTERS: dict[str, FilterEntry] = {
         summary="extended Kalman filter with analytic Jacobians",
         defaults=_PLAIN_PAPER,
     ),
+    "rwstukf": FilterEntry(
+        run=rwstukf.run,
+        specifications=rwstukf.SPECIFICATIONS,
+        summary="random weighting strong tracking unscented filter",
+        defaults={
+            "kinematic": {"change_detection": "none"},
+            "paper": _PLAIN_PAPER["paper"],
+        },
+    ),
+    "aukf": FilterEntry(
+        run=adaptive_ukf.run,
+        specifications=adaptive_ukf.AUKF_SPECIFICATIONS,
+        summary="unscented filter with windowed estimates of its noise covariances",
+        defaults=_PLAIN_PAPER,
+        fixed={"window_only": True, "change_detection": "none"},
+    ),
+    "raukf": FilterEntry(
+        run=adaptive_ukf.run,
+        specifications=adaptive_ukf.RAUKF_SPECIFICATIONS,
+        summary="unscented filter with recursive estimates of its noise covariances",
+        defaults={
+            "kinematic": _RECURSIVE,
+            "paper": _RECURSIVE | {"tempering_amplitude": 0.0},
+        },
+    ),
+    "rls": FilterEntry(
+        run=rls.run,
+        specifications=rls.SPECIFICATIONS,
+        summary="recursive least squares on the logarithm of the force (baseline)",
+        fixed={"tempering_amplitude": 0.0},
+        state_spaces=("kinematic",),
+        contact_models=("hunt_crossley",),
+    ),
 }
 
-FIELDS: tuple[Field, ...] = CORE_FIELDS + policy.FIELDS
-SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS
+FIELDS: tuple[Field, ...] = (
+    *CORE_FIELDS,
+    *policy.FIELDS,
+    *strong_tracking.FIELDS,
+    *covariance_matching.FIELDS,
+    *rls.FIELDS,
+)
+# Settings that kernels read and no user sees.
+HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
+SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH

@@ -290,3 +290,45 @@ def to_parameters(
     slopes[1] = parameters[1]
     slopes[2] = 1.0
     slopes[3] = 1.0
+
+
+@compiled
+def correct_motion(
+    innovation: float,
+    noise: float,
+    state: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    updated_state: NDArray[np.float64],
+    updated_covariance: NDArray[np.float64],
+) -> None:
+    """Kalman update of the motion alone with a measured displacement (Joseph form).
+
+    For filters that estimate the parameters apart from the motion.
+
+    Args:
+        innovation: measured minus predicted displacement [mm].
+        noise: variance of the measurement [mm^2].
+        state: predicted state, shape (7,).
+        covariance: predicted covariance, shape (7, 7); the first three rows and columns are used.
+        updated_state: takes the updated state, shape (7,).
+        updated_covariance: takes the updated covariance, shape (7, 7).
+    """
+    total = covariance[0, 0] + noise
+    for i in range(7):
+        updated_state[i] = state[i]
+        for j in range(7):
+            updated_covariance[i, j] = covariance[i, j]
+    for i in range(3):
+        gain = covariance[i, 0] / total
+        updated_state[i] += gain * innovation
+        for j in range(i + 1):
+            other = covariance[j, 0] / total
+            # (I - K H) P (I - K H)^T + K R K^T written out for H = [1, 0, 0].
+            element = (
+                covariance[i, j]
+                - gain * covariance[0, j]
+                - other * (covariance[i, 0] - gain * covariance[0, 0])
+                + gain * other * noise
+            )
+            updated_covariance[i, j] = element
+            updated_covariance[j, i] = element
