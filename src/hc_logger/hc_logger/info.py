@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
 from hc_logger.layout import record_dtype
-from hc_logger.mcap_file import Messages
+from hc_logger.mcap_chunk import Messages
 from hc_logger.reader import BagReader
 
 GAP_FACTOR = 5.0

@@ -1,39 +1,39 @@
 """Reads one MCAP file, whole, cut off or damaged, chunk by chunk.
 
 The mcap package's readers refuse a file without its end and make one Python object per message.
-This one goes through the file's records from the front (so it needs no index), unpacks one chunk
-at a time, and lets a compiled loop find the messages in it: memory stays at the size of a chunk
-and a million messages take well under a second. Record layout: the MCAP specification, version 0.
+This one goes through the file's records from the front, so it needs no index; where the records
+cannot be followed it looks for the next chunk. One chunk at a time is in memory.
 """
 
 from __future__ import annotations
 
+import re
 import struct
-import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-import lz4.frame  # type: ignore[import-untyped]
-import numba
-import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
-from numpy.typing import NDArray
 
 from hc_logger.errors import BagError
+from hc_logger.mcap_chunk import CHUNK_HEAD, RECORD_HEAD, DamageError, Messages, parse, unpack
 
 MAGIC = b"\x89MCAP0\r\n"
-RECORD_HEAD = struct.Struct("<BQ")
-CHUNK_HEAD = struct.Struct("<QQQI")
-LARGEST_CHUNK = 2**31
-"""A length beyond this is taken for damage, not for a chunk."""
 LOOSE_BYTES = 1024 * 1024
 """Messages outside chunks are read in runs of about this size."""
+SEARCH_BYTES = 16 * 1024 * 1024
+LAST_STANDARD_OPCODE = 0x0F
+FIRST_PRIVATE_OPCODE = 0x80
+_CHUNK_PATTERN = re.compile(
+    rb"\x06(?=.{36}(?:\x00\x00\x00\x00|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd))", re.DOTALL
+)
+"""A chunk's opcode, and the name of its compression where it must stand."""
+_PATTERN_BYTES = 64
 
 
 class ChunkPlace(NamedTuple):
@@ -44,26 +44,6 @@ class ChunkPlace(NamedTuple):
     start_ns: int
     end_ns: int
     loose: bool
-
-
-class Messages(NamedTuple):
-    """The messages of one chunk, in the order of the file.
-
-    Attributes:
-        buffer: (bytes,) uint8, the unpacked chunk.
-        channel: (n,) int64 channel numbers.
-        log_time: (n,) int64 ns.
-        publish_time: (n,) int64 ns.
-        offset: (n,) int64, where each message's data starts in the buffer.
-        length: (n,) int64, how long it is.
-    """
-
-    buffer: NDArray[np.uint8]
-    channel: NDArray[np.int64]
-    log_time: NDArray[np.int64]
-    publish_time: NDArray[np.int64]
-    offset: NDArray[np.int64]
-    length: NDArray[np.int64]
 
 
 class DamagedChunk(NamedTuple):
@@ -83,55 +63,17 @@ class FileScan:
         channels: by number.
         metadata: metadata records by name.
         complete: True if the file has its end.
-        readable_bytes: how far the records could be followed.
-        size: size of the file.
-        problem: why the records could not be followed to the end, empty if they could.
+        size: size of the file in bytes.
+        unreadable: byte ranges (from, to) where the records could not be followed.
     """
 
-    chunks: list[ChunkPlace]
-    schemas: dict[int, Schema]
-    channels: dict[int, Channel]
-    metadata: dict[str, dict[str, str]]
+    chunks: list[ChunkPlace] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
-    readable_bytes: int = 0
     size: int = 0
-    problem: str = ""
-
-
-def _walk(buffer: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return (records, 3) opcode, start of content, length of content of every whole record."""
-    size = buffer.size
-    count = 0
-    position = np.int64(0)
-    places = np.empty((0, 3), np.int64)
-    for attempt in range(2):  # first count, then fill
-        if attempt == 1:
-            places = np.empty((count, 3), np.int64)
-            count = 0
-            position = np.int64(0)
-        while position + 9 <= size:
-            length = np.int64(0)
-            for k in range(8):
-                length |= np.int64(buffer[position + 1 + k]) << np.int64(8 * k)
-            if length < 0 or length > size - position - 9:
-                break
-            if attempt == 1:
-                places[count, 0] = buffer[position]
-                places[count, 1] = position + 9
-                places[count, 2] = length
-            count += 1
-            position += 9 + length
-    return places
-
-
-try:
-    walk_records = numba.njit(cache=True)(_walk)
-except RuntimeError:  # no folder for numba's cache can be written: compiled anew in each process
-    walk_records = numba.njit(_walk)
-
-_MESSAGE_HEAD = np.dtype(
-    [("channel", "<u2"), ("sequence", "<u4"), ("log_time", "<i8"), ("publish_time", "<i8")]
-)
+    unreadable: list[tuple[int, int]] = field(default_factory=list)
 
 
 class McapFile:
@@ -141,6 +83,7 @@ class McapFile:
         path: the file.
         scan: what the first pass found. Where the file has no end with a list of its channels,
             the chunks were unpacked once to find them.
+        damaged: chunks that were met and cannot be used.
     """
 
     def __init__(self, path: Path) -> None:
@@ -164,7 +107,7 @@ class McapFile:
             )
         self.damaged: list[DamagedChunk] = []
         self._checked: set[int] = set()
-        self.scan = FileScan([], {}, {}, {})
+        self.scan = FileScan()
         self._scan()
         if not self.scan.complete or (self.scan.chunks and not self.scan.channels):
             for place in self.scan.chunks:
@@ -174,53 +117,115 @@ class McapFile:
         """Close the file."""
         self._stream.close()
 
-    def _scan(self) -> None:
-        scan = self.scan
-        stream = self._stream
-        scan.size = stream.seek(0, 2)
-        position = len(MAGIC)
-        loose_start = loose_first = loose_last = -1
-        while True:
-            stream.seek(position)
-            head = stream.read(RECORD_HEAD.size)
-            if len(head) < RECORD_HEAD.size:
-                break
-            opcode, length = RECORD_HEAD.unpack(head)
-            after = position + RECORD_HEAD.size + length
-            if loose_start >= 0 and (
-                opcode != Opcode.MESSAGE or position - loose_start > LOOSE_BYTES
-            ):
-                scan.chunks.append(
-                    ChunkPlace(loose_start, position - loose_start, loose_first, loose_last, True)
-                )
-                loose_start = -1
-            if opcode == 0 or after > scan.size:
-                scan.problem = f"cut off or damaged at byte {position} of {scan.size}"
-                break
-            if opcode == Opcode.CHUNK and length >= CHUNK_HEAD.size:
-                start, end, _, _ = CHUNK_HEAD.unpack(stream.read(CHUNK_HEAD.size))
-                scan.chunks.append(ChunkPlace(position, after - position, start, end, False))
-            elif opcode == Opcode.MESSAGE:
-                time = struct.unpack("<6xq", stream.read(14))[0]
-                if loose_start < 0:
-                    loose_start, loose_first, loose_last = position, time, time
-                loose_first, loose_last = min(loose_first, time), max(loose_last, time)
-            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
-                self._keep(opcode, stream.read(length))
-            elif opcode == Opcode.FOOTER:
-                scan.complete = stream.seek(after) == after and stream.read(8) == MAGIC
-                if not scan.complete:
-                    scan.problem = "the closing mark after the last record is missing"
-                position = after
-                break
-            position = after
-        scan.readable_bytes = position
-        if not scan.complete and not scan.problem:
-            scan.problem = f"cut off after byte {position}"
-        if loose_start >= 0:
-            scan.chunks.append(
-                ChunkPlace(loose_start, position - loose_start, loose_first, loose_last, True)
+    def problems(self) -> list[str]:
+        """Return one line for each thing that could not be read so far."""
+        lines = []
+        for start, end in self.scan.unreadable:
+            cut = end == self.scan.size and not self.scan.complete
+            lines.append(
+                f"cut off at byte {start} of {end}"
+                if cut
+                else f"damaged from byte {start} to {end} of {self.scan.size}"
             )
+        if not self.scan.complete and not lines:
+            lines.append(f"cut off after byte {self.scan.size}: its end is missing")
+        lines += [
+            f"the chunk at byte {damage.place.offset} is damaged ({damage.reason})"
+            for damage in self.damaged
+        ]
+        return lines
+
+    def _scan(self) -> None:
+        """Follow the records; look for the next chunk where that fails."""
+        scan = self.scan
+        scan.size = self._stream.seek(0, 2)
+        position = before = len(MAGIC)
+        while position < scan.size:
+            after = self._scan_record(position)
+            if after is None:
+                # the length that led here may be the damaged one: look from inside that record
+                found = self._find_chunk(min(before + RECORD_HEAD.size, position + 1))
+                scan.unreadable.append((position, scan.size if found is None else found))
+                if found is None:
+                    return
+                before, position = found, found
+                continue
+            if scan.complete:
+                return
+            before, position = position, after
+
+    def _scan_record(self, position: int) -> int | None:
+        """Take note of the record at a position; return where it ends, None if it is damaged."""
+        scan, stream = self.scan, self._stream
+        stream.seek(position)
+        head = stream.read(RECORD_HEAD.size)
+        if len(head) < RECORD_HEAD.size:
+            return None
+        opcode, length = RECORD_HEAD.unpack(head)
+        after: int = position + RECORD_HEAD.size + length
+        standard = 0 < opcode <= LAST_STANDARD_OPCODE
+        if after > scan.size or not (standard or opcode >= FIRST_PRIVATE_OPCODE):
+            return None
+        if opcode == Opcode.CHUNK:
+            place = _chunk_place(stream.read(_PATTERN_BYTES), position, length)
+            if place is None:
+                return None
+            if place.offset not in {known.offset for known in scan.chunks[-1:]}:
+                scan.chunks.append(place)
+        elif opcode == Opcode.MESSAGE:
+            return self._scan_loose(position, after)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
+            try:
+                self._keep(opcode, stream.read(length))
+            except (struct.error, UnicodeDecodeError, McapError, IndexError):
+                return None
+        elif opcode == Opcode.FOOTER:
+            stream.seek(after)
+            scan.complete = stream.read() == MAGIC
+            if not scan.complete:
+                return None
+        return after
+
+    def _scan_loose(self, position: int, after: int) -> int:
+        """Add a message outside chunks to the run of such messages before it."""
+        (time,) = struct.unpack("<6xq8x", self._stream.read(22).ljust(22, b"\0"))
+        chunks = self.scan.chunks
+        last = chunks[-1] if chunks else None
+        if (
+            last is not None
+            and last.loose
+            and last.offset + last.length == position
+            and last.length < LOOSE_BYTES
+        ):
+            chunks[-1] = ChunkPlace(
+                last.offset,
+                after - last.offset,
+                min(last.start_ns, time),
+                max(last.end_ns, time),
+                True,
+            )
+        else:
+            chunks.append(ChunkPlace(position, after - position, time, time, True))
+        return after
+
+    def _find_chunk(self, position: int) -> int | None:
+        """Return where the next chunk record begins that agrees with itself."""
+        known = self.scan.chunks[-1].offset if self.scan.chunks else -1
+        while position < self.scan.size:
+            self._stream.seek(position)
+            block = self._stream.read(SEARCH_BYTES + _PATTERN_BYTES)
+            for match in _CHUNK_PATTERN.finditer(block):
+                offset = position + match.start()
+                if match.start() >= SEARCH_BYTES:
+                    break
+                raw = block[match.start() : match.start() + RECORD_HEAD.size + _PATTERN_BYTES]
+                _, length = RECORD_HEAD.unpack_from(raw)
+                end = offset + RECORD_HEAD.size + length
+                place = _chunk_place(raw[RECORD_HEAD.size :], offset, length)
+                if place is not None and end <= self.scan.size and offset > known:
+                    return offset
+            position += SEARCH_BYTES
+        return None
 
     def _keep(self, opcode: int, content: bytes) -> None:
         """Keep a schema, channel or metadata record."""
@@ -245,31 +250,19 @@ class McapFile:
         """
         self._stream.seek(place.offset)
         raw = self._stream.read(place.length)
+        first_time = place.offset not in self._checked
+        self._checked.add(place.offset)
         try:
-            content = raw if place.loose else _unpack(raw)
-            buffer = np.frombuffer(content, np.uint8)
-            records = walk_records(buffer)
-            end = int(records[-1, 1] + records[-1, 2]) if len(records) else 0
-            if end != buffer.size:
-                raise ValueError("its records do not fill it")
-            messages = _messages(buffer, records)
-            if place.offset not in self._checked:
-                for opcode, start, length in records[records[:, 0] != Opcode.MESSAGE].tolist():
+            content = raw if place.loose else unpack(raw)
+            messages, others = parse(content)
+            if first_time:
+                for opcode, start, length in others.tolist():
                     if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                         self._keep(opcode, content[start : start + length])
-        except (
-            ValueError,
-            IndexError,
-            struct.error,
-            RuntimeError,
-            zstandard.ZstdError,
-            EOFError,
-        ) as error:
-            if place.offset not in self._checked:
-                self._checked.add(place.offset)
+        except DamageError as error:
+            if first_time:
                 self.damaged.append(DamagedChunk(place, str(error)))
             return None
-        self._checked.add(place.offset)
         return messages
 
     def chunks(self) -> Iterator[Messages]:
@@ -279,50 +272,38 @@ class McapFile:
             if messages is not None:
                 yield messages
 
+    def indexed_counts(self, place: ChunkPlace) -> dict[int, int]:
+        """Return how many messages of each channel the index after a chunk lists.
 
-def _unpack(raw: bytes) -> bytes:
-    """Return the records of a chunk record.
+        It tells what was in a chunk that cannot be read; empty where there is no index.
+        """
+        counts: dict[int, int] = {}
+        position = place.offset + place.length
+        while True:
+            self._stream.seek(position)
+            head = self._stream.read(RECORD_HEAD.size + 6)
+            if len(head) < RECORD_HEAD.size + 6:
+                return counts
+            opcode, length = RECORD_HEAD.unpack_from(head)
+            channel, size = struct.unpack_from("<HI", head, RECORD_HEAD.size)
+            if opcode != Opcode.MESSAGE_INDEX or size != length - 6:
+                return counts
+            counts[channel] = size // 16
+            position += RECORD_HEAD.size + length
 
-    Raises:
-        ValueError, RuntimeError or zstandard.ZstdError: if it is damaged.
+
+def _chunk_place(head: bytes, position: int, length: int) -> ChunkPlace | None:
+    """Return a chunk's place from the first bytes of its content; None if they disagree.
+
+    The lengths must add up: 28 bytes, the compression's name, its records, each with a length.
     """
-    position = RECORD_HEAD.size
-    _, _, unpacked_size, checksum = CHUNK_HEAD.unpack_from(raw, position)
-    position += CHUNK_HEAD.size
-    (name_length,) = struct.unpack_from("<I", raw, position)
-    compression = raw[position + 4 : position + 4 + name_length].decode("utf-8")
-    position += 4 + name_length
-    (packed_size,) = struct.unpack_from("<Q", raw, position)
-    packed = raw[position + 8 : position + 8 + packed_size]
-    if len(packed) != packed_size or unpacked_size > LARGEST_CHUNK:
-        raise ValueError("its stated size is impossible")
-    if compression == "zstd":
-        content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=unpacked_size)
-    elif compression == "lz4":
-        content = lz4.frame.decompress(packed)
-    elif compression == "":
-        content = packed
-    else:
-        raise ValueError(f"its compression {compression!r} is not known")
-    if len(content) != unpacked_size:
-        raise ValueError(f"it unpacks to {len(content)} instead of {unpacked_size} bytes")
-    if checksum and zlib.crc32(content) != checksum:
-        raise ValueError("its checksum is wrong")
-    return content
-
-
-def _messages(buffer: NDArray[np.uint8], records: NDArray[np.int64]) -> Messages:
-    rows = records[records[:, 0] == Opcode.MESSAGE]
-    start, length = rows[:, 1], rows[:, 2]
-    size = _MESSAGE_HEAD.itemsize
-    if len(rows) and int(length.min()) < size:
-        raise ValueError("it holds a message that is too short")
-    heads = buffer[start[:, None] + np.arange(size)].view(_MESSAGE_HEAD).reshape(-1)
-    return Messages(
-        buffer,
-        heads["channel"].astype(np.int64),
-        heads["log_time"],
-        heads["publish_time"],
-        start + size,
-        length - size,
-    )
+    if len(head) < CHUNK_HEAD.size + 12:
+        return None
+    start, end, _, _ = CHUNK_HEAD.unpack_from(head)
+    (name_length,) = struct.unpack_from("<I", head, CHUNK_HEAD.size)
+    if name_length > 16 or len(head) < CHUNK_HEAD.size + 12 + name_length:
+        return None
+    (packed_size,) = struct.unpack_from("<Q", head, CHUNK_HEAD.size + 4 + name_length)
+    if CHUNK_HEAD.size + 12 + name_length + packed_size != length:
+        return None
+    return ChunkPlace(position, RECORD_HEAD.size + length, start, end, False)

@@ -19,17 +19,19 @@ from numpy.typing import NDArray
 
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
-from hc_logger.mcap_file import ChunkPlace, McapFile, Messages
+from hc_logger.mcap_chunk import Messages
+from hc_logger.mcap_file import ChunkPlace, McapFile
 from hc_logger.metadata import FILE_NAME, read_information
 
 
 class Message(NamedTuple):
-    """One recorded message: topic, log and publish time (ns), and its CDR bytes."""
+    """One recorded message: topic, log and publish time (ns), CDR bytes, publisher's counter."""
 
     topic: str
     log_time: int
     publish_time: int
     data: bytes
+    sequence: int = 0
 
 
 class Topic(NamedTuple):
@@ -161,13 +163,7 @@ class BagReader:
         """One line for each thing that could not be read so far."""
         lines = list(self._unreadable)
         for file in self.files:
-            if file.scan.problem:
-                lines.append(f"{file.path.name}: {file.scan.problem}")
-            lines += [
-                f"{file.path.name}: the chunk at byte {damage.place.offset} is damaged "
-                f"({damage.reason})"
-                for damage in file.damaged
-            ]
+            lines += [f"{file.path.name}: {problem}" for problem in file.problems()]
         return lines
 
     def _places(self) -> list[tuple[ChunkPlace, int]]:
@@ -228,13 +224,14 @@ class BagReader:
         wanted = {i: n for i, n in names.items() if topics is None or n in topics}
         buffer = messages.buffer.tobytes()
         return [
-            Message(wanted[channel], log, publish, buffer[offset : offset + length])
-            for channel, log, publish, offset, length in zip(
+            Message(wanted[channel], log, publish, buffer[offset : offset + length], sequence)
+            for channel, log, publish, offset, length, sequence in zip(
                 messages.channel.tolist(),
                 messages.log_time.tolist(),
                 messages.publish_time.tolist(),
                 messages.offset.tolist(),
                 messages.length.tolist(),
+                messages.sequence.tolist(),
                 strict=True,
             )
             if channel in wanted and first <= log <= last

@@ -1,0 +1,147 @@
+"""Makes a clean bag of one that was cut off or damaged, and says what was lost."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from hc_logger.convert import Progress, nothing
+from hc_logger.errors import BagError
+from hc_logger.mcap_file import McapFile
+from hc_logger.reader import BagReader
+from hc_logger.writer import BagWriter, os_errors
+
+RECOVERED_FROM = "recovered_from"
+"""Key of the new bag's custom data that names the old one."""
+
+
+@dataclass
+class RecoveryReport:
+    """What `hc bag recover` did.
+
+    Attributes:
+        recovered: messages in the new bag, by topic.
+        lost: messages that the index of the old bag lists and that cannot be read, by topic.
+        lost_bytes: bytes of the old files that could not be used.
+        lost_spans: first and last log time (ns) of each chunk that cannot be read.
+        unknown_channels: messages that were readable but of a topic whose description is lost.
+        problems: one line for each damaged place.
+        last_ns: log time of the last message in the new bag, None without messages.
+    """
+
+    recovered: dict[str, int] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
+    lost_bytes: int = 0
+    lost_spans: list[tuple[int, int]] = field(default_factory=list)
+    unknown_channels: int = 0
+    problems: list[str] = field(default_factory=list)
+    last_ns: int | None = None
+
+    @property
+    def clean(self) -> bool:
+        """True if the old bag had no damage."""
+        return not self.problems
+
+    def lines(self) -> list[str]:
+        """Return what to tell the user, one line each."""
+        total = sum(self.recovered.values())
+        lines = [f"recovered {total} messages of {len(self.recovered)} topics"]
+        if self.clean:
+            return [*lines, "nothing was lost: the bag was whole"]
+        lines += self.problems
+        lines += [f"lost {count} messages of {topic}" for topic, count in self.lost.items()]
+        lines += [
+            f"lost {(end - start) * 1e-9:.3f} s from {start * 1e-9:.6f}"
+            for start, end in self.lost_spans
+        ]
+        if self.unknown_channels:
+            lines.append(
+                f"lost {self.unknown_channels} messages whose topic's description is damaged"
+            )
+        lines.append(f"lost {self.lost_bytes} bytes")
+        return lines
+
+
+def recover_bag(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    progress: Progress = nothing,
+) -> RecoveryReport:
+    """Copy every readable message of a bag into a new one.
+
+    Args:
+        source: bag folder or MCAP file, cut off or damaged; stays as it is.
+        target: folder of the new bag; must not exist.
+        progress: told the done share.
+
+    Raises:
+        BagError: if nothing can be recovered or the target exists.
+    """
+    source = Path(source)
+    with BagReader(source) as reader:
+        if not reader.topics:
+            because = "; ".join(reader.problems) or "it holds no topic"
+            raise BagError(f"nothing can be recovered from {source}: {because}")
+        report = RecoveryReport()
+        with os_errors(f"cannot write {target}"):
+            data = {**reader.custom_data, RECOVERED_FROM: source.resolve().name}
+            with BagWriter(target, custom_data=data) as writer:
+                _copy(reader, writer, report, progress)
+        _account(reader, report)
+    return report
+
+
+def _copy(
+    reader: BagReader, writer: BagWriter, report: RecoveryReport, progress: Progress
+) -> None:
+    numbers = {
+        name: writer.add_topic(
+            name,
+            topic.definition.name,
+            qos_profiles=topic.qos_profiles,
+            definition=topic.definition,
+        )
+        for name, topic in reader.topics.items()
+    }
+    report.recovered = dict.fromkeys(numbers, 0)
+    first, last = reader.time_range() or (0, 0)
+    for count, message in enumerate(reader.messages()):
+        writer.write(
+            numbers[message.topic],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
+        report.recovered[message.topic] += 1
+        report.last_ns = message.log_time
+        if count % 10_000 == 0:
+            progress((message.log_time - first) / max(last - first, 1))
+    progress(1.0)
+
+
+def _account(reader: BagReader, report: RecoveryReport) -> None:
+    """Find out what the damaged places held."""
+    report.problems = reader.problems
+    for file in reader.files:
+        names = {number: channel.topic for number, channel in file.scan.channels.items()}
+        report.lost_bytes += sum(end - start for start, end in file.scan.unreadable)
+        for damage in file.damaged:
+            report.lost_bytes += damage.place.length
+            report.lost_spans.append((damage.place.start_ns, damage.place.end_ns))
+            for channel, count in file.indexed_counts(damage.place).items():
+                topic = names.get(channel, f"channel {channel}")
+                report.lost[topic] = report.lost.get(topic, 0) + count
+        report.unknown_channels += _of_unknown_channels(file)
+
+
+def _of_unknown_channels(file: McapFile) -> int:
+    """Count messages whose channel nothing describes (only possible where chunks are damaged)."""
+    if not file.damaged and not file.scan.unreadable:
+        return 0
+    known = np.array(sorted(file.scan.channels), np.int64)
+    return sum(int(np.count_nonzero(~np.isin(m.channel, known))) for m in file.chunks())
