@@ -6,7 +6,7 @@ setup(
     name="hc_msgs_py",
     version="0.1.0",
     packages=find_packages(include=["hc_msgs_py", "hc_msgs_py.*"]),
-    package_data={"hc_msgs_py": ["py.typed"]},
+    package_data={"hc_msgs_py": ["py.typed", "*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/hc_msgs_py"]),
         ("share/hc_msgs_py", ["package.xml"]),

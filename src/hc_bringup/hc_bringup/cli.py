@@ -58,8 +58,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0, 1 for a failure, 2 for wrong use.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    # Who does not say otherwise talks to nodes on this machine only.
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
     module = importlib.import_module(f"hc_bringup.commands.{parsed.command}")

@@ -14,6 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
 from hc_bringup.statistics import EstimateStatistics
+from hc_msgs_py.middleware import set_defaults
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
 
@@ -30,6 +31,7 @@ class Monitor:
         self.last_estimate_at = 0.0
 
     def __enter__(self) -> Monitor:
+        set_defaults()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(NODE_NAME, enable_rosout=False)
         self._subscription = self._node.create_subscription(

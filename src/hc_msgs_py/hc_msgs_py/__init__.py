@@ -1,6 +1,6 @@
 """ROS 2 side of names and units: topics, quality of service, SI to millimetres, node plumbing.
 
 Modules: topics (names), qos (profiles), units (stamps and lengths), conversion (messages to plain
-data), node_main (how every node starts, spins and ends), services (~/ready), diagnostics (1 Hz
-status), parameters (declaration with type, range and description).
+data), middleware (environment), node_main (how every node starts, spins and ends), services
+(~/ready), diagnostics (1 Hz status), parameters (declaration with type, range and description).
 """

@@ -20,6 +20,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from hc_msgs_py.middleware import set_defaults
+
 SPIN_TIMEOUT_S = 0.1
 
 
@@ -63,6 +65,7 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
     signal.signal(signal.SIGTERM, request_stop)
     # rcl would write its own line about arguments that it cannot read, before ours.
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.FATAL)
+    set_defaults()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except (RCLError, UnknownROSArgsError) as error:

@@ -1,0 +1,101 @@
+"""hc node, topic and param against a real node: as ros2cli, patient, within 3 s, in plain words."""
+
+import time
+
+import pytest
+import yaml
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
+
+
+@pytest.fixture
+def rig(command_line):
+    """A running indenter node at 1 kHz."""
+    process = command_line.start(module="hc_sim_rig.node")
+    deadline = time.monotonic() + 60.0
+    while "/indenter\n" not in command_line.run("node", "list").stdout:
+        assert process.poll() is None, process.stderr.read()
+        assert time.monotonic() < deadline
+    return command_line
+
+
+def test_nothing_runs(command_line) -> None:
+    assert command_line.run("node", "list").stdout == "no node is running\n"
+    done = command_line.run("topic", "echo", "/indenter/sample", "--once")
+    assert done.returncode == 1
+    assert done.stderr == "hc topic: nobody publishes /indenter/sample; topics: /parameter_events\n"
+    done = command_line.run("param", "get", "estimator", "x")
+    assert done.returncode == 1
+    assert done.stderr == "hc param: there is no node /estimator; running nodes: none\n"
+
+
+def test_commands_on_a_running_node(rig) -> None:
+    # one node for all of these: starting it is what costs time
+    assert rig.run("node", "list").stdout == "/indenter\n"
+    assert rig.run("node", "list", "--count-nodes").stdout == "1\n"
+
+    topics = rig.run("topic", "list", "-t").stdout
+    assert "/indenter/sample [hc_msgs/msg/IndenterSample]\n" in topics
+    assert "/indenter/truth [hc_msgs/msg/IndenterTruth]\n" in topics
+
+    for name in ("indenter/sample", "/indenter/sample"):
+        message = yaml.safe_load(rig.run("topic", "echo", name, "--once").stdout.split("---")[0])
+        assert message["header"]["frame_id"] == "indenter_tip"
+        assert message["sequence"] >= 0
+    value = rig.run("topic", "echo", "indenter/sample", "--once", "--field", "header.stamp.sec")
+    assert int(value.stdout.split()[0]) > 1_700_000_000
+    csv = rig.run("topic", "echo", "indenter/sample", "--once", "--csv").stdout
+    assert len(csv.split(",")) == 6
+    wrong = rig.run("topic", "echo", "indenter/sample", "--once", "--field", "nix")
+    assert wrong.returncode == 2
+    assert "no field 'nix'" in wrong.stderr
+    assert "Traceback" not in wrong.stderr
+
+    rate = rig.run("topic", "hz", "indenter/sample", "--timeout", "2").stdout
+    measured = float(rate.splitlines()[-2].removeprefix("average rate: "))
+    assert measured == pytest.approx(1000.0, rel=0.1)
+
+
+def test_parameters_of_a_running_node(rig, tmp_path) -> None:
+    assert "  speed\n" in rig.run("param", "list", "indenter").stdout
+    assert (
+        "  speed (type: double)\n" in rig.run("param", "list", "/indenter", "--param-type").stdout
+    )
+    assert rig.run("param", "get", "indenter", "speed").stdout == "Double value is: 1.0\n"
+    assert rig.run("param", "get", "indenter", "speed", "--hide-type").stdout == "1.0\n"
+
+    done = rig.run("param", "set", "indenter", "speed", "2")  # a whole number does for a double
+    assert (done.returncode, done.stdout) == (0, "Set parameter successful\n")
+    assert rig.run("param", "get", "indenter", "speed", "--hide-type").stdout == "2.0\n"
+
+    for words, expected in (
+        (("speed", "-1"), "speed"),
+        (("speed", "fast"), "speed"),
+        (("seed", "3"), "read-only"),
+        (("nix", "3"), "no parameter nix"),
+    ):
+        done = rig.run("param", "set", "indenter", *words)
+        assert done.returncode == 1
+        assert expected in done.stderr
+        assert done.stderr.count("\n") == 1
+
+    dump = rig.run("param", "dump", "indenter").stdout
+    assert yaml.safe_load(dump)["/indenter"]["ros__parameters"]["speed"] == 2.0
+    file = tmp_path / "indenter.yaml"
+    file.write_text(dump)
+    rig.run("param", "set", "indenter", "speed", "0.5")
+    loaded = rig.run("param", "load", "indenter", str(file))
+    assert loaded.stdout.startswith("1 of "), loaded.stderr
+    assert rig.run("param", "dump", "indenter").stdout == dump
+
+    file.write_text("indenter: {ros__parameters: {speed: 3.0, amplitude: -5.0}}")
+    refused = rig.run("param", "load", "indenter", str(file))
+    assert refused.returncode == 1
+    assert rig.run("param", "get", "indenter", "speed", "--hide-type").stdout == "2.0\n"  # none
+
+
+def test_answers_within_three_seconds(rig) -> None:
+    for words in (("node", "list"), ("topic", "list"), ("param", "get", "nix", "x")):
+        start = time.monotonic()
+        rig.run(*words)
+        assert time.monotonic() - start < 4.0  # 3 s, and what a busy machine adds

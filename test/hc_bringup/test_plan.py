@@ -1,0 +1,95 @@
+"""Run configurations: what is read, and what is refused with which words."""
+
+from pathlib import Path
+
+import pytest
+
+from hc_bringup.errors import UserError
+from hc_bringup.plan import load_plan
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "run.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_the_shipped_configuration_is_valid() -> None:
+    plan = load_plan(ROOT / "config" / "run.yaml")
+    assert [node.name for node in plan.nodes] == ["indenter", "estimator", "recorder"]
+    assert [node.source for node in plan.nodes] == [True, False, False]
+    assert all(f.is_file() for node in plan.nodes for f in node.parameter_files)
+
+
+def test_reads_every_key(tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("x: 1")
+    path = write(
+        tmp_path,
+        """
+duration_s: 2.5
+nodes:
+  - {name: a, module: pkg.node, parameter_files: [p.yaml], parameters: {k: 3}, source: true}
+  - {name: b, module: other, respawn: true}
+""",
+    )
+    plan = load_plan(path)
+    assert plan.duration_s == 2.5
+    first, second = plan.nodes
+    assert first.parameter_files == (tmp_path / "p.yaml",)
+    assert first.parameters == {"k": 3}
+    assert first.source
+    assert not first.respawn
+    assert second.respawn
+    assert not second.source
+    assert plan.node("b") is second
+    assert plan.node("c") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "must have the keys duration_s, nodes"),
+        ("[1, 2]", "must have the keys"),
+        ("nodes: {", "not valid YAML"),
+        ("durations: 1", "unknown key 'durations'; did you mean duration_s?"),
+        ("duration_s: 1", "nodes must list at least one node"),
+        ("duration_s: -1\nnodes: [{name: a, module: b}]", "duration_s is -1; give seconds >= 0"),
+        ("duration_s: .nan\nnodes: [{name: a, module: b}]", "duration_s is nan"),
+        ("duration_s: true\nnodes: [{name: a, module: b}]", "duration_s is True"),
+        ("nodes: [3]", "node 1 must have the keys"),
+        ("nodes: [{module: b}]", "name is None"),
+        ("nodes: [{name: a b, module: b}]", "name is 'a b'"),
+        ("nodes: [{name: a}]", "module is None"),
+        ("nodes: [{name: a, modul: b}]", "did you mean module?"),
+        ("nodes: [{name: a, module: b}, {name: a, module: c}]", "two nodes have the same name"),
+        ("nodes: [{name: a, module: b, parameter_files: [no.yaml]}]", "there is no parameter file"),
+        ("nodes: [{name: a, module: b, parameter_files: no.yaml}]", "must be a list of files"),
+        ("nodes: [{name: a, module: b, parameters: 3}]", "must be names with values"),
+        ("nodes: [{name: a, module: b, source: yes please}]", "give true or false"),
+    ],
+)
+def test_refuses_with_one_line_that_names_the_problem(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(UserError) as caught:
+        load_plan(path)
+    message = str(caught.value)
+    assert words in message
+    assert str(path) in message
+    assert "\n" not in message
+    assert caught.value.status == 2
+
+
+def test_refuses_what_is_no_text(tmp_path: Path) -> None:
+    path = tmp_path / "run.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UserError, match="not a text file"):
+        load_plan(path)
+
+
+def test_refuses_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="cannot read"):
+        load_plan(tmp_path / "no.yaml")

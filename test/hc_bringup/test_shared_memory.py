@@ -1,0 +1,54 @@
+"""Orphans in shared memory go, what is in use or older or of others stays."""
+
+import fcntl
+import os
+import time
+from pathlib import Path
+
+from hc_bringup.shared_memory import remove_orphans
+
+
+def make(folder: Path, name: str) -> None:
+    for file in (name, f"{name}_el", f"sem.{name}_mutex"):
+        (folder / file).write_bytes(b"x")
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_removes_segments_and_ports_without_owner(tmp_path: Path) -> None:
+    make(tmp_path, "fastrtps_0123")
+    make(tmp_path, "fastrtps_port7000")
+    (tmp_path / "something_else").write_bytes(b"x")
+    assert remove_orphans(tmp_path) == 2
+    assert names(tmp_path) == {"something_else"}
+
+
+def test_keeps_what_a_process_holds(tmp_path: Path) -> None:
+    make(tmp_path, "fastrtps_0123")
+    descriptor = os.open(tmp_path / "fastrtps_0123_el", os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_EX)
+    try:
+        assert remove_orphans(tmp_path) == 0
+        assert "fastrtps_0123" in names(tmp_path)
+    finally:
+        os.close(descriptor)
+    assert remove_orphans(tmp_path) == 1
+
+
+def test_one_free_lock_of_two_is_not_enough(tmp_path: Path) -> None:
+    make(tmp_path, "fastrtps_port1")
+    (tmp_path / "fastrtps_port1_sl").write_bytes(b"x")
+    descriptor = os.open(tmp_path / "fastrtps_port1_sl", os.O_RDONLY)
+    fcntl.flock(descriptor, fcntl.LOCK_SH)
+    try:
+        assert remove_orphans(tmp_path) == 0
+    finally:
+        os.close(descriptor)
+
+
+def test_leaves_alone_what_is_older_than_the_run(tmp_path: Path) -> None:
+    make(tmp_path, "fastrtps_0123")
+    assert remove_orphans(tmp_path, since=time.time() + 60.0) == 0
+    assert remove_orphans(tmp_path, since=time.time() - 60.0) == 1

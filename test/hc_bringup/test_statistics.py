@@ -1,0 +1,101 @@
+"""Statistics of a stream of estimates: quantiles, losses, force error, summaries."""
+
+import json
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hc_bringup.runner import RunState
+from hc_bringup.statistics import PARAMETERS, EstimateStatistics, Histogram
+from hc_bringup.summary import run_summary, run_text, to_json
+
+
+def estimate(sequence: int, **fields: Any) -> Any:
+    values = dict.fromkeys(PARAMETERS, 1.0)
+    values |= {f"{name}_std": 0.1 for name in PARAMETERS}
+    values |= {f"{name}_identifiability": 0.5 for name in PARAMETERS}
+    flags = {"contact": True, "change_detected": False, "model_mismatch": False, "rejected": 0}
+    numbers = {"latency": 1e-3, "innovation_force": 0.0}
+    return SimpleNamespace(**(values | flags | numbers | fields), sequence=sequence)
+
+
+@given(st.lists(st.floats(1e-6, 100.0), min_size=1, max_size=200), st.floats(0.01, 1.0))
+def test_histogram_quantile_is_within_one_percent_of_the_sorted_values(
+    values: list[float], fraction: float
+) -> None:
+    histogram = Histogram()
+    for value in values:
+        histogram.add(value)
+    index = max(0, math.ceil(fraction * len(values)) - 1)
+    exact = sorted(values)[index]
+    assert histogram.quantile(fraction) == pytest.approx(exact, rel=0.0101)
+    assert histogram.maximum == max(values)
+
+
+def test_histogram_takes_anything() -> None:
+    histogram = Histogram()
+    assert math.isnan(histogram.quantile(0.5))
+    for value in (-1.0, 0.0, 1e9):
+        histogram.add(value)
+    assert histogram.count == 3
+    assert histogram.quantile(0.5) <= 1e-7
+
+
+def test_gaps_in_the_sequence_are_losses() -> None:
+    statistics = EstimateStatistics()
+    for sequence in (5, 6, 9, 10):
+        statistics.add(estimate(sequence))
+    assert statistics.estimates == 4
+    assert statistics.lost == 2
+
+
+def test_a_sequence_that_starts_again_is_a_restart_and_no_loss() -> None:
+    statistics = EstimateStatistics()
+    for sequence in (0, 1, 2, 0, 1, 2):
+        statistics.add(estimate(sequence))
+    assert statistics.lost == 0
+    assert statistics.restarts == 1
+
+
+def test_force_error_counts_used_samples_in_contact_only() -> None:
+    statistics = EstimateStatistics()
+    errors = np.array([0.3, -0.4])
+    for sequence, error in enumerate(errors):
+        statistics.add(estimate(sequence, innovation_force=error))
+    statistics.add(estimate(2, innovation_force=50.0, contact=False))
+    statistics.add(estimate(3, innovation_force=math.nan, rejected=1))
+    assert statistics.force_rmse_n == pytest.approx(np.sqrt(np.mean(errors**2)))
+    assert statistics.rejected == {"not_finite": 1}
+
+
+def state_after(sequences: list[int], samples: int | None) -> RunState:
+    statistics = EstimateStatistics()
+    for sequence in sequences:
+        statistics.add(estimate(sequence, innovation_force=0.01))
+    return RunState(statistics, 0.0, elapsed_s=2.0, samples=samples, cpu_percent={"estimator": 9.0})
+
+
+def test_summary_counts_what_was_lost_at_the_end() -> None:
+    summary = run_summary(state_after([0, 1, 2], samples=5), "bag")
+    assert (summary["samples"], summary["estimates"], summary["lost"]) == (5, 3, 2)
+
+
+def test_summary_has_the_keys_of_the_design() -> None:
+    summary = json.loads(to_json(run_summary(state_after([0, 1], samples=2), "bag")))
+    for key in ("samples", "lost", "estimates", "duration_s", "force_rmse_n", "bag"):
+        assert key in summary
+    assert set(summary["latency_us"]) == {"p50", "p99", "max"}
+    assert set(summary["parameters"]) == set(PARAMETERS)
+    assert set(summary["parameters_std"]) == set(PARAMETERS)
+    assert summary["latency_us"]["p50"] == pytest.approx(1000.0, rel=0.02)
+
+
+def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:
+    summary = run_summary(RunState(EstimateStatistics(), 0.0), None)
+    assert json.loads(to_json(summary))["parameters"]["stiffness"] is None
+    assert "0 estimates of 0 samples" in run_text(summary)
