@@ -51,7 +51,6 @@ from hc_sim_rig.layout import (
     TUNE_DISPLACEMENT_NOISE,
     TUNE_FORCE_NOISE,
     TUNE_FORWARD_DELAY,
-    TUNE_SPEED,
     TUNE_VALUE,
     Y_ANGLE,
     Y_ANGULAR_VELOCITY,
@@ -62,6 +61,7 @@ from hc_sim_rig.layout import (
 from hc_sim_rig.manipulator_kernel import (
     force_signal,
     master_input,
+    motion_time_after,
     operator_force_at,
     reference_at,
     runge_kutta,
@@ -336,7 +336,7 @@ def advance(
             rupture(displacement, config, state, layers, step)
         now.tick += 1
         now.draw += 1
-        now.motion_time += step * tunables[TUNE_SPEED, TUNE_VALUE]
+        now.motion_time += motion_time_after(step, tunables)
         if fixed.loop_time > 0.0 and now.motion_time >= fixed.loop_time - 0.5 * step:
             begin_anew(config, state, y)
         glide(tunables, fixed.transition_rate, step)

@@ -36,6 +36,13 @@ from hc_sim_rig.tissue_kernel import tissue_force
 
 
 @inlined
+def motion_time_after(elapsed: float, tunables: NDArray[np.float64]) -> float:
+    """Motion time that passes in a time, with a pace that changes steadily [s]."""
+    pace = tunables[TUNE_SPEED, TUNE_VALUE] + 0.5 * tunables[TUNE_SPEED, TUNE_RATE] * elapsed
+    return float(pace * elapsed)
+
+
+@inlined
 def reference_at(
     elapsed: float,
     config: NDArray[Any],
@@ -45,12 +52,11 @@ def reference_at(
     sines: NDArray[np.float64],
 ) -> Any:
     """Value and rate of the motion (or the operator's profile) some time after this sample."""
-    speed = tunables[TUNE_SPEED, TUNE_VALUE]
+    speed = tunables[TUNE_SPEED, TUNE_VALUE] + tunables[TUNE_SPEED, TUNE_RATE] * elapsed
+    way = motion_time_after(elapsed, tunables)
     growth = tunables[TUNE_AMPLITUDE, TUNE_RATE]
     amplitude = tunables[TUNE_AMPLITUDE, TUNE_VALUE] + growth * elapsed
-    value, rate, segment = profile_at(
-        state[0].motion_time + speed * elapsed, segments, sines, state[0].segment
-    )
+    value, rate, segment = profile_at(state[0].motion_time + way, segments, sines, state[0].segment)
     state[0].segment = segment
     return config[0].offset + amplitude * value, amplitude * rate * speed + growth * value
 

@@ -38,11 +38,13 @@ from hc_msgs_py.topics import (
     WRENCH,
 )
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
+from hc_sim_rig.drives import Teleoperation
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import load_scenario
 from hc_sim_rig.schema import ScenarioError
 from hc_sim_rig.settings import SETTINGS
+from hc_sim_rig.simulated_time_node import SimulatedTime
 
 LISTENERS_EVERY = 20
 """Samples between two looks at who listens to the topics that not everybody needs."""
@@ -75,8 +77,15 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._published = 0
         self._published_before = 0
         self._overruns_before = 0
+        self._timeouts_before = 0
+        self._simulated = None
+        if self._time != "system":
+            lockstep = self._time == "lockstep"
+            self._simulated = SimulatedTime(self, self._rig.rate_hz, lockstep, self._timeout_s)
         self._sampler = DeadlineThread(
-            self._rig.rate_hz, self._publish, lambda: self.get_clock().now().nanoseconds
+            self._rig.rate_hz * self._rate,
+            self._publish,
+            lambda: self.get_clock().now().nanoseconds,
         )
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._missing)
@@ -84,7 +93,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self.add_post_set_parameters_callback(self._apply_settings)
         self._diagnostics = DiagnosticsPublisher(self, f"rig {self._scenario.name}", self._status)
         if not self._start_paused:
-            self._sampler.start()
+            self._begin()
 
     def _declare_start(self) -> None:
         """Declare what is fixed at the start."""
@@ -109,6 +118,40 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "start_paused",
             False,
             "take the first sample only when ~/run is called with true",
+            read_only=True,
+        )
+        self._time = declare(
+            self,
+            "time",
+            "system",
+            "system: stamps from the node's clock, in real time; simulated: stamps and /clock from "
+            "the rig, at `rate` times real time; lockstep: the same, but each sample waits for "
+            "the estimate of the one before",
+            choices=("system", "simulated", "lockstep"),
+            read_only=True,
+        )
+        self._rate = declare(
+            self,
+            "rate",
+            1.0,
+            "pace of simulated time against real time; in lockstep the largest pace",
+            minimum=0.001,
+            maximum=1000.0,
+            read_only=True,
+        )
+        if self._time == "system" and self._rate != 1.0:
+            raise ValueError(
+                f"parameter rate is {self._rate:g}, must be 1 while time is system "
+                "(time: simulated runs at another pace)"
+            )
+        self._timeout_s = declare(
+            self,
+            "lockstep_timeout",
+            2.0,
+            "longest wait for an estimate in lockstep",
+            minimum=0.001,
+            maximum=3600.0,
+            unit="s",
             read_only=True,
         )
         self._exit_at_end = declare(
@@ -173,10 +216,16 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self._expected[topic] = values.get(name, self._expected[topic])
         self._rig.tune(**self._settings_from(values))
 
+    def _begin(self) -> None:
+        """Take the first sample now."""
+        if self._simulated is not None:
+            self._simulated.begin()
+        self._sampler.start()
+
     def _run(self, request: Any, response: Any) -> Any:
         """Service ~/run: start the samples or the motion, or let the motion come to rest."""
         if request.data and not self._sampler.started:
-            self._sampler.start()
+            self._begin()
             response.message = "first sample taken"
         else:
             response.message = "motion runs" if request.data else "motion comes to rest"
@@ -193,7 +242,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             topic: (publisher.get_subscription_count(), expected)
             for publisher, (topic, expected) in zip(publishers, self._expected.items(), strict=True)
         }
-        return [
+        waiting = [] if self._simulated is None else self._simulated.missing()
+        return waiting + [
             f"{topic} has {found} of {expected} subscribers"
             for topic, (found, expected) in counts.items()
             if found < expected
@@ -209,6 +259,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 self._wrench.get_subscription_count() > 0,
                 self._joints.get_subscription_count() > 0,
             )
+        if self._simulated is not None:
+            stamp_ns = self._simulated.move_to(self._rig.sequence)
         sample = self._rig.step()
         fill_sample(
             self._sample_message,
@@ -233,6 +285,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             message.effort = [master[2], slave[2]]
             self._joints.publish(message)
         self._published += 1
+        if self._simulated is not None:
+            self._simulated.wait()
         return True
 
     def _status(self) -> Status:
@@ -252,11 +306,20 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "time_s": self._rig.time_s,
             "seed": self._seed,
         }
+        if self._simulated is not None:
+            values["lockstep_timeouts"] = self._simulated.timeouts
+        if isinstance(self._rig.scenario.drive, Teleoperation):
+            for name, link in zip(("forward", "backward"), self._rig.link_reports(), strict=True):
+                values[f"{name}_lost"] = link.lost
+                values[f"{name}_overtaken"] = link.overtaken
         if not self._sampler.started:
             return Status(Level.OK, "waits for ~/run", values)
         if self._rig.finished:
             return Status(Level.OK, "scenario finished", values)
-        if late:
+        if self._simulated is not None and self._simulated.timeouts > self._timeouts_before:
+            self._timeouts_before = self._simulated.timeouts
+            return Status(Level.WARN, "no estimate came in time", values)
+        if late and self._time != "lockstep":
             return Status(Level.WARN, f"{late} samples late by more than a period", values)
         return Status(Level.OK, "samples", values)
 

@@ -58,7 +58,7 @@ FARTHEST = 1e6
 """[mm, mm/s, rad, rad/s] A moving state beyond this is a loop that has run away."""
 
 
-class RigDivergedError(RuntimeError):
+class RigDivergedError(ScenarioError):
     """The simulated loop is unstable and has run away: one line that says when."""
 
 

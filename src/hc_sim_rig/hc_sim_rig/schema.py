@@ -137,13 +137,14 @@ def build(kind: type[S], data: Any, path: str = "") -> S:
             guess = f" (did you mean {close[0]}?)" if close else ""
             known = ", ".join(fields)
             raise ScenarioError(f"{here} has no key {str(key)!r}{guess}; known: {known}")
-    preset = getattr(kind, "PRESETS", {}).get(data.get("preset"), {})
-    data = {**preset, **data}
+    name = data.get("preset")
+    if isinstance(name, str):
+        data = {**getattr(kind, "PRESETS", {}).get(name, {}), **data}
     values: dict[str, Any] = {}
-    for name, field in fields.items():
-        where = f"{path}.{name}" if path else name
-        if name in data:
-            values[name] = _convert(hints[name], data[name], where)
+    for key, field in fields.items():
+        where = f"{path}.{key}" if path else key
+        if key in data:
+            values[key] = _convert(hints[key], data[key], where)
         elif field.default is dataclasses.MISSING and (
             field.default_factory is dataclasses.MISSING
         ):
@@ -194,7 +195,7 @@ def _convert_variant(kinds: list[type[Section]], value: Any, where: str) -> Sect
         for name in field.metadata["choices"]
     }
     name = value.get("kind")
-    if name not in by_name:
+    if not isinstance(name, str) or name not in by_name:
         raise ScenarioError(f"{where}.kind is {name!r}, must be one of {', '.join(by_name)}")
     return build(by_name[name], value, where)
 
