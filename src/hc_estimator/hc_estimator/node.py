@@ -1,7 +1,8 @@
 """Node `estimator`: samples in, estimates out, as a managed node that starts by itself.
 
-Thin: parameters are declared and checked in ros/settings, samples come from ros/inputs, the
-stream with its faults is judged in online/session, messages go out through ros/outputs.
+Thin: parameters are declared and checked in ros/settings, samples come from ros/inputs and
+ros/sensors, the stream with its faults is judged in online/session, messages go out through
+ros/outputs, and ros/services keeps the state.
 """
 
 from __future__ import annotations
@@ -16,12 +17,20 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimate, Estimator, create_estimator
+from hc_estimator.input.tare import Tare
 from hc_estimator.online.contacts import ContactSummary
-from hc_estimator.online.session import Cause, EstimationSession, Event, Revision
-from hc_estimator.ros.inputs import SampleInput
-from hc_estimator.ros.node_settings import session_settings
+from hc_estimator.online.handover import can_hand_over, hand_over
+from hc_estimator.online.session import EstimationSession
+from hc_estimator.online.state_file import SavedState
+from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
+from hc_estimator.ros.event_log import EventLog
+from hc_estimator.ros.inputs import Input, SampleInput
+from hc_estimator.ros.lifecycle import answer_impossible_transitions
+from hc_estimator.ros.node_settings import CHOICE_NAMES, NEEDS_OTHER_SUBSCRIPTIONS, session_settings
 from hc_estimator.ros.outputs import Outputs
-from hc_estimator.ros.settings import Settings
+from hc_estimator.ros.sensors import SensorInput
+from hc_estimator.ros.services import NotPossibleError, StateKeeper, add_service
+from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.status import StatusReporter
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -29,7 +38,13 @@ from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
 WATCH_PERIOD_S = 0.1
-"""Between two looks at silence and at who listens."""
+"""Between two looks at silence, at who listens and at the state to keep."""
+
+CONFIRMATIONS = 5
+CONFIRMATIONS_IN_CONFLICT = 500
+"""With two publishers on one topic the first keeps the floor until it is silent."""
+
+ZEROS = ("input.force.zero", "input.position.zero")
 
 
 class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no types
@@ -40,18 +55,28 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
         Raises:
             NodeStartError: for a parameter that does not exist, or if activation fails.
-            ValueError: for a parameter's value that is not allowed.
+            ValueError: for a parameter's value that is not allowed, or a kept state that is broken.
+            OSError: if the folder for the state cannot be made.
         """
         super().__init__(NODE_ESTIMATOR)
+        answer_impossible_transitions(self)
         self._settings = Settings(self)
+        self._keeper = StateKeeper(self._settings.values["state.folder"])
+        self._log = EventLog(self.get_logger())
         self._outputs: Outputs | None = None
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
-        self._input: SampleInput | None = None
+        self._input: Input | None = None
+        self._tare: Tare | None = None
+        self._crowded = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
         self.add_on_set_parameters_callback(self._settings.check)
         self.add_post_set_parameters_callback(self._apply)
         add_ready_service(self, self._missing)
+        add_service(self, "reset", self._reset)
+        add_service(self, "tare", self._start_tare)
+        add_service(self, "save", lambda: self._keeper.save(self._active_session()))
+        add_service(self, "load", self._load)
         # The machine's own steady clock: simulated time may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=self._steady)
@@ -80,16 +105,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the samples."""
-        session, outputs = self._parts()
+        session, _outputs = self._parts()
         if session.revision.number == 0:
             session.start()
-        self._input = SampleInput(
-            self,
-            session.process,
-            session.skip,
-            outputs.set_frame,
-            self._settings.values["input.maximum_backlog"],
-        )
+        self._listen()
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -100,6 +119,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget everything."""
         self._stop_listening()
+        self._keeper.forget_kept()
         if self._outputs is not None:
             self._outputs.close()
         self._outputs = self._session = self._status = None
@@ -108,6 +128,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop for good."""
         self._stop_listening()
+        self._keeper.forget_kept()
         return super().on_shutdown(state)
 
     def _prepare(self) -> None:
@@ -116,6 +137,33 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._outputs = Outputs(self)
         self._session = EstimationSession(estimator, self, session_settings(self._settings.values))
         self._status = StatusReporter(self._session)
+        self._go_on_from_kept()
+
+    def _go_on_from_kept(self) -> None:
+        """Continue what a node that died a short time ago had learnt."""
+        try:
+            kept = self._keeper.kept(self._settings.values["state.maximum_age"])
+            if kept is not None:
+                self._adopt(kept, kept.revision)
+        except (NotPossibleError, ValueError, OSError) as error:
+            # A broken file must not keep a node from starting again and again.
+            self.get_logger().warning(f"the kept state is not gone on from: {error}")
+
+    def _adopt(self, state: SavedState, revision: int | None = None) -> None:
+        """Take over a saved state with its kind of estimator and its settings.
+
+        Raises:
+            NotPossibleError: if the node cannot have these settings.
+            ValueError: if the state is damaged.
+        """
+        wanted = {name: state.estimator[name] for name in CHOICE_NAMES}
+        wanted |= state.estimator["configuration"]
+        answer = self.set_parameters_atomically(
+            [Parameter(name, value=value) for name, value in wanted.items()]
+        )
+        if not answer.successful:
+            raise NotPossibleError(f"the saved state does not fit: {answer.reason}")
+        self._parts()[0].load(state.estimator, state.time_origin_ns, revision)
 
     def _new_estimator(self) -> Estimator:
         kind = self._settings.kind
@@ -131,12 +179,37 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         assert self._outputs is not None
         return self._session, self._outputs
 
+    def _listen(self) -> None:
+        values = self._settings.values
+        kind = SampleInput if values["input.source"] == "sample" else SensorInput
+        self._input = kind(self, self, values)
+
     def _stop_listening(self) -> None:
+        self._tare = None
         if self._input is not None:
             self._input.close()
             self._input = None
         if self._session is not None:
             self._session.end()
+
+    # What the input says.
+
+    def on_sample(
+        self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
+    ) -> None:
+        """Hand a sample to the session, and to a tare that is under way."""
+        if self._tare is not None:
+            self._collect_tare(displacement_mm, force_n)
+        if self._session is not None:
+            self._session.process(stamp_ns, sequence, displacement_mm, force_n)
+
+    def on_skip(self, number: int) -> None:
+        """Count samples that were left out."""
+        self._parts()[0].skip(number)
+
+    def on_frame(self, frame_id: str) -> None:
+        """Name the frame in what is published."""
+        self._parts()[1].set_frame(frame_id)
 
     # What the session says.
 
@@ -144,11 +217,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
     ) -> None:
         """Publish an estimate."""
-        assert self._outputs is not None
-        assert self._session is not None
+        session, outputs = self._parts()
         assert self._status is not None
-        latency_ns = self._outputs.publish_estimate(
-            stamp_ns, sequence, force_n, estimate, computation_ns, self._session.revision.number
+        latency_ns = outputs.publish_estimate(
+            stamp_ns, sequence, force_n, estimate, computation_ns, session.revision.number
         )
         self._status.latency.add(latency_ns)
 
@@ -156,7 +228,11 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         """Publish an event and write it to the log."""
         session, outputs = self._parts()
         outputs.publish_event(event, session.revision.number)
-        self.get_logger().info(f"{event.kind.name.lower()}: {event.reason}")
+        self._log.write(event)
+        contact = session.contacts.current
+        position = self._input.position if self._input is not None else None
+        if event.kind is EventKind.CONTACT_MADE and contact is not None and position is not None:
+            contact.position_m, contact.position_frame_id = position
 
     def on_contact(self, summary: ContactSummary) -> None:
         """Publish the summary of a contact."""
@@ -166,7 +242,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def on_revision(self, revision: Revision) -> None:
         """Publish the configuration in force."""
         session, outputs = self._parts()
-        outputs.publish_configuration(revision, session.estimator)
+        values = self._settings.values
+        # Samples made of one's own sensors are published with their zeros already taken off.
+        zeros = {n: values[n] for n in ZEROS} if values["input.source"] == "sample" else {}
+        outputs.publish_configuration(revision, session.estimator, zeros)
 
     # What clients ask for.
 
@@ -175,19 +254,96 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         change = self._settings.take(parameters)
         if self._session is None:
             return
-        if change.node:
-            self._session.apply_settings(session_settings(self._settings.values))
-            if self._input is not None:
-                self._input.maximum_backlog = self._settings.values["input.maximum_backlog"]
+        self._session.apply_settings(session_settings(self._settings.values))
         if change.kind is not None:
-            self._session.reset(Cause.RESET, self._new_estimator())
+            self._change_kind()
         elif change.estimator:
             self._session.reconfigure(change.estimator)
+        self._apply_to_input(change)
+
+    def _change_kind(self) -> None:
+        session, _outputs = self._parts()
+        kind = self._settings.kind
+        estimator = self._new_estimator()
+        estimator.warm_up()
+        known = session.time_origin_ns is not None
+        carry_over = self._settings.values["carry_over"]
+        if known and carry_over and can_hand_over(session.estimator, estimator):
+            hand_over(session.estimator, estimator)
+            session.replace_estimator(
+                estimator, f"{kind.filter} with {kind.state_space} states takes over"
+            )
+        else:
+            session.reset(Cause.RESET, estimator)
+
+    def _apply_to_input(self, change: Change) -> None:
+        changed = sorted(name for name in change.node if name.startswith("input."))
+        if self._input is None or not changed:
+            return
+        if NEEDS_OTHER_SUBSCRIPTIONS.isdisjoint(changed):
+            self._input.configure(self._settings.values)
+        else:
+            self._input.close()
+            self._listen()
+        if change.kind is None and not change.estimator:
+            text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
+            self._parts()[0].announce_reconfiguration(text)
+
+    def _active_session(self) -> EstimationSession:
+        if self._session is None or self._input is None:
+            raise NotPossibleError("the estimator is not active")
+        return self._session
+
+    def _reset(self) -> str:
+        # A new estimator, so that settings that wait for a reset take effect.
+        self._active_session().reset(Cause.RESET, self._new_estimator())
+        return "started afresh"
+
+    def _start_tare(self) -> str:
+        self._active_session()
+        samples = self._settings.values["tare.samples"]
+        self._tare = Tare(samples)
+        return f"takes the mean of the next {samples} samples; hc/events says when it is done"
+
+    def _collect_tare(self, displacement_mm: float, force_n: float) -> None:
+        assert self._tare is not None
+        result = self._tare.add(displacement_mm, force_n)
+        if result is None:
+            return
+        self._tare = None
+        values = self._settings.values
+        means = (result.force_n, result.displacement_mm)
+        # The samples came with the old zeros taken off.
+        zeros = [
+            Parameter(name, value=values[name] + mean)
+            for name, mean in zip(ZEROS, means, strict=True)
+        ]
+        answer = self.set_parameters_atomically(zeros)
+        session = self._active_session()
+        if not answer.successful:
+            session.report(EventKind.TARED, f"tare refused: {answer.reason}")
+            return
+        # What was learnt with other zeros belongs to another displacement.
+        session.reset(Cause.RESET, self._new_estimator())
+        session.report(
+            EventKind.TARED,
+            f"force zero {zeros[0].value:.6g} N (deviation {result.force_std_n:.2g} N), contact at "
+            f"{zeros[1].value:.6g} mm (deviation {result.displacement_std_mm:.2g} mm)",
+        )
+
+    def _load(self) -> str:
+        self._active_session()
+        state = self._keeper.load()
+        try:
+            self._adopt(state)
+        except ValueError as error:
+            raise NotPossibleError(str(error)) from error
+        return f"goes on from a state saved {state.age_s:.0f} s ago"
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
         if self._input is None or self._outputs is None:
-            return ["estimator is not active"]
+            return ["the estimator is not active"]
         missing = []
         expected = self._settings.values["expected_sample_publishers"]
         for topic, found in self._input.publishers.items():
@@ -204,19 +360,36 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     def _watch(self) -> None:
         if self._outputs is not None:
             self._outputs.look_who_listens()
-        if self._session is not None and self._input is not None:
-            self._session.check_silence(time.perf_counter_ns())
+        if self._session is None or self._input is None:
+            return
+        self._session.check_silence(time.perf_counter_ns())
+        self._watch_publishers(self._session, self._input)
+        period_s = self._settings.values["state.autosave_period"]
+        try:
+            self._keeper.keep(self._session, time.monotonic(), period_s)
+        except OSError as error:
+            self.get_logger().error(
+                f"the state cannot be kept: {error}", throttle_duration_sec=10.0
+            )
+
+    def _watch_publishers(self, session: EstimationSession, source: Input) -> None:
+        crowded = [topic for topic, number in source.publishers.items() if number > 1]
+        session.guard.confirmations = CONFIRMATIONS_IN_CONFLICT if crowded else CONFIRMATIONS
+        if crowded and not self._crowded:
+            session.report(
+                EventKind.SOURCE_CONFLICT, f"more than one publisher on {', '.join(crowded)}"
+            )
+        self._crowded = bool(crowded)
 
     def _on_clock_jump(self, jump: Any) -> None:
         if self._session is not None and self._session.time_origin_ns is not None:
             self._session.time_jumped(f"the clock jumped by {jump.delta.nanoseconds * 1e-9:+.3f} s")
 
     def _collect_status(self) -> Status:
-        if self._status is None:
-            return Status(Level.OK, "not configured", {})
-        if self._input is None:
-            return Status(Level.OK, "not active", {})
-        return self._status.collect(self._input.publishers)
+        if self._status is None or self._input is None:
+            what = "not configured" if self._status is None else "not active"
+            return Status(Level.OK, what, {})
+        return self._status.collect(self._input.publishers, self._input.counters)
 
     def finished(self) -> bool:
         """Whether the node wants to end by itself: never."""
@@ -226,6 +399,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         """Report the contact that still goes on and a last status."""
         self._diagnostics.publish()
         self._stop_listening()
+        self._keeper.forget_kept()
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""Where the node's samples come from: the topic indenter/sample.
+"""The topic indenter/sample as the node's input, and what every input has in common.
 
 The queue is bounded by the topic's depth. When the node cannot keep up, the newest samples are
 worth more than the oldest: those beyond the allowed backlog are left out and counted.
@@ -7,8 +7,8 @@ worth more than the oldest: those beyond the allowed backlog are left out and co
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
@@ -17,54 +17,68 @@ from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
 
-Process = Callable[[int, int, float, float], None]
-"""Takes stamp [ns], sequence, displacement [mm] and force [N]."""
+
+class Receiver(Protocol):
+    """Who takes the samples: the node."""
+
+    def on_sample(
+        self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
+    ) -> None:
+        """Take in a sample."""
+
+    def on_skip(self, number: int) -> None:
+        """Hear that samples were left out."""
+
+    def on_frame(self, frame_id: str) -> None:
+        """Hear that the samples are in another frame from now on."""
 
 
-class SampleInput:
-    """Subscribes to indenter/sample and hands every sample on.
+class Input(Protocol):
+    """What the node needs of an input.
 
     Attributes:
-        maximum_backlog: samples that may wait; more are skipped.
-        frame_id: frame of the newest sample.
+        position: newest position of the tip [m] and its frame; None when no pose is received.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        process: Process,
-        skip: Callable[[int], None],
-        set_frame: Callable[[str], None],
-        maximum_backlog: int,
-    ) -> None:
-        self.maximum_backlog = maximum_backlog
-        self.frame_id = ""
-        self._process = process
-        self._skip = skip
-        self._set_frame = set_frame
-        self._waiting: deque[Any] = deque()
-        self._node = node
-        self._subscription = node.create_subscription(
-            IndenterSample, SAMPLE, self._on_sample, SAMPLE_QOS
-        )
+    position: tuple[tuple[float, float, float], str] | None
 
     @property
-    def publishers(self) -> dict[str, int]:
+    def publishers(self) -> Mapping[str, int]:
         """Matched publishers by topic."""
-        return {SAMPLE: self._subscription.get_publisher_count()}
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """What the input itself counted, for diagnostics."""
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take other settings that do not need other subscriptions."""
 
     def close(self) -> None:
         """Stop listening."""
-        self._node.destroy_subscription(self._subscription)
 
-    def _on_sample(self, message: Any) -> None:
+
+class Drain:
+    """Takes all messages that wait in a subscription, so that a backlog can be seen.
+
+    The executor hands messages over one at a time and does not say how many wait.
+
+    Attributes:
+        maximum_backlog: messages that may wait; more are skipped, the oldest first.
+    """
+
+    def __init__(self, receiver: Receiver, maximum_backlog: int) -> None:
+        self._receiver = receiver
+        self.maximum_backlog = maximum_backlog
+        self._waiting: deque[Any] = deque()
+
+    def take(self, subscription: Any, message_type: Any, first: Any) -> deque[Any]:
+        """Return the first message and all that wait behind it, but for those to be skipped."""
         waiting = self._waiting
-        waiting.append(message)
-        # Take what else is there: only so can a backlog be seen before it is worked off.
-        handle = self._subscription.handle
+        waiting.append(first)
+        handle = subscription.handle
         with handle:
             while len(waiting) <= STREAM_DEPTH:
-                taken = handle.take_message(IndenterSample, False)
+                taken = handle.take_message(message_type, False)
                 if taken is None:
                     break
                 waiting.append(taken[0])
@@ -72,18 +86,57 @@ class SampleInput:
         if surplus > 0:
             for _ in range(surplus):
                 waiting.popleft()
-            self._skip(surplus)
+            self._receiver.on_skip(surplus)
+        return waiting
+
+
+class SampleInput:
+    """Subscribes to indenter/sample and hands every sample on, less the zeros."""
+
+    def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        self.position: tuple[tuple[float, float, float], str] | None = None
+        self._node = node
+        self._receiver = receiver
+        self._drain = Drain(receiver, 1)
+        self.configure(values)
+        self._frame_id = ""
+        self._subscription = node.create_subscription(
+            IndenterSample, SAMPLE, self._on_message, SAMPLE_QOS
+        )
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take other zeros and another limit of the backlog."""
+        self._force_zero = values["input.force.zero"]
+        self._position_zero = values["input.position.zero"]
+        self._drain.maximum_backlog = values["input.maximum_backlog"]
+
+    @property
+    def publishers(self) -> Mapping[str, int]:
+        """Matched publishers by topic."""
+        return {SAMPLE: self._subscription.get_publisher_count()}
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """Nothing that the session does not count."""
+        return {}
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._node.destroy_subscription(self._subscription)
+
+    def _on_message(self, message: Any) -> None:
+        waiting = self._drain.take(self._subscription, IndenterSample, message)
         while waiting:
             self._take(waiting.popleft())
 
     def _take(self, message: Any) -> None:
         header = message.header
-        if header.frame_id != self.frame_id:
-            self.frame_id = header.frame_id
-            self._set_frame(header.frame_id)
-        self._process(
+        if header.frame_id != self._frame_id:
+            self._frame_id = header.frame_id
+            self._receiver.on_frame(header.frame_id)
+        self._receiver.on_sample(
             nanoseconds_from_stamp(header.stamp),
             message.sequence,
-            message.displacement * METRE_IN_MM,
-            message.force,
+            message.displacement * METRE_IN_MM - self._position_zero,
+            message.force - self._force_zero,
         )

@@ -7,9 +7,25 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hc_estimator.online.session import SessionSettings
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_topic_name import validate_topic_name
+
+from hc_estimator.input.mapping import AXES, make_mapping
+from hc_estimator.input.mapping import Mapping as AxisMapping
+from hc_estimator.online.vocabulary import SessionSettings
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
+
+
+NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
+    (
+        "input.source",
+        "input.force.topic",
+        "input.position.topic",
+        "input.position.type",
+        "input.publish_samples",
+    )
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,12 +66,122 @@ def _table(*settings: NodeSetting) -> dict[str, NodeSetting]:
     return {s.name: s for s in settings}
 
 
+def _sensor_settings(
+    sensor: str, topic: str, zero: str, unit: str, message: str
+) -> tuple[NodeSetting, ...]:
+    """Return what both sensors have: topic, axis, direction, sign, scale, zero, time offset."""
+    name = f"input.{sensor}"
+    return (
+        NodeSetting(f"{name}.topic", topic, f"Topic of the {sensor} sensor, {message}."),
+        NodeSetting(
+            f"{name}.axis",
+            "z",
+            f"Component of the sensor's vector that is the {sensor}; direction: see there.",
+            choices=AXES,
+        ),
+        NodeSetting(
+            f"{name}.direction",
+            [0.0, 0.0, 1.0],
+            "Direction in the sensor's frame, of any length, for axis direction.",
+        ),
+        NodeSetting(
+            f"{name}.sign",
+            1,
+            "1 or -1: penetration and compression are to be positive.",
+            minimum=-1,
+            maximum=1,
+        ),
+        NodeSetting(
+            f"{name}.scale",
+            1.0,
+            "Factor of the reading, for a sensor that does not speak SI (m per rad of a joint).",
+            minimum=1e-9,
+            maximum=1e9,
+        ),
+        NodeSetting(f"{name}.zero", 0.0, f"{zero}.", minimum=-1e6, maximum=1e6, unit=unit),
+        NodeSetting(
+            f"{name}.time_offset",
+            0.0,
+            "Added to the stamps, to make up for a delay of this sensor.",
+            minimum=-10.0,
+            maximum=10.0,
+            unit="s",
+        ),
+    )
+
+
 NODE_SETTINGS = _table(
     NodeSetting(
         "carry_over",
         True,
         "A change of filter, state_space or contact_model keeps the parameters and their "
         "covariance; false starts afresh.",
+    ),
+    NodeSetting(
+        "input.source",
+        "sample",
+        "sample: the topic indenter/sample; sensors: a force and a position sensor of one's own.",
+        choices=("sample", "sensors"),
+    ),
+    *_sensor_settings(
+        "force",
+        "ft_sensor/wrench",
+        "Force that counts as zero; ~/tare sets it",
+        "N",
+        "geometry_msgs/WrenchStamped",
+    ),
+    *_sensor_settings(
+        "position",
+        "joint_states",
+        "Position of the surface, where contact begins; ~/tare sets it",
+        "mm",
+        "the type that input.position.type says",
+    ),
+    NodeSetting(
+        "input.position.type",
+        "joint",
+        "joint: sensor_msgs/JointState; pose: geometry_msgs/PoseStamped; transform: "
+        "geometry_msgs/TransformStamped.",
+        choices=("joint", "pose", "transform"),
+    ),
+    NodeSetting(
+        "input.position.joint",
+        "",
+        "Name of the joint for type joint; empty takes the first one of the message.",
+    ),
+    NodeSetting(
+        "input.position.child_frame",
+        "",
+        "For type transform: only transforms of this child frame; empty takes all.",
+    ),
+    NodeSetting(
+        "input.pairing.maximum_wait",
+        0.05,
+        "A force waits no longer than this for the position after it, then it is dropped.",
+        minimum=0.0,
+        maximum=10.0,
+        unit="s",
+    ),
+    NodeSetting(
+        "input.pairing.reorder_window",
+        0.0,
+        "Every force waits so long for messages that come out of order; adds to the latency.",
+        minimum=0.0,
+        maximum=10.0,
+        unit="s",
+    ),
+    NodeSetting(
+        "input.pairing.maximum_gap",
+        0.1,
+        "Positions further apart than this are not interpolated.",
+        minimum=0.0001,
+        maximum=10.0,
+        unit="s",
+    ),
+    NodeSetting(
+        "input.publish_samples",
+        True,
+        "With source sensors: publish the paired samples on indenter/sample, to record and plot.",
     ),
     NodeSetting(
         "input.silence_timeout",
@@ -128,6 +254,35 @@ NODE_SETTINGS = _table(
         maximum=1000,
     ),
     NodeSetting(
+        "tare.samples",
+        500,
+        "Samples that ~/tare takes the means of.",
+        minimum=1,
+        maximum=1000000,
+    ),
+    NodeSetting(
+        "state.folder",
+        "",
+        "Folder for ~/save, ~/load and the state kept for a restart; empty switches these off.",
+        read_only=True,
+    ),
+    NodeSetting(
+        "state.autosave_period",
+        1.0,
+        "The state is kept this often, so that a node that died goes on; 0 switches it off.",
+        minimum=0.0,
+        maximum=3600.0,
+        unit="s",
+    ),
+    NodeSetting(
+        "state.maximum_age",
+        30.0,
+        "A state that was kept longer ago is not gone on from at start.",
+        minimum=0.0,
+        maximum=1e6,
+        unit="s",
+    ),
+    NodeSetting(
         "autostart",
         True,
         "Configure and activate at start; false leaves both to a lifecycle manager.",
@@ -147,6 +302,36 @@ def check_together(values: Mapping[str, Any]) -> None:
             f"parameter input.maximum_gap = {values['input.maximum_gap']!r} must be larger than "
             f"input.silence_timeout = {values['input.silence_timeout']!r}"
         )
+    for sensor in ("force", "position"):
+        try:
+            sensor_mapping(values, sensor)
+        except ValueError as error:
+            raise ValueError(f"parameter input.{sensor}.{error}") from error
+        topic = values[f"input.{sensor}.topic"]
+        try:
+            validate_topic_name(topic)
+        except InvalidTopicNameException as error:
+            line = " ".join(str(error).split())
+            raise ValueError(f"parameter input.{sensor}.topic = {topic!r}: {line}") from error
+
+
+def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
+    """Return the mapping of one of the two sensors, "force" or "position".
+
+    Raises:
+        ValueError: if axis, direction, sign or scale cannot be.
+    """
+    if sensor == "position" and values["input.position.type"] == "joint":
+        axis = "x"  # a joint has one component
+    else:
+        axis = values[f"input.{sensor}.axis"]
+    return make_mapping(
+        axis,
+        values[f"input.{sensor}.direction"],
+        values[f"input.{sensor}.sign"],
+        values[f"input.{sensor}.scale"],
+        values[f"input.{sensor}.zero"],
+    )
 
 
 def session_settings(values: Mapping[str, Any]) -> SessionSettings:

@@ -5,6 +5,8 @@ Messages of the 1 kHz streams are made once and filled again for every sample.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from geometry_msgs.msg import WrenchStamped
 from hc_msgs.msg import (
     ContactSummary,
@@ -16,7 +18,7 @@ from rclpy.node import Node
 
 from hc_estimator import Estimate, Estimator, __version__
 from hc_estimator.online import contacts
-from hc_estimator.online.session import Event, Revision
+from hc_estimator.online.vocabulary import Event, Revision
 from hc_msgs_py.conversion import (
     Configuration,
     fill_contact,
@@ -112,8 +114,17 @@ class Outputs:
             self._wrench.publish(self._wrench_message)
         return latency_ns
 
-    def publish_configuration(self, revision: Revision, estimator: Estimator) -> None:
-        """Publish the configuration in force."""
+    def publish_configuration(
+        self, revision: Revision, estimator: Estimator, zeros: Mapping[str, float]
+    ) -> None:
+        """Publish the configuration in force.
+
+        Args:
+            revision: from when on it holds.
+            estimator: the estimator that has it.
+            zeros: what is subtracted from the samples before the estimator sees them, by
+                parameter name; those that are not zero become part of the configuration.
+        """
         self._configuration.publish(
             message_from_configuration(
                 Configuration(
@@ -126,7 +137,8 @@ class Outputs:
                     state_space=estimator.state_space,
                     contact_model=estimator.contact_model,
                     software_version=__version__,
-                    parameters=estimator.configuration,
+                    parameters=estimator.configuration
+                    | {name: zero for name, zero in zeros.items() if zero != 0.0},
                 )
             )
         )

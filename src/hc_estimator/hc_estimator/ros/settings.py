@@ -182,15 +182,11 @@ class Settings:
 
     def _users(self, name: str) -> str:
         """Return which filters have a setting, for its description; nothing if all have it."""
-        users = [
-            f
-            for f in available_filters()
-            if any(
-                s.name == name
-                for space in available_state_spaces(f)
-                for s in parameter_specifications(f, space)
-            )
-        ]
+        users = dict.fromkeys(
+            kind.filter
+            for kind, specifications in _KINDS.items()
+            if any(s.name == name for s in specifications)
+        )
         return "" if len(users) == len(available_filters()) else ", ".join(users)
 
     def _refuse_unknown(self, given: Mapping[str, Any]) -> None:
@@ -202,14 +198,25 @@ class Settings:
             raise NodeStartError(f"unknown parameter {name} for node estimator: {hint}")
 
 
+def _every_kind() -> dict[Kind, tuple[ParameterSpecification, ...]]:
+    """Return the settings of every combination of filter, state space and contact model."""
+    return {
+        Kind(name, space, model): parameter_specifications(name, space, model)
+        for name in available_filters()
+        for space in available_state_spaces(name)
+        for model in available_contact_models(name)
+    }
+
+
+_KINDS = _every_kind()
+
+
 def _all_specifications() -> dict[str, ParameterSpecification]:
     """Return every setting of every kind of estimator once, with the first default met."""
     result: dict[str, ParameterSpecification] = {}
-    for name in available_filters():
-        for space in available_state_spaces(name):
-            for model in available_contact_models():
-                for specification in parameter_specifications(name, space, model):
-                    result.setdefault(specification.name, specification)
+    for specifications in _KINDS.values():
+        for specification in specifications:
+            result.setdefault(specification.name, specification)
     return result
 
 

@@ -29,11 +29,12 @@ class StatusReporter:
         self._before = self._counts()
         self._before_s = time.perf_counter()
 
-    def collect(self, publishers: Mapping[str, int]) -> Status:
+    def collect(self, publishers: Mapping[str, int], counters: Mapping[str, int]) -> Status:
         """Return the status of the time since the last call.
 
         Args:
             publishers: matched publishers by input topic.
+            counters: what the input itself counted.
         """
         session = self._session
         now_s = time.perf_counter()
@@ -60,6 +61,7 @@ class StatusReporter:
         values |= _quantiles("latency", self.latency, self._total_latency)
         values |= _quantiles("computation", session.computation, self._total_computation)
         values |= self._health(since)
+        values |= counters
         for topic, number in publishers.items():
             values[f"publishers of {topic}"] = number
         level, message = self._judge(since, publishers)

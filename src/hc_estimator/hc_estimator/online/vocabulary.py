@@ -1,0 +1,130 @@
+"""What a session says and counts: kinds of events, causes of revisions, settings, counters."""
+
+from __future__ import annotations
+
+import dataclasses
+from enum import IntEnum
+from typing import NamedTuple, Protocol
+
+from hc_estimator.estimate import Estimate, Rejection
+from hc_estimator.online.contacts import ContactSummary
+
+
+class EventKind(IntEnum):
+    """What happened; the numbers of hc_msgs/EstimatorEvent."""
+
+    TISSUE_CHANGE = 1
+    CONTACT_MADE = 2
+    CONTACT_LOST = 3
+    REJECTION_BURST = 4
+    RESET = 5
+    RECONFIGURED = 6
+    TIME_JUMP = 7
+    INPUT_SILENT = 8
+    INPUT_RECOVERED = 9
+    INPUT_FROZEN = 10
+    INPUT_SATURATED = 11
+    SOURCE_RESTARTED = 12
+    SOURCE_CONFLICT = 13
+    SAMPLES_SKIPPED = 14
+    TARED = 15
+    STATE_LOADED = 16
+    MODEL_MISMATCH = 17
+
+
+class Cause(IntEnum):
+    """What made a revision; the numbers of hc_msgs/EstimatorConfiguration."""
+
+    STARTED = 0
+    RECONFIGURED = 1
+    RESET = 2
+    TIME_JUMP = 3
+    STATE_LOADED = 4
+
+
+class Event(NamedTuple):
+    """Something that a user may want to hear of."""
+
+    kind: EventKind
+    stamp_ns: int  # 0 when no sample came yet
+    sequence: int
+    reason: str
+
+
+class Revision(NamedTuple):
+    """From when on a configuration holds.
+
+    time_origin_ns is 0 as long as no sample came after a start; the same revision is then told
+    again with its origin at the first sample.
+    """
+
+    number: int
+    valid_from_sequence: int
+    time_origin_ns: int
+    cause: Cause
+
+
+class Listener(Protocol):
+    """Who hears what the session says."""
+
+    def on_estimate(
+        self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
+    ) -> None:
+        """A sample was taken in; the estimate after it."""
+
+    def on_event(self, event: Event) -> None:
+        """Something happened."""
+
+    def on_contact(self, summary: ContactSummary) -> None:
+        """A contact is over."""
+
+    def on_revision(self, revision: Revision) -> None:
+        """Another configuration is in force, or the time origin of the present one is known."""
+
+
+@dataclasses.dataclass
+class SessionSettings:
+    """How a session judges its stream.
+
+    Attributes:
+        silence_timeout_s: without a sample for so long, the input is silent [s].
+        maximum_gap_s: stamps further ahead than this are a time jump [s].
+        rejection_burst: samples refused in a row that are worth an event.
+        frozen_samples: equal readings in a row that are worth an event.
+        contact_minimum_s: shorter touches are not reported [s].
+        contact_release_s: so long away, and the contact is over [s].
+    """
+
+    silence_timeout_s: float = 0.5
+    maximum_gap_s: float = 60.0
+    rejection_burst: int = 50
+    frozen_samples: int = 200
+    contact_minimum_s: float = 0.05
+    contact_release_s: float = 0.02
+
+
+@dataclasses.dataclass
+class Counters:
+    """What a session counted since it was made.
+
+    Attributes:
+        received: samples given to the session.
+        estimates: estimates made (rejected samples included).
+        rejected: samples refused by the estimator, by reason code.
+        skipped: samples left out because the node could not keep up.
+        restarts: restarts of the source.
+        time_jumps: jumps of the stamps or of the clock.
+        changes: tissue changes detected.
+        nis_sum: sum of the normalised innovations squared of accepted samples.
+        accepted: accepted samples.
+    """
+
+    received: int = 0
+    estimates: int = 0
+    rejected: list[int] = dataclasses.field(default_factory=lambda: [0] * len(Rejection))
+    skipped: int = 0
+    restarts: int = 0
+    time_jumps: int = 0
+    changes: int = 0
+    nis_sum: float = 0.0
+    accepted: int = 0

@@ -1,0 +1,147 @@
+"""A force and a position sensor of one's own as the node's input.
+
+Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped or TransformStamped. The two
+are paired at the force's stamps and, so that they can be recorded and plotted like any other
+source, published on indenter/sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from hc_msgs.msg import IndenterSample
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from hc_estimator.input.pairing import Paired, Pairer
+from hc_estimator.ros.inputs import Drain, Receiver
+from hc_estimator.ros.node_settings import sensor_mapping
+from hc_msgs_py.conversion import fill_sample, new_sample_message
+from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.topics import SAMPLE
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
+
+_POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
+
+
+class SensorInput:
+    """Subscribes to two sensors and hands on the samples that they make together."""
+
+    def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        self.position: tuple[tuple[float, float, float], str] | None = None
+        self._node = node
+        self._receiver = receiver
+        self._missing_joint = 0
+        self._frame_id = ""
+        self._pairer = Pairer(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
+        self._drain = Drain(receiver, 1)
+        self.configure(values)
+        self._samples = None
+        if values["input.publish_samples"]:
+            self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._sample_message = new_sample_message()
+        kind = values["input.position.type"]
+        take_position = {
+            "joint": self._on_joints,
+            "pose": self._on_pose,
+            "transform": self._on_transform,
+        }[kind]
+        self._force = node.create_subscription(
+            WrenchStamped, values["input.force.topic"], self._on_force, SAMPLE_QOS
+        )
+        self._positions = node.create_subscription(
+            _POSITION_TYPES[kind], values["input.position.topic"], take_position, SAMPLE_QOS
+        )
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take other settings that do not need other subscriptions."""
+        self._force_mapping = sensor_mapping(values, "force")
+        self._position_mapping = sensor_mapping(values, "position")
+        self._force_offset_ns = round(values["input.force.time_offset"] * 1e9)
+        self._position_offset_ns = round(values["input.position.time_offset"] * 1e9)
+        self._joint = values["input.position.joint"]
+        self._child_frame = values["input.position.child_frame"]
+        self._pairer.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
+        self._pairer.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
+        self._pairer.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
+        self._drain.maximum_backlog = values["input.maximum_backlog"]
+
+    @property
+    def publishers(self) -> Mapping[str, int]:
+        """Matched publishers by topic."""
+        return {
+            subscription.topic_name.lstrip("/"): subscription.get_publisher_count()
+            for subscription in (self._force, self._positions)
+        }
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """What the pairing dropped, and joint messages without the joint."""
+        counters = self._pairer.counters
+        return {
+            "pairing_late": counters.late,
+            "pairing_unpaired": counters.unpaired,
+            "pairing_resets": counters.resets,
+            "joint_missing": self._missing_joint,
+        }
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._node.destroy_subscription(self._force)
+        self._node.destroy_subscription(self._positions)
+        if self._samples is not None:
+            self._node.destroy_publisher(self._samples)
+
+    def _on_force(self, message: Any) -> None:
+        waiting = self._drain.take(self._force, WrenchStamped, message)
+        while waiting:
+            one = waiting.popleft()
+            if one.header.frame_id != self._frame_id:
+                self._frame_id = one.header.frame_id
+                self._sample_message.header.frame_id = self._frame_id
+                self._receiver.on_frame(self._frame_id)
+            force = one.wrench.force
+            value = self._force_mapping.of_vector(force.x, force.y, force.z)
+            stamp_ns = nanoseconds_from_stamp(one.header.stamp) + self._force_offset_ns
+            self._hand_on(self._pairer.add_force(stamp_ns, value))
+
+    def _on_joints(self, message: Any) -> None:
+        index = 0
+        if self._joint:
+            try:
+                index = message.name.index(self._joint)
+            except ValueError:  # many drivers publish their joints in several messages
+                self._missing_joint += 1
+                return
+        if index >= len(message.position):
+            self._missing_joint += 1
+            return
+        value = self._position_mapping.of_scalar(message.position[index] * METRE_IN_MM)
+        self._add_position(message.header.stamp, value)
+
+    def _on_pose(self, message: Any) -> None:
+        self._add_point(message.header, message.pose.position)
+
+    def _on_transform(self, message: Any) -> None:
+        if self._child_frame in ("", message.child_frame_id):
+            self._add_point(message.header, message.transform.translation)
+
+    def _add_point(self, header: Any, point: Any) -> None:
+        self.position = ((point.x, point.y, point.z), header.frame_id)
+        value = self._position_mapping.of_vector(
+            point.x * METRE_IN_MM, point.y * METRE_IN_MM, point.z * METRE_IN_MM
+        )
+        self._add_position(header.stamp, value)
+
+    def _add_position(self, stamp: Any, displacement_mm: float) -> None:
+        stamp_ns = nanoseconds_from_stamp(stamp) + self._position_offset_ns
+        self._hand_on(self._pairer.add_position(stamp_ns, displacement_mm))
+
+    def _hand_on(self, samples: list[Paired]) -> None:
+        for sample in samples:
+            if self._samples is not None:
+                fill_sample(self._sample_message, *sample)
+                self._samples.publish(self._sample_message)
+            self._receiver.on_sample(*sample)
