@@ -1,5 +1,7 @@
 """Installs hc_bringup in a colcon workspace; pip users install the whole suite from the root."""
 
+from glob import glob
+
 from setuptools import find_packages, setup
 
 setup(
@@ -10,7 +12,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/hc_bringup"]),
         ("share/hc_bringup", ["package.xml"]),
+        ("share/hc_bringup/config", glob("../../config/*.yaml")),
     ],
+    entry_points={"console_scripts": ["hc = hc_bringup.cli:main"]},
     zip_safe=False,
     license="Apache-2.0",
 )

@@ -21,7 +21,7 @@ def test_removes_segments_and_ports_without_owner(tmp_path: Path) -> None:
     make(tmp_path, "fastrtps_0123")
     make(tmp_path, "fastrtps_port7000")
     (tmp_path / "something_else").write_bytes(b"x")
-    assert remove_orphans(tmp_path) == 2
+    assert remove_orphans(tmp_path, domain_id=3) == 2
     assert names(tmp_path) == {"something_else"}
 
 
@@ -30,11 +30,11 @@ def test_keeps_what_a_process_holds(tmp_path: Path) -> None:
     descriptor = os.open(tmp_path / "fastrtps_0123_el", os.O_RDONLY)
     fcntl.flock(descriptor, fcntl.LOCK_EX)
     try:
-        assert remove_orphans(tmp_path) == 0
+        assert remove_orphans(tmp_path, domain_id=3) == 0
         assert "fastrtps_0123" in names(tmp_path)
     finally:
         os.close(descriptor)
-    assert remove_orphans(tmp_path) == 1
+    assert remove_orphans(tmp_path, domain_id=3) == 1
 
 
 def test_one_free_lock_of_two_is_not_enough(tmp_path: Path) -> None:
@@ -43,12 +43,25 @@ def test_one_free_lock_of_two_is_not_enough(tmp_path: Path) -> None:
     descriptor = os.open(tmp_path / "fastrtps_port1_sl", os.O_RDONLY)
     fcntl.flock(descriptor, fcntl.LOCK_SH)
     try:
-        assert remove_orphans(tmp_path) == 0
+        assert remove_orphans(tmp_path, domain_id=3) == 0
     finally:
         os.close(descriptor)
 
 
 def test_leaves_alone_what_is_older_than_the_run(tmp_path: Path) -> None:
     make(tmp_path, "fastrtps_0123")
-    assert remove_orphans(tmp_path, since=time.time() + 60.0) == 0
-    assert remove_orphans(tmp_path, since=time.time() - 60.0) == 1
+    assert remove_orphans(tmp_path, domain_id=3, since=time.time() + 60.0) == 0
+    assert remove_orphans(tmp_path, domain_id=3, since=time.time() - 60.0) == 1
+
+
+def test_ports_without_any_lock_go_in_the_own_domain_only(tmp_path: Path) -> None:
+    own, other = 7400 + 250 * 3 + 11, 7400 + 250 * 4 + 11
+    for port in (own, other):
+        (tmp_path / f"fastrtps_port{port}").write_bytes(b"x")
+    assert remove_orphans(tmp_path, domain_id=3) == 1
+    assert names(tmp_path) == {f"fastrtps_port{other}"}
+
+
+def test_segments_without_any_lock_stay(tmp_path: Path) -> None:
+    (tmp_path / "fastrtps_0123").write_bytes(b"x")
+    assert remove_orphans(tmp_path, domain_id=3) == 0

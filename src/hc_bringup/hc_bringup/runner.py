@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import signal
 import tempfile
@@ -86,7 +87,7 @@ class Runner:
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)
-            remove_orphans(since=began - 1.0)
+            remove_orphans(domain_id=int(os.environ.get("ROS_DOMAIN_ID") or 0), since=began - 1.0)
             shutil.rmtree(folder, ignore_errors=True)
         return state
 
