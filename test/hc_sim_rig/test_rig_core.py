@@ -127,7 +127,9 @@ def test_settings_glide_and_the_motion_stays_smooth() -> None:
     v = np.concatenate([s.truth.velocity_mm_s for s in (before, during, after)])
     # the velocity is the slope of the displacement, also while everything changes
     slope = (d[2:] - d[:-2]) / 0.002
-    assert np.abs(slope - v[1:-1]).max() < 0.01
+    error = np.abs(slope - v[1:-1])
+    assert error.max() < 0.1  # where the glide begins the acceleration jumps, the velocity does not
+    assert np.delete(error, [998, 999, 1000]).max() < 0.01
     assert np.abs(np.diff(v)).max() < 1.0  # no jump: at most 1 mm/s per millisecond
     K = during.truth.parameters[:, 0]
     assert K[0] == 0.2
