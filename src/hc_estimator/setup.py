@@ -11,6 +11,11 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/hc_estimator"]),
         ("share/hc_estimator", ["package.xml"]),
     ],
+    entry_points={
+        "console_scripts": [
+            "estimator = hc_estimator.node:main",
+        ]
+    },
     zip_safe=False,
     license="Apache-2.0",
 )

@@ -11,6 +11,12 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/hc_logger"]),
         ("share/hc_logger", ["package.xml"]),
     ],
+    entry_points={
+        "console_scripts": [
+            "recorder = hc_logger.recorder_node:main",
+            "player = hc_logger.player_node:main",
+        ]
+    },
     zip_safe=False,
     license="Apache-2.0",
 )

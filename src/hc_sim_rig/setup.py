@@ -11,6 +11,11 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/hc_sim_rig"]),
         ("share/hc_sim_rig", ["package.xml"]),
     ],
+    entry_points={
+        "console_scripts": [
+            "indenter = hc_sim_rig.node:main",
+        ]
+    },
     zip_safe=False,
     license="Apache-2.0",
 )
