@@ -12,10 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from hc_logger.bag import Columns
 from hc_logger.decoder import decoder
 from hc_logger.definitions import installed_definition
 from hc_logger.layout import encode, records, stamps
-from hc_logger.reader import BagReader, Columns
+from hc_logger.reader import BagReader
 
 MakeBag = Callable[..., Path]
 doubles = st.floats(allow_nan=False, width=64)

@@ -1,20 +1,22 @@
-"""Conversion between CSV recordings and bags, block by block."""
+"""Conversion between CSV recordings and bags, and of other people's bags, block by block."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_logger.bag import Bag, Columns
 from hc_logger.csv_file import read_csv, write_csv
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
+from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
-from hc_logger.reader import BagReader, Columns
 from hc_logger.recording import SAMPLE_TYPE, only_topic, stamps_from_seconds
+from hc_logger.selection import TopicSelection
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -166,7 +168,7 @@ def bag_to_csv(
     Raises:
         BagError: if the source has no samples or the target exists.
     """
-    with BagReader(source) as reader:
+    with open_bag(source) as reader:
         name = topic or only_topic(reader, SAMPLE_TYPE)
         if name is None or name not in reader.topics:
             raise BagError(f"{source} has no topic of type {SAMPLE_TYPE}")
@@ -174,7 +176,7 @@ def bag_to_csv(
         return count, reader.problems
 
 
-def _rows(reader: BagReader, topic: str, progress: Progress) -> Iterator[NDArray[np.float64]]:
+def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.float64]]:
     definition = reader.topics[topic].definition
     first, last = reader.time_range() or (0, 1)
     origin: int | None = None
@@ -189,9 +191,75 @@ def _rows(reader: BagReader, topic: str, progress: Progress) -> Iterator[NDArray
         progress((int(block[0].log_time[-1]) - first) / max(last - first, 1))
 
 
-def message_blocks(
-    reader: BagReader, topic: str, size: int = BLOCK_MESSAGES
-) -> Iterator[list[Columns]]:
+def bag_to_bag(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    selection: TopicSelection | None = None,
+    progress: Progress = nothing,
+) -> tuple[dict[str, int], list[str]]:
+    """Copy a bag of any kind (sqlite3, compressed, cut off) into a new MCAP bag.
+
+    Args:
+        source: the bag; stays as it is.
+        target: folder of the new bag; must not exist.
+        selection: topics to take; None takes all.
+        progress: told the done share.
+
+    Returns:
+        Messages by topic, and one line for each part of the source that could not be read.
+
+    Raises:
+        BagError: if the source is no bag, has no such topic, or the target exists.
+    """
+    with open_bag(source) as bag:
+        topics = [name for name in bag.topics if selection is None or name in selection]
+        if not topics:
+            raise BagError(f"{source} has no such topic; it has {', '.join(bag.topics) or 'none'}")
+        with (
+            os_errors(f"cannot write {target}"),
+            BagWriter(target, custom_data=bag.custom_data) as writer,
+        ):
+            counts = copy_messages(bag, writer, topics, progress=progress)
+        return counts, bag.problems
+
+
+def copy_messages(
+    bag: Bag, writer: BagWriter, topics: Collection[str] | None = None, *, progress: Progress
+) -> dict[str, int]:
+    """Write all readable messages of a bag, with all that is known of their topics.
+
+    Returns:
+        Messages by topic.
+    """
+    chosen = {name: t for name, t in bag.topics.items() if topics is None or name in topics}
+    numbers = {
+        name: writer.add_topic(
+            name,
+            topic.definition.name,
+            qos_profiles=topic.qos_profiles,
+            definition=topic.definition,
+        )
+        for name, topic in chosen.items()
+    }
+    counts = dict.fromkeys(numbers, 0)
+    first, last = bag.time_range() or (0, 0)
+    for count, message in enumerate(bag.messages(list(chosen))):
+        writer.write(
+            numbers[message.topic],
+            message.log_time,
+            message.data,
+            message.publish_time,
+            message.sequence,
+        )
+        counts[message.topic] += 1
+        if count % 10_000 == 0:
+            progress((message.log_time - first) / max(last - first, 1))
+    progress(1.0)
+    return counts
+
+
+def message_blocks(reader: Bag, topic: str, size: int = BLOCK_MESSAGES) -> Iterator[list[Columns]]:
     """Yield the messages of a topic in time order, as columns of at most `size` messages."""
     times: list[int] = []
     published: list[int] = []

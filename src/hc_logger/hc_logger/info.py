@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_logger.bag import Bag
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
+from hc_logger.foreign import open_bag
 from hc_logger.layout import record_dtype
 from hc_logger.mcap_chunk import Messages
-from hc_logger.reader import BagReader
 
 GAP_FACTOR = 5.0
 """An interval of more than so many times the median is called a gap."""
@@ -103,7 +104,7 @@ def bag_info(path: str | os.PathLike[str]) -> BagInfo:
     Raises:
         BagError: if it is missing or no MCAP bag.
     """
-    with BagReader(path) as reader:
+    with open_bag(path) as reader:
         passes = {name: _Pass(topic.definition) for name, topic in reader.topics.items()}
         sequenced = {n: _sequence_offset(t.definition) for n, t in reader.topics.items()}
         for messages, names in reader.chunks():
@@ -120,8 +121,8 @@ def bag_info(path: str | os.PathLike[str]) -> BagInfo:
         end = max((p.last for p in filled), default=0)
         return BagInfo(
             reader.path,
-            [file.path.name for file in reader.files],
-            sum(file.scan.size for file in reader.files),
+            [path.name for path in reader.paths],
+            sum(path.stat().st_size for path in reader.paths),
             start,
             (end - start) * 1e-9,
             sum(p.count for p in filled),
@@ -185,7 +186,7 @@ def _add_sequence(one: _Pass, sequence: NDArray[np.int64]) -> None:
     one.unordered += int(np.count_nonzero(steps < 1))
 
 
-def _topic(reader: BagReader, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
+def _topic(reader: Bag, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
     definition = reader.topics[name].definition
     info = TopicInfo(name, definition.name, definition.type_hash, one.count)
     if one.count > 1 and one.last > one.first:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 
+from hc_logger.bag import Columns
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
-from hc_logger.reader import Columns
 
 ENCAPSULATION = bytes((0, 1, 0, 0))
 """Plain CDR, little-endian."""
@@ -113,7 +113,7 @@ def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
 
     Args:
         definition: the topic's type, with a header and of fixed size after it.
-        columns: what BagReader.columns() gives.
+        columns: what Bag.columns() gives.
 
     Raises:
         BagError: if the type has other variable parts.

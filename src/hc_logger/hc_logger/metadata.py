@@ -115,6 +115,18 @@ def write_metadata(folder: Path, metadata: BagMetadata) -> None:
     temporary.replace(folder / FILE_NAME)
 
 
+def recorded_hashes(information: Mapping[str, Any]) -> dict[str, str]:
+    """Return the type hash of each topic that metadata.yaml names one for."""
+    metadata = [
+        e.get("topic_metadata", {}) for e in information.get("topics_with_message_count", [])
+    ]
+    return {
+        m["name"]: m["type_description_hash"]
+        for m in metadata
+        if "name" in m and m.get("type_description_hash")
+    }
+
+
 def read_information(folder: Path) -> dict[str, Any] | None:
     """Return what stands below rosbag2_bagfile_information, or None without metadata.yaml.
 

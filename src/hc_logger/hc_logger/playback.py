@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from hc_logger.reader import BagReader, Message
+from hc_logger.bag import Bag, Message
 from hc_logger.selection import TopicSelection
 
 BATCH = 256
@@ -59,7 +59,7 @@ class Playback:
 
     def __init__(
         self,
-        reader: BagReader,
+        reader: Bag,
         publish: Callable[[Message], None],
         selection: TopicSelection,
         *,

@@ -12,12 +12,13 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
+from hc_logger.bag import Message, Topic
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError, UnknownTypeError
+from hc_logger.foreign import open_bag
 from hc_logger.message_class import message_class
 from hc_logger.playback import Playback
 from hc_logger.qos_profiles import publisher_profile
-from hc_logger.reader import BagReader, Message, Topic
 from hc_logger.selection import TopicSelection, full_name
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -74,7 +75,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self, "exit_when_done", False, "end the node after the last message", read_only=True
         )
         try:
-            self._reader = BagReader(bag)
+            self._reader = open_bag(bag)
             for problem in self._reader.problems:
                 self.get_logger().warning(problem)
             self._skipped: dict[str, str] = {}

@@ -8,54 +8,18 @@ from __future__ import annotations
 import os
 import re
 from bisect import bisect_left
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
 from hc_logger.mcap_chunk import Messages
 from hc_logger.mcap_file import ChunkPlace, McapFile
-from hc_logger.metadata import FILE_NAME, read_information
-
-
-class Message(NamedTuple):
-    """One recorded message: topic, log and publish time (ns), CDR bytes, publisher's counter."""
-
-    topic: str
-    log_time: int
-    publish_time: int
-    data: bytes
-    sequence: int = 0
-
-
-class Topic(NamedTuple):
-    """One topic of a bag: name, definition of its type, offered QoS profiles."""
-
-    name: str
-    definition: TypeDefinition
-    qos_profiles: list[dict[str, Any]]
-
-
-class Columns(NamedTuple):
-    """All messages of one topic that have one length, stacked.
-
-    Attributes:
-        log_time: (n,) int64 ns.
-        publish_time: (n,) int64 ns.
-        data: (n, length) uint8.
-        order: (n,) int64, place of each among all messages of the topic.
-    """
-
-    log_time: NDArray[np.int64]
-    publish_time: NDArray[np.int64]
-    data: NDArray[np.uint8]
-    order: NDArray[np.int64]
+from hc_logger.metadata import FILE_NAME, read_information, recorded_hashes
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -90,12 +54,13 @@ def _natural(path: Path) -> list[Any]:
     return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
 
 
-class BagReader:
-    """Reads a bag.
+class BagReader(Bag):
+    """Reads a bag of MCAP files.
 
     Attributes:
         path: as given.
-        files: the open files.
+        paths: its files.
+        files: the same, opened.
         topics: topics by name, sorted.
         custom_data: texts of the metadata.
     """
@@ -108,13 +73,16 @@ class BagReader:
         """
         self.path = Path(path)
         self._unreadable: list[str] = []
-        self.files = self._open(bag_files(self.path))
-        self.topics: dict[str, Topic] = {}
+        self.paths = bag_files(self.path)
+        self.files = self._open(self.paths)
+        information = self._read_information()
+        self._hashes = recorded_hashes(information)
+        self.topics = {}
         self._names: list[dict[int, str]] = []
         for file in self.files:
             self._names.append(self._collect_topics(file))
         self.topics = dict(sorted(self.topics.items()))
-        self.custom_data = self._custom_data()
+        self.custom_data = dict(information.get("custom_data") or {})
 
     def _open(self, paths: list[Path]) -> list[McapFile]:
         files = []
@@ -140,23 +108,19 @@ class BagReader:
                 definition = TypeDefinition(
                     schema.name,
                     schema.data.decode("utf-8", "replace"),
-                    channel.metadata.get("topic_type_hash", ""),
+                    channel.metadata.get("topic_type_hash") or self._hashes.get(channel.topic, ""),
                 )
                 profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
                 self.topics[channel.topic] = Topic(channel.topic, definition, profiles)
         return names
 
-    def _custom_data(self) -> dict[str, str]:
+    def _read_information(self) -> Mapping[str, Any]:
+        """Return the metadata: of the folder, else the copy that a finished file holds."""
         information = read_information(self.path) if self.path.is_dir() else None
         if information is None:
             text = self.files[-1].scan.metadata.get("rosbag2", {}).get("serialized_metadata", "")
-            information = yaml.safe_load(text) or {}
-        return dict(information.get("custom_data") or {})
-
-    @property
-    def complete(self) -> bool:
-        """True if every file has its end and nothing damaged has been met so far."""
-        return not self.problems
+            information = yaml.safe_load(text)
+        return information if isinstance(information, dict) else {}
 
     @property
     def problems(self) -> list[str]:
@@ -237,74 +201,11 @@ class BagReader:
             if channel in wanted and first <= log <= last
         ]
 
-    def columns(self, topic: str) -> list[Columns]:
-        """Return all messages of a topic as byte matrices, one for each message length.
-
-        Messages stand in the order of their log times.
-        """
-        blocks: dict[int, list[Columns]] = {}
-        count = 0
-        for messages, names in self.chunks():
-            numbers = [i for i, name in names.items() if name == topic]
-            rows = np.flatnonzero(np.isin(messages.channel, numbers))
-            for length in np.unique(messages.length[rows]).tolist():
-                same = rows[messages.length[rows] == length]
-                data = messages.buffer[messages.offset[same][:, None] + np.arange(length)]
-                order = count + np.searchsorted(rows, same)
-                blocks.setdefault(length, []).append(
-                    Columns(messages.log_time[same], messages.publish_time[same], data, order)
-                )
-            count += len(rows)
-        stacked = [
-            Columns(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-            for parts in blocks.values()
-        ]
-        return _ordered(stacked)
-
     def close(self) -> None:
         """Close all files."""
         for file in self.files:
             file.close()
 
-    def __enter__(self) -> BagReader:
-        return self
-
-    def __exit__(
-        self,
-        exc_type: type[BaseException] | None,
-        exc: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
-
 
 def _log_time(message: Message) -> int:
     return message.log_time
-
-
-def _ordered(blocks: list[Columns]) -> list[Columns]:
-    """Replace the order in the file by the order in time, over all blocks of a topic."""
-    if not blocks:
-        return []
-    log_time = np.concatenate([block.log_time for block in blocks])
-    order = np.concatenate([block.order for block in blocks])
-    rank = np.empty(len(order), np.int64)
-    rank[np.lexsort((order, log_time))] = np.arange(len(order))
-    result = []
-    start = 0
-    for block in blocks:
-        own = rank[start : start + len(block.order)]
-        start += len(block.order)
-        sorting = np.argsort(own)
-        if np.all(sorting[:-1] < sorting[1:]):
-            result.append(block._replace(order=own))
-        else:
-            result.append(
-                Columns(
-                    block.log_time[sorting],
-                    block.publish_time[sorting],
-                    block.data[sorting],
-                    own[sorting],
-                )
-            )
-    return result

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.message_class import message_class
 from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
+from hc_logger.reception_clock import ReceptionClock
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.session import RecordingSession
 from hc_logger.writer import BagWriter
@@ -102,6 +103,25 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             unit="s",
             read_only=True,
         )
+        split = {
+            "max_file_bytes": declare(
+                self,
+                "max_file_bytes",
+                0,
+                "begin a new file of the bag at this size; 0 for one file",
+                minimum=0,
+                read_only=True,
+            ),
+            "max_file_duration_s": declare(
+                self,
+                "max_file_duration",
+                0.0,
+                "begin a new file of the bag after so long; 0 for one file",
+                minimum=0.0,
+                unit="s",
+                read_only=True,
+            ),
+        }
         custom = declare(
             self, "custom_data", [""], "texts for the bag's metadata, key=value", read_only=True
         )
@@ -113,9 +133,10 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._skipped: dict[str, str] = {}
         self._reported_failure = ""
         self._last_reported = (time.monotonic(), 0)
+        self._clock_of_reception = ReceptionClock()
         self._sim_time = bool(self.get_parameter("use_sim_time").value)
         try:
-            writer = BagWriter(output, custom_data=_custom_data(custom))
+            writer = BagWriter(output, custom_data=_custom_data(custom), **split)
         except BagError as error:
             raise NodeStartError(str(error)) from error
         self._session = RecordingSession(writer, flush_interval_s=flush, fsync_interval_s=fsync)
@@ -179,6 +200,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _drain(self) -> None:
         """Write what has arrived; runs every 10 ms."""
+        self._clock_of_reception.update()
         for tap in self._taps.values():
             self._drain_one(tap)
         self._session.flush_if_due()
@@ -191,6 +213,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def _drain_one(self, tap: Tap) -> None:
         session, number = self._session, tap.number
         now = self.get_clock().now().nanoseconds if self._sim_time else 0
+        steady = self._clock_of_reception.steady
         handle, kind = tap.subscription.handle, tap.subscription.msg_type
         single = tap.publishers == 1
         with handle:
@@ -201,7 +224,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 data, info = taken
                 session.add(
                     number,
-                    now or info["received_timestamp"],
+                    now or steady(info["received_timestamp"]),
                     data,
                     info["source_timestamp"],
                     info["publication_sequence_number"] if single else None,
@@ -231,7 +254,9 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "bytes": sum(count.bytes for count in session.counts.values()),
             "file_bytes": session.writer.bytes_written(),
             "topics": len(self._taps),
+            "files": session.writer.file_count,
             "dropped": session.dropped,
+            "clock_jumps": len(self._clock_of_reception.jumps_ns),
             "unwritten": session.unwritten,
         }
         for tap in self._taps.values():
@@ -256,7 +281,11 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def close(self) -> None:
         """Write everything received, and the metadata."""
         self._drain()
-        self._session.writer.set_custom_data("dropped", str(self._session.dropped))
+        writer = self._session.writer
+        writer.set_custom_data("dropped", str(self._session.dropped))
+        jumps = self._clock_of_reception.jumps_ns
+        if jumps:
+            writer.set_custom_data("clock_jumps_s", ", ".join(f"{j * 1e-9:.6f}" for j in jumps))
         self._session.close()
         if self._session.failure and not self._reported_failure:
             self.get_logger().error(self._session.failure)

@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_logger.bag import Bag
 from hc_logger.csv_file import read_csv
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
+from hc_logger.foreign import open_bag
 from hc_logger.layout import records, stamps
-from hc_logger.reader import BagReader
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 SAMPLE_TYPE = "hc_msgs/msg/IndenterSample"
@@ -141,10 +142,10 @@ class Recording:
             decode = decoder(reader.topics[topic].definition)
             return [_configuration(m.log_time, decode(m.data)) for m in reader.messages({topic})]
 
-    def _bag(self) -> BagReader:
+    def _bag(self) -> Bag:
         if not self.is_bag:
             raise BagError(f"{self.path} is a CSV file: it holds no estimates")
-        return BagReader(self.path)
+        return open_bag(self.path)
 
 
 def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recording:
@@ -182,7 +183,7 @@ def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recordin
 
 
 def _read_bag(path: Path, topic: str) -> Recording:
-    with BagReader(path) as reader:
+    with open_bag(path) as reader:
         name = topic or only_topic(reader, SAMPLE_TYPE)
         if name and not name.startswith("/"):
             name = "/" + name
@@ -210,11 +211,11 @@ def _read_bag(path: Path, topic: str) -> Recording:
     )
 
 
-def _because(reader: BagReader) -> str:
+def _because(reader: Bag) -> str:
     return f" ({'; '.join(reader.problems)})" if reader.problems else ""
 
 
-def only_topic(reader: BagReader, type_name: str) -> str | None:
+def only_topic(reader: Bag, type_name: str) -> str | None:
     """Return the one topic of a type, None without one.
 
     Raises:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hc_logger.convert import Progress, nothing
+from hc_logger.convert import Progress, copy_messages, nothing
 from hc_logger.errors import BagError
 from hc_logger.mcap_file import McapFile
 from hc_logger.reader import BagReader
@@ -29,7 +29,6 @@ class RecoveryReport:
         lost_spans: first and last log time (ns) of each chunk that cannot be read.
         unknown_channels: messages that were readable but of a topic whose description is lost.
         problems: one line for each damaged place.
-        last_ns: log time of the last message in the new bag, None without messages.
     """
 
     recovered: dict[str, int] = field(default_factory=dict)
@@ -38,7 +37,6 @@ class RecoveryReport:
     lost_spans: list[tuple[int, int]] = field(default_factory=list)
     unknown_channels: int = 0
     problems: list[str] = field(default_factory=list)
-    last_ns: int | None = None
 
     @property
     def clean(self) -> bool:
@@ -90,38 +88,9 @@ def recover_bag(
         with os_errors(f"cannot write {target}"):
             data = {**reader.custom_data, RECOVERED_FROM: source.resolve().name}
             with BagWriter(target, custom_data=data) as writer:
-                _copy(reader, writer, report, progress)
+                report.recovered = copy_messages(reader, writer, progress=progress)
         _account(reader, report)
     return report
-
-
-def _copy(
-    reader: BagReader, writer: BagWriter, report: RecoveryReport, progress: Progress
-) -> None:
-    numbers = {
-        name: writer.add_topic(
-            name,
-            topic.definition.name,
-            qos_profiles=topic.qos_profiles,
-            definition=topic.definition,
-        )
-        for name, topic in reader.topics.items()
-    }
-    report.recovered = dict.fromkeys(numbers, 0)
-    first, last = reader.time_range() or (0, 0)
-    for count, message in enumerate(reader.messages()):
-        writer.write(
-            numbers[message.topic],
-            message.log_time,
-            message.data,
-            message.publish_time,
-            message.sequence,
-        )
-        report.recovered[message.topic] += 1
-        report.last_ns = message.log_time
-        if count % 10_000 == 0:
-            progress((message.log_time - first) / max(last - first, 1))
-    progress(1.0)
 
 
 def _account(reader: BagReader, report: RecoveryReport) -> None:

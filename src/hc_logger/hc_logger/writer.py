@@ -1,4 +1,4 @@
-"""Writes a bag: a folder with one MCAP file and metadata.yaml, in the layout of rosbag2.
+"""Writes a bag: a folder with MCAP files and metadata.yaml, in the layout of rosbag2.
 
 Chunks are small and flushed often, so that little is lost when the process is killed. flush()
 hands everything to the operating system (survives SIGKILL), sync() to the disk (survives a power
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -40,6 +41,8 @@ class BagWriter:
         *,
         custom_data: Mapping[str, str] | None = None,
         chunk_bytes: int = CHUNK_BYTES,
+        max_file_bytes: int = 0,
+        max_file_duration_s: float = 0.0,
     ) -> None:
         """Make the folder and its first file.
 
@@ -47,6 +50,10 @@ class BagWriter:
             path: bag folder; must not exist.
             custom_data: texts that go into the metadata (configuration, seed, version).
             chunk_bytes: size at which a chunk is compressed and written.
+            max_file_bytes: begin a new file when one has got this large (on the disk, at most a
+                chunk more); 0 for no limit. It also bounds memory: the index of a file is kept
+                until the file is finished.
+            max_file_duration_s: begin a new file after so many seconds of log time; 0 as above.
 
         Raises:
             BagExistsError: if the path exists.
@@ -54,13 +61,16 @@ class BagWriter:
         """
         self.path = Path(path)
         self._chunk_bytes = chunk_bytes
+        self._max_file_bytes = max_file_bytes or 2**63
+        self._max_file_ns = round(max_file_duration_s * 1e9) or 2**63
         self._topics: list[TopicRecord] = []
         self._definitions: list[TypeDefinition] = []
         self._files: list[FileRecord] = []
         self._custom_data = dict(custom_data or {})
         self._schemas: dict[tuple[str, str], int] = {}
         self._closed = False
-        self._bytes = 0
+        self._files_lock = threading.Lock()
+        self._unsynced: list[int] = []
         try:
             self.path.mkdir(parents=True)  # atomic: of two recorders on one folder one gets it
         except OSError as error:
@@ -74,10 +84,10 @@ class BagWriter:
 
     def _open_file(self) -> None:
         name = f"{self.path.resolve().name}_{len(self._files)}.mcap"
-        # unbuffered: the mcap writer hands over whole chunks, and a failed write shows at once
-        self._stream = open(self.path / name, "xb", buffering=0)  # noqa: SIM115 - kept open
+        with self._files_lock:
+            self._stream = _WholeWrites(self.path / name)
         self._writer = Writer(
-            _WholeWrites(self._stream),
+            self._stream,
             chunk_size=self._chunk_bytes,
             compression=CompressionType.ZSTD,
             index_types=IndexType.ALL,
@@ -157,6 +167,14 @@ class BagWriter:
         Raises:
             OSError: if the disk is full or gone.
         """
+        record = self._file
+        if (
+            log_time_ns - record.start_ns > self._max_file_ns
+            or self._stream.tell() > self._max_file_bytes
+        ) and record.message_count:
+            self._finish_file()
+            self._open_file()
+            record = self._file
         self._writer.add_message(
             topic,
             log_time_ns,
@@ -164,7 +182,6 @@ class BagWriter:
             log_time_ns if publish_time_ns is None else publish_time_ns,
             sequence,
         )
-        record = self._file
         if not record.message_count:
             record.start_ns = record.end_ns = log_time_ns
         elif log_time_ns > record.end_ns:
@@ -181,9 +198,12 @@ class BagWriter:
 
     def bytes_written(self) -> int:
         """Return the size of the current file so far."""
-        if not self._closed:
-            self._bytes = self._stream.tell()
-        return self._bytes
+        return self._stream.tell()
+
+    @property
+    def file_count(self) -> int:
+        """Number of files so far."""
+        return len(self._files)
 
     def flush(self) -> None:
         """Hand everything received so far to the operating system."""
@@ -191,14 +211,19 @@ class BagWriter:
 
     def sync(self) -> None:
         """Hand what was flushed to the disk; may take long, may be called from another thread."""
-        os.fsync(self._stream.fileno())
+        with self._files_lock:
+            numbers, self._unsynced = self._unsynced, []
+            if not self._closed:
+                numbers.append(self._stream.duplicate())
+        for number in numbers:
+            try:
+                os.fsync(number)
+            finally:
+                os.close(number)
 
     def set_custom_data(self, key: str, value: str) -> None:
         """Set a text of the metadata that is known only at the end."""
         self._custom_data[key] = value
-
-    def _metadata(self) -> BagMetadata:
-        return BagMetadata(self._topics, self._files, self._custom_data)
 
     def _finish_file(self) -> None:
         own = [
@@ -219,8 +244,9 @@ class BagWriter:
             },
         )
         self._writer.finish()
-        self.bytes_written()
-        self._stream.close()
+        with self._files_lock:
+            self._unsynced.append(self._stream.duplicate())
+            self._stream.close()
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; a second call does nothing."""
@@ -228,17 +254,25 @@ class BagWriter:
             return
         self._finish_file()
         self._closed = True
-        write_metadata(self.path, self._metadata())
+        write_metadata(self.path, BagMetadata(self._topics, self._files, self._custom_data))
+        self.sync()
 
     def abandon(self) -> None:
         """Close the file as it is, without its end: after a write that failed."""
         self._closed = True
-        self._stream.close()
+        self._close_files()
+
+    def _close_files(self) -> None:
+        with self._files_lock:
+            self._stream.close()
+            for number in self._unsynced:
+                os.close(number)
+            self._unsynced = []
 
     def discard(self) -> None:
         """Delete what was written: for a conversion that failed half way."""
         self._closed = True
-        self._stream.close()
+        self._close_files()
         for record in self._files:
             (self.path / record.path).unlink()
         self.path.rmdir()
@@ -252,29 +286,42 @@ class BagWriter:
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        if exc_type is None:
+            self.close()
+        else:
+            self.discard()
 
 
 class _WholeWrites:
-    """An unbuffered file whose write() writes everything or raises.
+    """A new, unbuffered file whose write() writes everything or raises.
 
-    A raw file may write a part only (a nearly full disk does); the mcap writer does not look.
+    Unbuffered, because the mcap writer hands over whole chunks and a failed write must show at
+    once. A raw file may write a part only (a nearly full disk does); the mcap writer does not look.
     """
 
-    def __init__(self, raw: Any) -> None:
-        self._raw = raw
+    def __init__(self, path: Path) -> None:
+        self._raw = open(path, "xb", buffering=0)  # noqa: SIM115 - kept open
+        self._position = 0
 
     def write(self, data: bytes) -> int:
         view = memoryview(data)
         while view:
-            view = view[self._raw.write(view) :]
+            written = self._raw.write(view)
+            self._position += written
+            view = view[written:]
         return len(data)
 
     def tell(self) -> int:
-        return int(self._raw.tell())
+        return self._position
 
     def flush(self) -> None:
         """Nothing is held back."""
+
+    def duplicate(self) -> int:
+        return os.dup(self._raw.fileno())
+
+    def close(self) -> None:
+        self._raw.close()
 
 
 @contextlib.contextmanager

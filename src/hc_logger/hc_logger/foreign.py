@@ -1,0 +1,180 @@
+"""Bags of others: rosbag2 with sqlite3, compressed files or messages, older metadata; by rosbags.
+
+rosbags does the reading. Its bags look here like our own, so whatever plays, converts or
+estimates takes them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
+from rosbags.rosbag2 import Reader, ReaderError
+
+from hc_logger.bag import Bag, Message, Topic
+from hc_logger.definitions import TypeDefinition, installed_definition
+from hc_logger.errors import BagError, UnknownTypeError
+from hc_logger.mcap_chunk import Messages
+from hc_logger.metadata import read_information, recorded_hashes
+from hc_logger.reader import BagReader
+
+BLOCK_MESSAGES = 16_384
+
+
+def open_bag(path: str | os.PathLike[str]) -> Bag:
+    """Open a bag of any kind that is supported.
+
+    Args:
+        path: bag folder or MCAP file.
+
+    Raises:
+        BagError: if there is none.
+    """
+    path = Path(path)
+    if path.is_dir():
+        information = read_information(path)
+        if information is not None and (
+            information["storage_identifier"] != "mcap"
+            or information.get("compression_mode", "").lower() in ("file", "message")
+        ):
+            return ForeignBag(path)
+    elif path.suffix == ".db3":
+        raise BagError(f"{path}: give the folder of the bag, with its metadata.yaml")
+    return BagReader(path)
+
+
+class ForeignBag(Bag):
+    """A bag that rosbags reads."""
+
+    def __init__(self, path: Path) -> None:
+        """Open a bag folder with its metadata.yaml.
+
+        Raises:
+            BagError: if rosbags cannot read it.
+        """
+        self.path = path
+        try:
+            self._reader = Reader(path)
+            self._reader.open()
+        except (ReaderError, OSError) as error:
+            raise BagError(f"{path}: {' '.join(str(error).split())}") from error
+        information = read_information(path) or {}
+        self.paths = [path / name for name in information.get("relative_file_paths", [])]
+        self.custom_data = dict(information.get("custom_data") or {})
+        self._problems: list[str] = []
+        self._hashes = recorded_hashes(information)
+        self._connections: dict[str, list[Connection]] = {}
+        self.topics = {}
+        for connection in self._reader.connections:
+            definition = self._definition(connection)
+            if definition is not None:
+                self._connections.setdefault(connection.topic, []).append(connection)
+                self.topics.setdefault(
+                    connection.topic, Topic(connection.topic, definition, _profiles(connection))
+                )
+        self.topics = dict(sorted(self.topics.items()))
+
+    def _definition(self, connection: Connection) -> TypeDefinition | None:
+        """Return the type's definition: the bag's own, else the installed one."""
+        name = connection.msgtype
+        if connection.msgdef.format == MessageDefinitionFormat.MSG and connection.msgdef.data:
+            type_hash = connection.digest or self._hashes.get(connection.topic, "")
+            return TypeDefinition(name, connection.msgdef.data, type_hash)
+        try:
+            return installed_definition(name)
+        except UnknownTypeError as error:
+            self._problems.append(f"{connection.topic} cannot be read: {error}")
+            return None
+
+    @property
+    def problems(self) -> list[str]:
+        """One line for each topic that cannot be read."""
+        return list(self._problems)
+
+    def time_range(self) -> tuple[int, int] | None:
+        """Return first and last log time (ns); None without messages."""
+        if not self._reader.message_count:
+            return None
+        return int(self._reader.start_time), int(self._reader.end_time) - 1
+
+    def messages(
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        end_ns: int | None = None,
+    ) -> Iterator[Message]:
+        """Yield messages by log time; see Bag."""
+        wanted = [
+            connection
+            for topic, connections in self._connections.items()
+            if topics is None or topic in topics
+            for connection in connections
+        ]
+        if not wanted:
+            return
+        stop = None if end_ns is None else end_ns + 1
+        try:
+            for connection, time, data in self._reader.messages(wanted, start=start_ns, stop=stop):
+                yield Message(connection.topic, time, time, bytes(data))
+        except ReaderError as error:
+            raise BagError(f"{self.path}: {' '.join(str(error).split())}") from error
+
+    def chunks(self) -> Iterator[tuple[Messages, dict[int, str]]]:
+        """Yield all messages in blocks; see Bag."""
+        numbers = {topic: number for number, topic in enumerate(self.topics)}
+        names = dict(enumerate(self.topics))
+        block: list[Message] = []
+        for message in self.messages():
+            block.append(message)
+            if len(block) == BLOCK_MESSAGES:
+                yield _stack(block, numbers), names
+                block = []
+        if block:
+            yield _stack(block, numbers), names
+
+    def close(self) -> None:
+        """Close the bag."""
+        self._reader.close()
+
+
+def _stack(block: list[Message], numbers: dict[str, int]) -> Messages:
+    length = np.array([len(m.data) for m in block], np.int64)
+    time = np.array([m.log_time for m in block], np.int64)
+    return Messages(
+        np.frombuffer(b"".join(m.data for m in block), np.uint8),
+        np.array([numbers[m.topic] for m in block], np.int64),
+        time,
+        time,
+        np.zeros(len(block), np.uint32),
+        np.concatenate([[0], np.cumsum(length)[:-1]]),
+        length,
+    )
+
+
+def _profiles(connection: Connection) -> list[dict[str, Any]]:
+    if not isinstance(connection.ext, ConnectionExtRosbag2):
+        return []
+    return [_profile(qos) for qos in connection.ext.offered_qos_profiles]
+
+
+def _profile(qos: Qos) -> dict[str, Any]:
+    """Return a profile as rosbag2 writes it in version 9."""
+
+    def time(value: Any) -> dict[str, int]:
+        return {"sec": value.sec, "nsec": value.nsec}
+
+    return {
+        "history": qos.history.name.lower(),
+        "depth": qos.depth,
+        "reliability": qos.reliability.name.lower(),
+        "durability": qos.durability.name.lower(),
+        "deadline": time(qos.deadline),
+        "lifespan": time(qos.lifespan),
+        "liveliness": qos.liveliness.name.lower(),
+        "liveliness_lease_duration": time(qos.liveliness_lease_duration),
+        "avoid_ros_namespace_conventions": qos.avoid_ros_namespace_conventions,
+    }
