@@ -190,7 +190,9 @@ class Estimator:
         self._settings["state_space"] = STATE_SPACES.index(state_space)
         self._settings["contact_model"] = CONTACT_MODELS.index(contact_model)
         self._memory = np.zeros(1, MEMORY)
-        self._particles = np.zeros((0, 8))
+        columns = FILTERS[filter].particle_columns
+        rows = 2 * int(values["particle_count"]) if columns else 0
+        self._particles = np.zeros((rows, columns))
         self._sample = np.zeros((1, 3))
         self._row = np.zeros((1, COLUMNS))
         self._write_settings(values)
@@ -273,6 +275,7 @@ class Estimator:
     def reset(self) -> None:
         """Forget all samples; the parameters stay."""
         self._memory[:] = np.zeros(1, MEMORY)
+        self._particles[:] = 0.0
         _initialise(self._settings, self._memory)
 
     def reconfigure(self, **parameters: object) -> None:
@@ -306,7 +309,7 @@ class Estimator:
             "contact_model": self._contact_model,
             "configuration": self.configuration,
             "memory": {name: self._memory[name][0].tolist() for name, _, _ in FIELDS},
-            "particles": self._particles.tolist(),
+            "particles": self._particles[: self._particles.shape[0] // 2].tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -341,14 +344,26 @@ class Estimator:
                 if field.shape != shape:
                     raise ValueError(f"{name} has shape {field.shape} instead of {shape}")
                 memory[name][0] = field
-            particles = np.asarray(state["particles"], np.float64)
-            particles = particles.reshape(-1, self._particles.shape[1])
+            particles = self._restored_particles(state["particles"], values)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"cannot restore an incomplete or damaged state: {error}") from error
         self._values = values
         self._write_settings(values)
         self._memory[:] = memory
-        self._particles = np.ascontiguousarray(particles)
+        self._particles = particles
+
+    def _restored_particles(
+        self, saved: Any, values: Mapping[str, ParameterValue]
+    ) -> NDArray[np.float64]:
+        columns = FILTERS[self._filter].particle_columns
+        count = int(values["particle_count"]) if columns else 0
+        particles = np.zeros((2 * count, columns))
+        if count:
+            given = np.asarray(saved, np.float64)
+            if given.shape != (count, columns):
+                raise ValueError(f"particles have shape {given.shape} not {(count, columns)}")
+            particles[:count] = given
+        return particles
 
     def _write_settings(self, values: Mapping[str, ParameterValue]) -> None:
         for name, value in values.items():

@@ -8,7 +8,7 @@ from typing import Any
 
 from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
-from hc_estimator.filters import adaptive_ukf, ekf, rls, rwstukf, ukf
+from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, sir_pf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 
@@ -22,6 +22,8 @@ class FilterEntry:
         specifications: parameters of the filter and of the adaptations that it uses.
         summary: one line for users.
         defaults: defaults that differ from the specifications', by state space and name.
+        particle_columns: numbers per particle (0: it has none); it then has the parameter
+            particle_count and gets an array of twice as many rows.
         fixed: settings that this filter does not offer but its kernel reads.
         state_spaces: state spaces that it combines with.
         contact_models: contact models that it combines with.
@@ -31,6 +33,7 @@ class FilterEntry:
     specifications: tuple[ParameterSpecification, ...]
     summary: str
     defaults: Mapping[str, Mapping[str, ParameterValue]] = dataclasses.field(default_factory=dict)
+    particle_columns: int = 0
     fixed: Mapping[str, ParameterValue] = dataclasses.field(default_factory=dict)
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
     contact_models: tuple[str, ...] = CONTACT_MODELS
@@ -93,6 +96,32 @@ FILTERS: dict[str, FilterEntry] = {
         state_spaces=("kinematic",),
         contact_models=("hunt_crossley",),
     ),
+    "sir_pf": FilterEntry(
+        run=sir_pf.run,
+        specifications=sir_pf.SPECIFICATIONS,
+        summary="particle filter with sampling, importance, resampling",
+        defaults={"paper": {"noise_adaptation": "fixed"}},
+        fixed={"tempering_amplitude": 0.0},
+        particle_columns=sir_pf.COLUMNS,
+    ),
+    "rbpf": FilterEntry(
+        run=rbpf.run,
+        specifications=rbpf.SPECIFICATIONS,
+        summary="Rao-Blackwellised particle filter: samples n and p, Kalman filters the rest",
+        defaults={
+            "kinematic": {
+                "initial_damping": 0.1,
+                "initial_damping_log_std": 10.0,
+                "initial_stiffness_log_std": 5.0,
+                "initial_displacement_exponent_std": 0.5,
+                "surviving_share": 0.9,
+                "tempering_samples": 200.0,
+            }
+        },
+        state_spaces=("kinematic",),
+        contact_models=("hunt_crossley",),
+        particle_columns=rbpf.COLUMNS,
+    ),
 }
 
 FIELDS: tuple[Field, ...] = (
@@ -104,4 +133,4 @@ FIELDS: tuple[Field, ...] = (
 )
 # Settings that kernels read and no user sees.
 HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
-SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH
+SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH
