@@ -20,6 +20,7 @@ COMMANDS: Final = (
     "node",
     "topic",
     "param",
+    "report",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""

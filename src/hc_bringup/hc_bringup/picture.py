@@ -1,0 +1,153 @@
+"""The picture of a run: force, the four parameters with their uncertainty, consistency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
+_MEASURED, _ESTIMATED, _TRUE, _ALARM = "0.6", "tab:blue", "tab:green", "tab:red"
+_MOST_POINTS = 4000
+_SETTLED_SHARE = 0.2
+
+
+@dataclass(frozen=True)
+class RunData:
+    """What the picture and the report show of one run; all arrays share the sample axis.
+
+    Attributes:
+        title: name of the recording and of the estimator.
+        time_s: since the first sample [s].
+        displacement_mm: measured displacement [mm].
+        force_n: measured force [N].
+        force_predicted_n: force expected before the sample was used [N].
+        parameters: K, B, n, p, shape (samples, 4).
+        parameters_std: their standard deviations, shape (samples, 4).
+        nis: normalised innovation squared.
+        change_detected: samples at which a change of the tissue was detected.
+        model_mismatch: samples at which the contact law did not fit.
+        truth: true K, B, n, p where the rig tells, shape (samples, 4), or None.
+    """
+
+    title: str
+    time_s: Array
+    displacement_mm: Array
+    force_n: Array
+    force_predicted_n: Array
+    parameters: Array
+    parameters_std: Array
+    nis: Array
+    change_detected: NDArray[np.bool_]
+    model_mismatch: NDArray[np.bool_]
+    truth: Array | None = None
+
+
+def draw(data: RunData) -> Figure:
+    """Return the picture of a run: displacement, force, error, NIS on the left, K B n p right."""
+    figure = Figure(figsize=(13.0, 8.0), layout="constrained")
+    figure.suptitle(data.title)
+    grid = figure.subplots(4, 2, sharex=True)
+    step = max(1, len(data.time_s) // _MOST_POINTS)
+    part = slice(None, None, step)
+    time = data.time_s[part]
+    _displacement(grid[0, 0], data, part)
+    _force(grid[1, 0], data, part)
+    _error(grid[2, 0], data, part)
+    _consistency(grid[3, 0], data)
+    for index in range(4):
+        _parameter(grid[index, 1], data, part, index)
+    for axes in grid.flat:
+        axes.grid(alpha=0.3)
+        axes.margins(x=0.0)
+        for at in data.time_s[data.change_detected]:
+            axes.axvline(at, color=_ALARM, linewidth=0.8, alpha=0.6)
+    for axes in grid[3]:
+        axes.set_xlabel("time [s]")
+    if data.model_mismatch.any():
+        for axes in grid.flat:
+            axes.fill_between(
+                time,
+                0.0,
+                1.0,
+                where=data.model_mismatch[part],
+                transform=axes.get_xaxis_transform(),
+                color=_ALARM,
+                alpha=0.08,
+                linewidth=0.0,
+            )
+    return figure
+
+
+def _displacement(axes: Any, data: RunData, part: slice) -> None:
+    axes.plot(data.time_s[part], data.displacement_mm[part], color=_MEASURED, linewidth=1.0)
+    axes.set_ylabel("displacement [mm]")
+
+
+def _force(axes: Any, data: RunData, part: slice) -> None:
+    time = data.time_s[part]
+    axes.plot(time, data.force_n[part], color=_MEASURED, linewidth=1.6, label="measured")
+    axes.plot(
+        time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9, label="one step ahead"
+    )
+    low, high = np.nanmin(data.force_n), np.nanmax(data.force_n)
+    margin = 0.1 * max(high - low, 1e-6)
+    axes.set_ylim(low - margin, high + margin)
+    axes.set_ylabel("force [N]")
+    axes.legend(loc="upper right", fontsize="small")
+
+
+def _error(axes: Any, data: RunData, part: slice) -> None:
+    error = data.force_n - data.force_predicted_n
+    settled = error[int(_SETTLED_SHARE * len(error)) :]
+    axes.plot(data.time_s[part], 1e3 * error[part], color=_ESTIMATED, linewidth=0.6)
+    limit = 1e3 * float(np.nanpercentile(np.abs(settled), 99.5)) if len(settled) else 1.0
+    axes.set_ylim(-1.5 * limit, 1.5 * limit)
+    axes.set_ylabel("force error\none step ahead [mN]")
+
+
+def _consistency(axes: Any, data: RunData) -> None:
+    """NIS averaged over a hundredth of the run, against its ideal."""
+    width = max(1, len(data.nis) // 100)
+    count = len(data.nis) // width * width
+    with np.errstate(invalid="ignore"):
+        blocks = data.nis[:count].reshape(-1, width)
+        known = np.isfinite(blocks)
+        mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    axes.plot(data.time_s[:count:width], mean, color=_ESTIMATED, linewidth=1.0)
+    axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--", label="ideal")
+    axes.set_ylim(0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))))
+    axes.set_ylabel("NIS, averaged")
+    axes.legend(loc="upper right", fontsize="small")
+
+
+def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
+    time = data.time_s[part]
+    value, deviation = data.parameters[part, index], data.parameters_std[part, index]
+    axes.fill_between(
+        time,
+        value - 2.0 * deviation,
+        value + 2.0 * deviation,
+        color=_ESTIMATED,
+        alpha=0.25,
+        linewidth=0.0,
+        label="± 2 sd",
+    )
+    axes.plot(time, value, color=_ESTIMATED, linewidth=1.2, label="estimate")
+    settled = data.parameters[int(_SETTLED_SHARE * len(data.parameters)) :, index]
+    spread = data.parameters_std[int(_SETTLED_SHARE * len(data.parameters_std)) :, index]
+    low, high = float(np.min(settled - 3 * spread)), float(np.max(settled + 3 * spread))
+    if data.truth is not None:
+        axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--", label="true")
+        low = min(low, float(np.nanmin(data.truth[:, index])))
+        high = max(high, float(np.nanmax(data.truth[:, index])))
+    margin = 0.15 * max(high - low, 1e-3 * abs(high), 1e-12)
+    axes.set_ylim(low - margin, high + margin)
+    axes.set_ylabel(_LABELS[index])
+    if index == 0:
+        axes.legend(loc="upper right", fontsize="small")
