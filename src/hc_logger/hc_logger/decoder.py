@@ -1,7 +1,7 @@
 """Any recorded message as an object, by the definition that the bag itself carries.
 
 For the few messages with strings and lists (configurations, joint states); layout.py is the way
-for streams. rosbags does the decoding.
+for streams. mcap-ros2-support does the decoding.
 """
 
 from __future__ import annotations
@@ -10,21 +10,24 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from mcap.records import Schema
+from mcap_ros2.decoder import DecoderFactory
 
 from hc_logger.definitions import TypeDefinition
+from hc_logger.errors import BagError
 
 
 @functools.lru_cache(maxsize=64)
 def decoder(definition: TypeDefinition) -> Callable[[bytes], Any]:
     """Return a function that turns the CDR bytes of a message of this type into an object.
 
-    The object has the message's fields as attributes; number lists are numpy arrays.
+    The object has the message's fields as attributes; lists are Python lists.
+
+    Raises:
+        BagError: if the definition cannot be understood.
     """
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(definition.text, definition.name))
-
-    def decode(data: bytes) -> Any:
-        return store.deserialize_cdr(data, definition.name)
-
+    schema = Schema(id=1, name=definition.name, encoding="ros2msg", data=definition.text.encode())
+    decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
+    if decode is None:
+        raise BagError(f"the definition of {definition.name} cannot be understood")
     return decode

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -34,6 +35,7 @@ _CHUNK_PATTERN = re.compile(
 )
 """A chunk's opcode, and the name of its compression where it must stand."""
 _PATTERN_BYTES = 64
+_FOOTER = struct.Struct("<QQI")
 
 
 class ChunkPlace(NamedTuple):
@@ -110,8 +112,21 @@ class McapFile:
         self.scan = FileScan()
         self._scan()
         if not self.scan.complete or (self.scan.chunks and not self.scan.channels):
-            for place in self.scan.chunks:
-                self.read_chunk(place)
+            self._collect_from_chunks()
+
+    def _collect_from_chunks(self) -> None:
+        """Take the descriptions of the topics from the chunks, which have checksums.
+
+        What stood at the end of the file serves only for what a damaged chunk does not tell.
+        """
+        scan = self.scan
+        schemas, scan.schemas = scan.schemas, {}
+        channels, scan.channels = scan.channels, {}
+        for place in scan.chunks:
+            self.read_chunk(place)
+        if self.damaged or not scan.channels:
+            scan.schemas = schemas | scan.schemas
+            scan.channels = channels | scan.channels
 
     def close(self) -> None:
         """Close the file."""
@@ -180,11 +195,22 @@ class McapFile:
             except (struct.error, UnicodeDecodeError, McapError, IndexError):
                 return None
         elif opcode == Opcode.FOOTER:
-            stream.seek(after)
-            scan.complete = stream.read() == MAGIC
-            if not scan.complete:
+            content = stream.read(length)
+            if stream.read() != MAGIC or not self._summary_is_sound(position, content):
                 return None
+            scan.complete = True
         return after
+
+    def _summary_is_sound(self, footer: int, content: bytes) -> bool:
+        """Check the checksum of everything from the summary to the footer, if there is one."""
+        if len(content) < _FOOTER.size:
+            return False
+        start, _, checksum = _FOOTER.unpack_from(content)
+        if not checksum or not start:
+            return True
+        self._stream.seek(start)
+        end = footer + RECORD_HEAD.size + _FOOTER.size - 4
+        return bool(start < footer and zlib.crc32(self._stream.read(end - start)) == checksum)
 
     def _scan_loose(self, position: int, after: int) -> int:
         """Add a message outside chunks to the run of such messages before it."""

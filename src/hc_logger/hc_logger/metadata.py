@@ -115,11 +115,18 @@ def write_metadata(folder: Path, metadata: BagMetadata) -> None:
     temporary.replace(folder / FILE_NAME)
 
 
+def parse_yaml(text: str) -> Any:
+    """Return the value of a YAML text of a damaged file, None if it is no YAML any more."""
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return None
+
+
 def recorded_hashes(information: Mapping[str, Any]) -> dict[str, str]:
     """Return the type hash of each topic that metadata.yaml names one for."""
-    metadata = [
-        e.get("topic_metadata", {}) for e in information.get("topics_with_message_count", [])
-    ]
+    entries = information.get("topics_with_message_count") or []
+    metadata = [entry.get("topic_metadata", {}) for entry in entries]
     return {
         m["name"]: m["type_description_hash"]
         for m in metadata

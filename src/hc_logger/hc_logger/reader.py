@@ -12,14 +12,12 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
 from hc_logger.mcap_chunk import Messages
 from hc_logger.mcap_file import ChunkPlace, McapFile
-from hc_logger.metadata import FILE_NAME, read_information, recorded_hashes
+from hc_logger.metadata import FILE_NAME, parse_yaml, read_information, recorded_hashes
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -110,7 +108,7 @@ class BagReader(Bag):
                     schema.data.decode("utf-8", "replace"),
                     channel.metadata.get("topic_type_hash") or self._hashes.get(channel.topic, ""),
                 )
-                profiles = yaml.safe_load(channel.metadata.get("offered_qos_profiles", "")) or []
+                profiles = parse_yaml(channel.metadata.get("offered_qos_profiles", "")) or []
                 self.topics[channel.topic] = Topic(channel.topic, definition, profiles)
         return names
 
@@ -119,7 +117,7 @@ class BagReader(Bag):
         information = read_information(self.path) if self.path.is_dir() else None
         if information is None:
             text = self.files[-1].scan.metadata.get("rosbag2", {}).get("serialized_metadata", "")
-            information = yaml.safe_load(text)
+            information = parse_yaml(text)
         return information if isinstance(information, dict) else {}
 
     @property

@@ -178,7 +178,7 @@ def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recordin
         np.arange(len(rows), dtype=np.uint64),
         displacement_mm,
         force_n,
-        _findings(rows, np.diff(time_s), ()),
+        findings_of(rows, np.diff(time_s), ()),
     )
 
 
@@ -207,7 +207,7 @@ def _read_bag(path: Path, topic: str) -> Recording:
         table["sequence"].copy(),
         displacement_mm,
         table["force"].copy(),
-        _findings(rows, np.diff(stamp), problems),
+        findings_of(rows, np.diff(stamp), problems),
     )
 
 
@@ -239,9 +239,16 @@ def stamps_from_seconds(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.rint(time_s[last] * NANOSECONDS).astype(np.int64)
 
 
-def _findings(
+def findings_of(
     rows: NDArray[np.float64], steps: NDArray[Any], problems: tuple[str, ...]
 ) -> Findings:
+    """Count the bad rows of a recording.
+
+    Args:
+        rows: (n, columns) values that must be finite.
+        steps: (n - 1,) steps of time from row to row.
+        problems: what could not be read, one line each.
+    """
     return Findings(
         int(np.count_nonzero(~np.isfinite(rows).all(axis=1))),
         int(np.count_nonzero(steps == 0)),

@@ -1,0 +1,202 @@
+"""A recording from two sensors of one's own: a wrench topic and a position topic of a bag.
+
+Axis, sign, scale, zero and time offset mean what the parameters input.force.* and
+input.position.* of the estimator node mean, and the pairing is the node's own.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.input.mapping import make_mapping
+from hc_estimator.input.pairing import Paired, Pairer
+from hc_logger.bag import Bag
+from hc_logger.decoder import decoder
+from hc_logger.errors import BagError
+from hc_logger.foreign import open_bag
+from hc_logger.recording import Recording, findings_of
+from hc_logger.selection import full_name
+from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
+
+FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
+JOINT_TYPE = "sensor_msgs/msg/JointState"
+POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+TRANSFORM_TYPE = "geometry_msgs/msg/TransformStamped"
+POSITION_TYPES = (JOINT_TYPE, POSE_TYPE, TRANSFORM_TYPE)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How the messages of a topic become displacement or force.
+
+    Attributes:
+        topic: topic name; empty takes the only one of a type that fits.
+        axis: x, y, z or direction (of the force, or of a pose's position).
+        direction: three numbers, for axis direction.
+        sign: 1 or -1: penetration and compression are to be positive.
+        scale: factor of the reading, for a sensor that does not speak SI.
+        zero: reading that counts as zero, after sign and scale (N or mm).
+        time_offset_s: added to the stamps.
+        joint: name of the joint in a JointState; empty takes the first.
+        child_frame: child frame of a TransformStamped; empty takes any.
+    """
+
+    topic: str = ""
+    axis: str = "z"
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    sign: int = 1
+    scale: float = 1.0
+    zero: float = 0.0
+    time_offset_s: float = 0.0
+    joint: str = ""
+    child_frame: str = ""
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How force and position are brought together; as input.pairing.* of the estimator node [s]."""
+
+    maximum_wait_s: float = 0.05
+    reorder_window_s: float = 0.0
+    maximum_gap_s: float = 0.1
+
+
+def read_sensors(
+    path: str | os.PathLike[str],
+    force: Sensor | None = None,
+    position: Sensor | None = None,
+    pairing: Pairing | None = None,
+) -> Recording:
+    """Read force and position of two topics as one recording, at the stamps of the force.
+
+    Args:
+        path: a bag of any kind.
+        force: the wrench topic; None takes the only one, force along z.
+        position: the JointState, PoseStamped or TransformStamped topic; None as above.
+        pairing: limits of the pairing.
+
+    Raises:
+        BagError: if there are no such topics or they give no sample.
+        ValueError: if a setting is not allowed.
+    """
+    force, position, pairing = force or Sensor(), position or Sensor(), pairing or Pairing()
+    with open_bag(path) as bag:
+        force_topic = _topic(bag, force.topic, (FORCE_TYPE,), "force")
+        position_topic = _topic(bag, position.topic, POSITION_TYPES, "position")
+        pairer = Pairer(
+            maximum_wait_ns=round(pairing.maximum_wait_s * 1e9),
+            reorder_window_ns=round(pairing.reorder_window_s * 1e9),
+            maximum_gap_ns=round(pairing.maximum_gap_s * 1e9),
+        )
+        take_force = _force_reader(bag, force_topic, force)
+        take_position = _position_reader(bag, position_topic, position)
+        samples: list[Paired] = []
+        for message in bag.messages({force_topic, position_topic}):
+            if message.topic == force_topic:
+                for stamp, value in take_force(message.data):
+                    samples += pairer.add_force(stamp, value)
+            else:
+                for stamp, value in take_position(message.data):
+                    samples += pairer.add_position(stamp, value)
+        problems = list(bag.problems)
+    counters = pairer.counters
+    for count, text in (
+        (counters.unpaired, "force readings without positions around them in time were left out"),
+        (counters.late, "force readings that came too late were left out"),
+    ):
+        if count:
+            problems.append(f"{count} {text}")
+    if not samples:
+        raise BagError(
+            f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"
+        )
+    stamps = np.array([s.stamp_ns for s in samples], np.int64)
+    rows = np.array([(s.displacement_mm, s.force_n) for s in samples])
+    return Recording(
+        Path(path),
+        True,
+        (stamps - stamps[0]) * 1e-9,
+        stamps,
+        np.array([s.sequence for s in samples], np.uint64),
+        np.ascontiguousarray(rows[:, 0]),
+        np.ascontiguousarray(rows[:, 1]),
+        findings_of(rows, np.diff(stamps), tuple(problems)),
+    )
+
+
+def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:
+    fitting = [t.name for t in bag.topics.values() if t.definition.name in types]
+    if name:
+        full = full_name(name)
+        if full in fitting:
+            return full
+        raise BagError(
+            f"{bag.path} has no {what} topic {full} of type {' or '.join(types)}; "
+            f"it has {', '.join(fitting) or 'none of them'}"
+        )
+    if len(fitting) == 1:
+        return fitting[0]
+    raise BagError(
+        f"{bag.path} has {len(fitting)} {what} topics ({', '.join(fitting) or 'none'}); name one"
+    )
+
+
+Reader = Callable[[bytes], Iterator[tuple[int, float]]]
+
+
+def _force_reader(bag: Bag, topic: str, sensor: Sensor) -> Reader:
+    decode = decoder(bag.topics[topic].definition)
+    mapping = make_mapping(sensor.axis, sensor.direction, sensor.sign, sensor.scale, sensor.zero)
+
+    def read(data: bytes) -> Iterator[tuple[int, float]]:
+        message = decode(data)
+        force = message.wrench.force
+        yield _stamp(message, sensor), mapping.of_vector(force.x, force.y, force.z)
+
+    return read
+
+
+def _position_reader(bag: Bag, topic: str, sensor: Sensor) -> Reader:
+    definition = bag.topics[topic].definition
+    decode = decoder(definition)
+    if definition.name == JOINT_TYPE:
+        scalar = make_mapping("x", sensor.direction, sensor.sign, sensor.scale, sensor.zero)
+
+        def read_joint(data: bytes) -> Iterator[tuple[int, float]]:
+            message = decode(data)
+            names = list(message.name)
+            if sensor.joint and sensor.joint not in names:
+                return  # many drivers publish their joints in several messages
+            index = names.index(sensor.joint) if sensor.joint else 0
+            if index < len(message.position):
+                value = float(message.position[index]) * METRE_IN_MM
+                yield _stamp(message, sensor), scalar.of_scalar(value)
+
+        return read_joint
+    mapping = make_mapping(sensor.axis, sensor.direction, sensor.sign, sensor.scale, sensor.zero)
+
+    def read_point(data: bytes) -> Iterator[tuple[int, float]]:
+        message = decode(data)
+        if definition.name == POSE_TYPE:
+            point = message.pose.position
+        elif sensor.child_frame in ("", message.child_frame_id):
+            point = message.transform.translation
+        else:
+            return
+        value = mapping.of_vector(
+            point.x * METRE_IN_MM, point.y * METRE_IN_MM, point.z * METRE_IN_MM
+        )
+        yield _stamp(message, sensor), value
+
+    return read_point
+
+
+def _stamp(message: Any, sensor: Sensor) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec) + round(sensor.time_offset_s * 1e9)

@@ -1,0 +1,96 @@
+"""Recordings from a wrench and a position topic, as other robots publish them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hc_logger.errors import BagError
+from hc_logger.sensors import Sensor, read_sensors
+from hc_logger.writer import BagWriter
+
+START_NS = 1_700_000_000_000_000_000
+
+
+def robot_bag(path: Path, position: str) -> None:
+    """Force at 1 kHz along -x, position at 100 Hz falling along y: d = 2 t, F = 3 t (mm, N)."""
+    from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+    from rclpy.serialization import serialize_message
+    from sensor_msgs.msg import JointState
+
+    kinds = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
+    types = {
+        "joint": "sensor_msgs/msg/JointState",
+        "pose": "geometry_msgs/msg/PoseStamped",
+        "transform": "geometry_msgs/msg/TransformStamped",
+    }
+    with BagWriter(path) as writer:
+        force = writer.add_topic("/ft/wrench", "geometry_msgs/msg/WrenchStamped")
+        other = writer.add_topic("/robot/position", types[position])
+
+        def write(topic: int, message: Any, milliseconds: int) -> None:
+            stamp = START_NS + milliseconds * 1_000_000
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            writer.write(topic, stamp, serialize_message(message))
+
+        for k in range(1001):
+            t = k * 1e-3
+            wrench = WrenchStamped()
+            wrench.wrench.force.x = -3.0 * t - 0.5
+            write(force, wrench, k)
+            if k % 10 == 0:
+                message = kinds[position]()
+                y = 0.010 - 2e-3 * t
+                if position == "joint":
+                    message.name, message.position = ["other", "z"], [7.0, y]
+                elif position == "pose":
+                    message.pose.position.y = y
+                else:
+                    message.child_frame_id = "tool"
+                    message.transform.translation.y = y
+                write(other, message, k)
+
+
+@pytest.mark.parametrize("position", ["joint", "pose", "transform"])
+def test_two_sensors_make_one_recording(tmp_path: Path, position: str) -> None:
+    robot_bag(tmp_path / "bag", position)
+    recording = read_sensors(
+        tmp_path / "bag",
+        Sensor(axis="x", sign=-1, zero=0.5),
+        Sensor(axis="y", sign=-1, zero=-10.0, joint="z", child_frame="tool"),
+    )
+    t = np.arange(1001) * 1e-3
+    np.testing.assert_allclose(recording.time_s, t, atol=1e-9)
+    np.testing.assert_allclose(recording.displacement_mm, 2.0 * t, atol=1e-9)
+    np.testing.assert_allclose(recording.force_n, 3.0 * t, atol=1e-12)
+    assert recording.findings.lines() == []
+
+
+def test_a_time_offset_moves_the_force_against_the_position(tmp_path: Path) -> None:
+    robot_bag(tmp_path / "bag", "pose")
+    recording = read_sensors(
+        tmp_path / "bag",
+        Sensor("ft/wrench", axis="direction", direction=(-2.0, 0.0, 0.0), time_offset_s=-0.03),
+        Sensor(axis="y", sign=-1, zero=-10.0),
+    )
+    t = np.arange(30, 1001) * 1e-3  # before 0.03 s there is no position
+    np.testing.assert_allclose(recording.displacement_mm, 2.0 * (t - 0.03), atol=1e-9)
+    np.testing.assert_allclose(recording.force_n, 3.0 * t + 0.5, atol=1e-12)
+    assert recording.findings.problems == (
+        "30 force readings without positions around them in time were left out",
+    )
+
+
+def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:
+    robot_bag(tmp_path / "robot", "pose")
+    with pytest.raises(BagError, match="no force topic /nothing of type geometry_msgs"):
+        read_sensors(tmp_path / "robot", Sensor("nothing"))
+    with pytest.raises(BagError, match="0 force topics"):
+        read_sensors(make_bag(count=10))
+    with pytest.raises(BagError, match="give no sample"):
+        read_sensors(tmp_path / "robot", force=Sensor(time_offset_s=5.0))
+    with pytest.raises(ValueError, match="axis = 'w'"):
+        read_sensors(tmp_path / "robot", Sensor(axis="w"))
