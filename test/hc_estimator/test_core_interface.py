@@ -12,18 +12,6 @@ from hc_estimator import Rejection
 COMBINATIONS = [(f, s) for f in hc.available_filters() for s in hc.available_state_spaces(f)]
 
 
-def recording(seconds=1.0, rate=1000.0, seed=1):
-    """Multi-sine indentation of one tissue with sensor noise: time, displacement, force."""
-    rng = np.random.default_rng(seed)
-    time = np.arange(int(seconds * rate)) / rate
-    slow, fast = 2 * np.pi * 0.7, 2 * np.pi * 2.3
-    d = 3 + 1.6 * np.sin(slow * time) + 0.8 * np.sin(fast * time + 0.5)
-    v = 1.6 * slow * np.cos(slow * time) + 0.8 * fast * np.cos(fast * time + 0.5)
-    force = d**1.8 * (0.2 + 0.05 * np.sign(v) * np.abs(v) ** 1.05)
-    noise = rng.standard_normal((2, time.size))
-    return time, d + 0.002 * noise[0], force + 0.01 * noise[1]
-
-
 @pytest.fixture(params=COMBINATIONS, ids=lambda c: "-".join(c))
 def estimator(request):
     filter_name, state_space = request.param
@@ -34,7 +22,7 @@ def rows(series):
     return series._rows
 
 
-def test_step_and_run_give_the_same_bits(estimator):
+def test_step_and_run_give_the_same_bits(estimator, recording):
     time, d, force = recording(0.5)
     d[100], force[200], time[300] = np.nan, 1e9, time[299]
     series = estimator.run(time, d, force)
@@ -49,7 +37,7 @@ def test_step_and_run_give_the_same_bits(estimator):
     assert series.parameters_std.shape == (time.size, 4)
 
 
-def test_estimate_and_series_have_the_same_names(estimator):
+def test_estimate_and_series_have_the_same_names(estimator, recording):
     series = estimator.run(*recording(0.05))
     one = series[-1]
     names = {n for n in dir(type(one)) if not n.startswith("_")}
@@ -58,7 +46,7 @@ def test_estimate_and_series_have_the_same_names(estimator):
         np.testing.assert_array_equal(getattr(series, name)[-1], getattr(one, name))
 
 
-def test_state_survives_json_and_continues_to_the_bit(estimator):
+def test_state_survives_json_and_continues_to_the_bit(estimator, recording):
     time, d, force = recording(0.4)
     whole = estimator.run(time, d, force)
     estimator.reset()
@@ -71,7 +59,7 @@ def test_state_survives_json_and_continues_to_the_bit(estimator):
     assert rows(whole)[150:].tobytes() == rows(rest).tobytes()
 
 
-def test_damaged_state_is_refused_and_changes_nothing(estimator):
+def test_damaged_state_is_refused_and_changes_nothing(estimator, recording):
     time, d, force = recording(0.1)
     estimator.run(time, d, force)
     before = json.dumps(estimator.state())
@@ -98,7 +86,7 @@ def test_reconfigure_is_atomic(estimator):
     assert estimator.step(0.0, 6.0, 0.0).rejected is Rejection.OUT_OF_RANGE
 
 
-def test_configuration_makes_an_equal_estimator(estimator):
+def test_configuration_makes_an_equal_estimator(estimator, recording):
     time, d, force = recording(0.1)
     estimator.reconfigure(force_limit=500.0)
     twin = hc.create_estimator(
@@ -112,7 +100,7 @@ def test_configuration_makes_an_equal_estimator(estimator):
     assert rows(first).tobytes() == rows(second).tobytes()
 
 
-def test_rejections_keep_the_estimate(estimator):
+def test_rejections_keep_the_estimate(estimator, recording):
     time, d, force = recording(0.3)
     estimator.run(time, d, force)
     last = estimator.step(0.3, float(d[-1]), float(force[-1]))

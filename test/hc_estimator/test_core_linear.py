@@ -1,0 +1,224 @@
+"""On linear models every Kalman-type filter is the Kalman filter, to 1e-10.
+
+With the Kelvin-Voigt law and K and B held fixed both state spaces are linear: `kinematic` measures
+y = [d, K d + B v] of a constant-acceleration motion, `paper` has F' = K d + B v as a state.
+"""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+
+STIFFNESS, DAMPING = 0.7, 0.03
+NOISE = np.diag([0.01, 0.05]) ** 2
+SAMPLES = 200
+OFF = {"outlier_gate": 1e9}
+# What switches each filter's adaptation off.
+PLAIN = {
+    "ukf": {"noise_adaptation": "fixed", "change_detection": "none", "tempering_amplitude": 0.0},
+    "ekf": {"noise_adaptation": "fixed", "change_detection": "none", "tempering_amplitude": 0.0},
+    "rwstukf": {
+        "noise_adaptation": "fixed",
+        "change_detection": "none",
+        "tempering_amplitude": 0.0,
+        "mahalanobis_threshold": 1e6,
+    },
+    "aukf": {"matching_window": 256, "tempering_amplitude": 0.0},  # never full in 200 samples
+    "raukf": {
+        "matching_window": 256,
+        "tempering_amplitude": 0.0,
+        "change_detection": "none",
+    },
+}
+
+
+def readings(rng):
+    """Irregular stamps (no gaps) and readings of a tool that stays in contact."""
+    time = 0.3 + np.cumsum(rng.uniform(0.5e-3, 2e-3, SAMPLES))
+    d = 8.0 + np.sin(9.0 * time)
+    force = STIFFNESS * d + DAMPING * 9.0 * np.cos(9.0 * time)
+    return (
+        time,
+        d + 0.01 * rng.standard_normal(SAMPLES),
+        force + 0.05 * rng.standard_normal(SAMPLES),
+    )
+
+
+def kinematic_model(dt, values):
+    transition = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
+    noise = values["jerk_density"] * np.array(
+        [
+            [dt**5 / 20, dt**4 / 8, dt**3 / 6],
+            [dt**4 / 8, dt**3 / 3, dt**2 / 2],
+            [dt**3 / 6, dt**2 / 2, dt],
+        ]
+    )
+    return transition, noise, np.array([[1.0, 0, 0], [STIFFNESS, DAMPING, 0]])
+
+
+def paper_model(dt, values):
+    transition = np.array([[1, dt, 0], [0, 1, 0], [STIFFNESS, DAMPING, 0]])
+    names = ("process_noise_displacement", "process_noise_velocity", "process_noise_force")
+    noise = np.diag([values[name] * dt for name in names])
+    return transition, noise, np.array([[1.0, 0, 0], [0, 0, 1]])
+
+
+def kalman_filter(time, readings, model, values, mean, deviations):
+    """The closed-form Kalman filter in its textbook (short) form, step by step."""
+    covariance = np.diag(deviations) ** 2
+    out = []
+    for k, y in enumerate(readings):
+        if k:
+            transition, noise, measure = model(time[k] - time[k - 1], values)
+            mean = transition @ mean
+            covariance = transition @ covariance @ transition.T + noise
+        else:
+            _, _, measure = model(1.0, values)
+        innovation = y - measure @ mean
+        spread = measure @ covariance @ measure.T + NOISE
+        predicted = (measure @ mean)[1]
+        gain = covariance @ measure.T @ np.linalg.inv(spread)
+        mean = mean + gain @ innovation
+        covariance = covariance - gain @ spread @ gain.T
+        nis = innovation @ np.linalg.solve(spread, innovation)
+        out.append([mean[0], mean[1], predicted, *innovation, nis])
+    return np.array(out)
+
+
+@pytest.mark.parametrize("filter_name", PLAIN)
+@pytest.mark.parametrize("state_space", ["kinematic", "paper"])
+def test_equals_the_closed_form_kalman_filter(filter_name, state_space):
+    time, d, force = readings(np.random.default_rng(5))
+    fixed = {"initial_stiffness": STIFFNESS, "initial_damping": DAMPING}
+    log = "_log" if state_space == "kinematic" else ""
+    fixed |= {f"initial_stiffness{log}_std": 0.0, f"initial_damping{log}_std": 0.0}
+    walks = (
+        ["stiffness_log_walk", "damping_log_walk"]
+        if state_space == "kinematic"
+        else ["process_noise_stiffness", "process_noise_damping"]
+    )
+    estimator = hc.create_estimator(
+        filter_name,
+        state_space=state_space,
+        contact_model="kelvin_voigt",
+        displacement_noise_std=0.01,
+        force_noise_std=0.05,
+        initial_velocity_std=2.0,  # narrow: no sigma point may leave contact at the start
+        initial_displacement_std=0.5,
+        **dict.fromkeys(walks, 0.0),
+        **({"initial_acceleration_std": 50.0} if state_space == "kinematic" else {}),
+        **fixed,
+        **OFF,
+        **PLAIN[filter_name],
+    )
+    series = estimator.run(time, d, force)
+    values = estimator.configuration
+    names = ["initial_displacement_std", "initial_velocity_std"]
+    if state_space == "kinematic":
+        model, mean = kinematic_model, np.array([d[0], 0.0, 0.0])
+        names.append("initial_acceleration_std")
+    else:
+        model, mean = paper_model, np.array([d[0], 0.0, force[0]])
+        names.append("initial_force_std")
+    expected = kalman_filter(
+        time, np.column_stack([d, force]), model, values, mean, [values[n] for n in names]
+    )
+    found = np.column_stack(
+        [
+            series.displacement,
+            series.velocity,
+            series.force_predicted,
+            series.innovation,
+            series.nis,
+        ]
+    )
+    assert np.all(series.rejected == 0)
+    np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(series.parameters[-1], [STIFFNESS, DAMPING, 1, 1], rtol=1e-14)
+    assert np.all(series.covariance[-1] == 0.0)
+
+
+@pytest.mark.parametrize("filter_name", ["rls", "rbpf"])
+def test_motion_in_the_air_equals_the_closed_form_kalman_filter(filter_name):
+    """The filters that only know Hunt-Crossley are linear out of contact."""
+    time, d, _ = readings(np.random.default_rng(6))
+    d -= 20.0
+    force = 0.05 * np.random.default_rng(7).standard_normal(SAMPLES)
+    options = {"tempering_amplitude": 0.0} if filter_name == "rbpf" else {}
+    estimator = hc.create_estimator(
+        filter_name,
+        displacement_noise_std=0.01,
+        force_noise_std=0.05,
+        noise_adaptation="fixed",
+        **options,
+    )
+    series = estimator.run(time, d, force)
+    values = estimator.configuration
+
+    def in_the_air(dt, values):
+        transition, noise, _ = kinematic_model(dt, values)
+        return transition, noise, np.array([[1.0, 0, 0], [0, 0, 0]])
+
+    names = ("initial_displacement_std", "initial_velocity_std", "initial_acceleration_std")
+    expected = kalman_filter(
+        time,
+        np.column_stack([d, force]),
+        in_the_air,
+        values,
+        np.array([d[0], 0.0, 0.0]),
+        [values[n] for n in names],
+    )
+    found = np.column_stack(
+        [
+            series.displacement,
+            series.velocity,
+            series.force_predicted,
+            series.innovation,
+            series.nis,
+        ]
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert not series.contact.any()
+
+
+def test_particle_filter_approaches_the_kalman_filter():
+    """With many particles the SIR filter's mean is the Kalman filter's, to Monte Carlo error."""
+    time, d, force = readings(np.random.default_rng(8))
+    time, d, force = time[:60], d[:60], force[:60]
+    estimator = hc.create_estimator(
+        "sir_pf",
+        state_space="paper",
+        contact_model="kelvin_voigt",
+        particle_count=20000,
+        likelihood_scale=1.0,
+        surviving_share=0.0,
+        roughening=0.0,
+        noise_adaptation="fixed",
+        displacement_noise_std=0.01,
+        force_noise_std=0.05,
+        initial_stiffness=STIFFNESS,
+        initial_damping=DAMPING,
+        initial_stiffness_std=0.0,
+        initial_damping_std=0.0,
+        process_noise_stiffness=0.0,
+        process_noise_damping=0.0,
+        process_noise_displacement=0.02,  # lively, so that the particles spread again
+        process_noise_velocity=500.0,
+        process_noise_force=1.0,
+        initial_velocity_std=10.0,
+        initial_force_std=0.1,
+    )
+    series = estimator.run(time, d, force)
+    values = estimator.configuration
+    expected = kalman_filter(
+        time,
+        np.column_stack([d, force]),
+        paper_model,
+        values,
+        np.array([d[0], 0.0, force[0]]),
+        [0.01, values["initial_velocity_std"], values["initial_force_std"]],
+    )
+    error = np.column_stack([series.displacement, series.velocity]) - expected[:, :2]
+    assert np.abs(error[:, 0]).max() < 0.001  # a tenth of the noise
+    assert np.abs(error[5:, 1]).max() < 0.4  # of a standard deviation of about 3 mm/s
+    np.testing.assert_allclose(series.nis[5:], expected[5:, 5], rtol=0.1, atol=0.1)
