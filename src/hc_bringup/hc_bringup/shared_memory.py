@@ -43,7 +43,7 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
     for name, own_port in sorted(names.items()):
         locks = [folder / f"{name}{s}" for s in _LOCK_SUFFIXES if (folder / f"{name}{s}").exists()]
         if not locks:
-            orphan = own_port and _is_recent(folder / name, since)
+            orphan = own_port
         else:
             orphan = all(_is_free(lock, since) for lock in locks)
         if orphan:
@@ -56,13 +56,6 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
 def _in_domain(port: int, domain_id: int) -> bool:
     first = _PORT_BASE + _PORTS_PER_DOMAIN * domain_id
     return first <= port < first + _PORTS_PER_DOMAIN
-
-
-def _is_recent(path: Path, since: float) -> bool:
-    try:
-        return path.stat().st_mtime >= since
-    except OSError:  # gone meanwhile
-        return False
 
 
 def _is_free(lock: Path, since: float) -> bool:

@@ -1,0 +1,212 @@
+"""hc run and hc replay with real nodes: nothing lost, nothing left behind, faults in one line."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hc_bringup.plan import load_plan
+
+ROOT = Path(__file__).resolve().parents[2]
+SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
+
+
+def children_of_domain(domain_id: str) -> list[int]:
+    """Ids of all processes that run a node of ours in this ROS domain."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            command = (folder / "cmdline").read_bytes()
+            environment = (folder / "environ").read_bytes()
+        except OSError:
+            continue
+        if b"--ros-args" in command and f"ROS_DOMAIN_ID={domain_id}\0".encode() in environment:
+            found.append(int(folder.name))
+    return found
+
+
+def shared_memory_of_domain(domain_id: str) -> list[str]:
+    first = 7400 + 250 * int(domain_id)
+    return [
+        path.name
+        for port in range(first, first + 250)
+        for path in Path("/dev/shm").glob(f"*fastrtps_port{port}*")
+    ]
+
+
+def wait_for_start(process: subprocess.Popen[str]) -> None:
+    """Read the live lines of a run until the first samples have come."""
+    for line in process.stderr:
+        if "Hz" in line:
+            return
+    raise AssertionError(f"the run ended early: {process.communicate()}")
+
+
+def assert_clean(command_line) -> None:
+    domain_id = command_line.environment["ROS_DOMAIN_ID"]
+    assert children_of_domain(domain_id) == []
+    assert shared_memory_of_domain(domain_id) == []
+
+
+def test_the_main_job(command_line) -> None:
+    done = command_line.run("run", "--duration", "6", "--json", "--headless", timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    summary = json.loads(done.stdout)
+    assert summary["lost"] == 0
+    assert summary["estimates"] == summary["samples"] > 5000
+    assert summary["rejected"] == {}
+    truth = {
+        "stiffness": 0.2,
+        "damping": 0.05,
+        "displacement_exponent": 1.8,
+        "velocity_exponent": 1.05,
+    }
+    for name, value in truth.items():
+        assert summary["parameters"][name] == pytest.approx(value, rel=0.02)
+    assert_clean(command_line)
+
+    bag = Path(summary["bag"])
+    assert bag.parent == command_line.folder / "bags"
+    info = command_line.run("bag", "info", str(bag)).stdout
+    for topic in ("/indenter/sample", "/hc/estimate", "/indenter/truth", "/hc/configuration"):
+        assert topic in info
+    recorded = yaml.safe_load((bag / "metadata.yaml").read_text())
+    counts = {
+        t["topic_metadata"]["name"]: t["message_count"]
+        for t in recorded["rosbag2_bagfile_information"]["topics_with_message_count"]
+    }
+    assert counts["/indenter/sample"] == counts["/hc/estimate"] == summary["samples"]
+
+    estimated = json.loads(command_line.run("estimate", str(bag), "--json").stdout)
+    for name, value in summary["parameters"].items():
+        assert estimated["parameters"][name] == pytest.approx(value, rel=1e-9)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_cleanly_with_a_summary(command_line, number: signal.Signals) -> None:
+    process = command_line.start("run", "--json")
+    wait_for_start(process)
+    time.sleep(1.0)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    summary = json.loads(out)
+    assert summary["lost"] == 0
+    assert summary["estimates"] > 500
+    assert Path(summary["bag"], "metadata.yaml").is_file()
+    assert_clean(command_line)
+
+
+def test_a_killed_runner_leaves_no_node_behind(command_line) -> None:
+    process = command_line.start("run")
+    wait_for_start(process)
+    process.kill()
+    process.communicate(timeout=10)
+    deadline = time.monotonic() + 10.0
+    while children_of_domain(command_line.environment["ROS_DOMAIN_ID"]):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_a_node_that_dies_is_reported_with_its_name(command_line) -> None:
+    process = command_line.start("run")
+    wait_for_start(process)
+    domain_id = command_line.environment["ROS_DOMAIN_ID"]
+    victim = next(
+        pid
+        for pid in children_of_domain(domain_id)
+        if b"hc_estimator.node" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    )
+    os.kill(victim, signal.SIGKILL)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert err.splitlines()[-1] == "hc run: node estimator was ended by SIGKILL"
+    assert_clean(command_line)
+
+
+def broken_plan(folder: Path, node: str, parameters: dict[str, object]) -> str:
+    """Write the shipped configuration with some parameters of one node changed."""
+    plan = load_plan(ROOT / "config" / "run.yaml")
+    nodes = [
+        {
+            "name": n.name,
+            "module": n.module,
+            "source": n.source,
+            "parameter_files": [str(f) for f in n.parameter_files],
+            "parameters": {**n.parameters, **(parameters if n.name == node else {})},
+        }
+        for n in plan.nodes
+    ]
+    path = folder / "broken.yaml"
+    path.write_text(yaml.safe_dump({"nodes": nodes}))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("node", "parameters", "expected"),
+    [
+        ("estimator", {"filter": "magic"}, "magic"),
+        ("estimator", {"no_such_parameter": 1}, "no_such_parameter"),
+        ("indenter", {"scenario": "atlantis"}, "atlantis"),
+        ("indenter", {"speed": -4.0}, "speed"),
+        ("recorder", {"flush_interval": 1e9}, "flush_interval"),
+    ],
+)
+def test_a_node_that_cannot_start_is_reported_with_what_it_said(
+    command_line, node: str, parameters: dict[str, object], expected: str
+) -> None:
+    path = broken_plan(command_line.folder, node, parameters)
+    done = command_line.run("run", path, "--headless", "--duration", "2", timeout=240)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    lines = done.stderr.splitlines()
+    assert lines[-1] == f"hc run: node {node} ended with exit status 2"
+    assert expected in "\n".join(lines[:-1])
+    assert "Traceback" not in done.stderr
+    assert_clean(command_line)
+
+
+def test_a_node_module_that_does_not_exist(command_line) -> None:
+    path = command_line.folder / "run.yaml"
+    path.write_text("nodes: [{name: a, module: no_such_module}]")
+    done = command_line.run("run", str(path), "--headless")
+    assert done.returncode == 1
+    assert "No module named no_such_module" in done.stderr
+    assert done.stderr.splitlines()[-1] == "hc run: node a ended with exit status 1"
+
+
+def test_replay_of_a_recording_gives_the_estimates_of_the_recording(command_line) -> None:
+    source = SHARED_DATA / "palpation_sine_soft.csv"
+    if not source.is_file():
+        pytest.skip(f"needs the recordings in {SHARED_DATA}")
+    command_line.run("bag", "convert", str(source), "bag")
+    words = ("replay", "bag", "--estimator", "--rate", "4", "--json", "--headless")
+    done = command_line.run(*words, timeout=240)
+    assert done.returncode == 0, done.stderr
+    replayed = json.loads(done.stdout)
+    assert replayed["lost"] == 0
+    assert replayed["estimates"] == replayed["samples"] == 5001
+    assert "latency_us" not in replayed
+    estimated = json.loads(command_line.run("estimate", str(source), "--json").stdout)
+    for kind in ("parameters", "parameters_std"):
+        for name, value in estimated[kind].items():
+            assert replayed[kind][name] == pytest.approx(value, rel=1e-6)
+    assert_clean(command_line)
+
+
+def test_replay_without_estimator_publishes_the_recorded_estimates(command_line) -> None:
+    command_line.run("simulate", "multisine", "-o", "bag", "--duration", "2")
+    done = command_line.run("replay", "bag", "--json", "--headless", "--start", "1")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["samples"] == 1000
+    assert summary["estimates"] == 0
+    assert_clean(command_line)
