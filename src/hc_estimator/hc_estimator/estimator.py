@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hc_estimator import screening
-from hc_estimator.adaptation import policy
+from hc_estimator.adaptation import policy, self_tuning
 from hc_estimator.compilation import compiled
 from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
@@ -153,6 +153,7 @@ def _initialise(settings_array: Any, memory_array: Any) -> None:
         memory.prior_variance[i] = memory.covariance[3 + i, 3 + i]
     memory.process_noise_scale = 1.0
     policy.initialise(settings, memory)
+    self_tuning.initialise(settings, memory)
 
 
 @compiled

@@ -8,7 +8,7 @@ from typing import Any
 
 from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
-from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, sir_pf, ukf
+from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 
@@ -51,6 +51,25 @@ _PLAIN_PAPER: Mapping[str, Any] = {
 _RECURSIVE: dict[str, ParameterValue] = {"change_threshold": 2.73, "change_refractory": 200}
 
 FILTERS: dict[str, FilterEntry] = {
+    "self_tuning_ukf": FilterEntry(
+        run=self_tuning_ukf.run,
+        specifications=self_tuning_ukf.SPECIFICATIONS,
+        summary="unscented filter that finds noise, motion, misfit and changes by itself (default)",
+        defaults={
+            "kinematic": {
+                "initial_damping": 0.07,
+                "initial_stiffness_log_std": 2.0,
+                "initial_damping_log_std": 1.5,
+                "initial_displacement_exponent_std": 0.5,
+                "initial_velocity_exponent_std": 0.1,
+                "stiffness_log_walk": 3e-10,
+                "damping_log_walk": 3e-10,
+                "displacement_exponent_walk": 3e-10,
+                "velocity_exponent_walk": 3e-10,
+            }
+        },
+        state_spaces=("kinematic",),
+    ),
     "ukf": FilterEntry(
         run=ukf.run,
         specifications=ukf.SPECIFICATIONS,
@@ -100,7 +119,27 @@ FILTERS: dict[str, FilterEntry] = {
         run=sir_pf.run,
         specifications=sir_pf.SPECIFICATIONS,
         summary="particle filter with sampling, importance, resampling",
-        defaults={"paper": {"noise_adaptation": "fixed"}},
+        # Searched at random for what keeps track with 50 particles; see docs/estimators.md.
+        defaults={
+            "kinematic": {
+                "proposal": "motion",
+                "surviving_share": 0.9,
+                "roughening": 0.1,
+            },
+            "paper": {
+                "noise_adaptation": "fixed",
+                "likelihood_scale": 1.5,
+                "roughening": 0.02,
+                "initial_velocity_std": 20.0,
+                "process_noise_displacement": 1e-5,
+                "process_noise_velocity": 700.0,
+                "process_noise_force": 0.3,
+                "process_noise_stiffness": 5e-3,
+                "process_noise_damping": 2e-4,
+                "displacement_exponent_walk": 2e-3,
+                "velocity_exponent_walk": 2e-4,
+            },
+        },
         fixed={"tempering_amplitude": 0.0},
         particle_columns=sir_pf.COLUMNS,
     ),
@@ -130,6 +169,8 @@ FIELDS: tuple[Field, ...] = (
     *strong_tracking.FIELDS,
     *covariance_matching.FIELDS,
     *rls.FIELDS,
+    *sir_pf.FIELDS,
+    *self_tuning_ukf.FIELDS,
 )
 # Settings that kernels read and no user sees.
 HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)

@@ -1,8 +1,11 @@
 """`sir_pf`: the particle filter with sampling, importance, resampling (paper C, section IV.B).
 
-Particles are states of the state space; the proposal is its process function with process noise,
-Gaussian or gamma distributed (paper C, Eq. 22: impulses in one direction); the weight is the
-likelihood of both readings (Eq. 27 with its minus sign), kept as a logarithm. Systematic
+Particles are states of the state space. Two proposals can be chosen. `process` is the papers': the
+process function with process noise, Gaussian or gamma distributed (paper C, Eq. 22: impulses in
+one direction), weighted with the likelihood of both readings (Eq. 27 with its minus sign).
+`motion` draws displacement, velocity and acceleration anew at each sample from a Kalman filter of
+the motion alone, and weights with the force: few particles cannot follow a precise displacement
+sensor, and need not, because the motion is linear. Weights are kept as logarithms. Systematic
 resampling when the effective sample size falls, with roughening of the parameters (Gordon,
 Salmond and Smith 1993), which would otherwise never move.
 
@@ -35,11 +38,18 @@ from hc_estimator.resampling import (
 )
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.specification import ParameterSpecification
+from hc_estimator.state_space import kinematic
 from hc_estimator.state_space import registry as state_space
 
 COLUMNS = 9  # seven states, logarithms of the weight before and after the sample
 WEIGHT = 8
-GAMMA = 1  # position in the choices
+GAMMA = 1  # positions in the choices
+MOTION = 1
+
+FIELDS = (
+    ("motion_state", np.float64, (7,)),  # of the motion filter; the first three count
+    ("motion_covariance", np.float64, (7, 7)),
+)
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -70,6 +80,15 @@ SPECIFICATIONS = (
         "precise sensor in seven dimensions; 1 is the likelihood itself.",
         minimum=1.0,
         maximum=1e4,
+    ),
+    ParameterSpecification(
+        "proposal",
+        "str",
+        "process",
+        "Where the particles' motion is drawn from: the process function with its noise, or (on "
+        "`kinematic` only) a Kalman filter of the displacement alone.",
+        choices=("process", "motion"),
+        runtime=False,
     ),
     ParameterSpecification(
         "process_noise_shape",
@@ -163,6 +182,56 @@ def _move(
 
 
 @compiled
+def _draw_motion(
+    settings: Any,
+    memory: Any,
+    state: NDArray[np.float64],
+    covariance: NDArray[np.float64],
+    particles: NDArray[np.float64],
+) -> bool:
+    """Draw each particle's displacement, velocity and acceleration from a Gaussian.
+
+    Args:
+        settings: settings record.
+        memory: memory record.
+        state: mean, shape (7,), the first three count.
+        covariance: covariance, shape (7, 7), zero outside of the motion.
+        particles: their motion is replaced.
+
+    Returns:
+        False if the covariance has no Cholesky factor.
+    """
+    if not cholesky(covariance, memory.factor):
+        return False
+    for k in range(particles.shape[0]):
+        for i in range(3):
+            memory.point[i] = normal(settings, memory)
+        for i in range(3):
+            total = state[i]
+            for j in range(i + 1):
+                total += memory.factor[i, j] * memory.point[j]
+            particles[k, i] = total
+    return True
+
+
+@compiled
+def _predict_motion(settings: Any, memory: Any) -> None:
+    """Predict the motion filter: memory.predicted_state and predicted_covariance."""
+    state, covariance = memory.predicted_state, memory.predicted_covariance
+    if memory.restart != 0:
+        state[:] = 0.0
+        covariance[:, :] = 0.0
+        kinematic.start_motion(settings, memory.measurement[0], state, covariance)
+        return
+    kinematic.propagate(
+        memory.elapsed, 0.0, memory.motion_state, memory.motion_covariance, state, covariance
+    )
+    for i in range(3):
+        for j in range(3):
+            covariance[i, j] += memory.process_noise[i, j]
+
+
+@compiled
 def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Weighted mean and covariance of the particles' readings: the predicted measurement."""
     mean, curvature = memory.predicted_measurement, memory.curvature
@@ -187,13 +256,20 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
 
 
 @compiled
-def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
-    """Multiply the weights by the likelihood of the sample (paper C, Eq. 9 and 27)."""
+def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64], first_channel: int) -> None:
+    """Multiply the weights by the likelihood of the sample (paper C, Eq. 9 and 27).
+
+    Args:
+        settings: settings record.
+        memory: memory record.
+        particles: their log weights are changed.
+        first_channel: 0 weights with displacement and force, 1 with the force alone.
+    """
     scale = settings.likelihood_scale * settings.likelihood_scale
     for k in range(particles.shape[0]):
         particles[k, WEIGHT - 1] = particles[k, WEIGHT]
         state_space.measure(settings, particles[k, :7], memory.outputs[0])
-        for i in range(2):
+        for i in range(first_channel, 2):
             residual = memory.measurement[i] - memory.outputs[0, i]
             particles[k, WEIGHT] -= (
                 0.5 * residual * residual / (scale * memory.measurement_noise[i])
@@ -250,6 +326,12 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
             return NUMERICAL
     elif not _move(settings, memory, current, moved):
         return NUMERICAL
+    by_motion = settings.proposal == MOTION
+    if by_motion:
+        _predict_motion(settings, memory)
+        state, covariance = memory.predicted_state, memory.predicted_covariance
+        if not _draw_motion(settings, memory, state, covariance, moved):
+            return NUMERICAL
     policy.prepare(settings, memory)
     _expect(settings, memory, moved)
     if not innovate(memory):
@@ -257,7 +339,21 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    _weigh(settings, memory, moved)
+    if by_motion:
+        kinematic.correct_motion(
+            memory.measurement[0] - memory.predicted_state[0],
+            memory.measurement_noise[0],
+            memory.predicted_state,
+            memory.predicted_covariance,
+            memory.updated_state,
+            memory.updated_covariance,
+        )
+        state, covariance = memory.updated_state, memory.updated_covariance
+        if not _draw_motion(settings, memory, state, covariance, moved):
+            return NUMERICAL
+        memory.predicted_state[:] = state  # `summarise` needs the room
+        memory.predicted_covariance[:, :] = covariance
+    _weigh(settings, memory, moved, 1 if by_motion else 0)
     if math.isnan(flatten(moved, settings.surviving_share)):
         return NUMERICAL
     for k in range(count):
@@ -271,6 +367,9 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     if decision != ACCEPTED:
         return decision
     current[:, :] = moved
+    if by_motion:
+        memory.motion_state[:] = memory.predicted_state
+        memory.motion_covariance[:, :] = memory.predicted_covariance
     if effective_sample_size(current) < settings.resampling_threshold * count:
         resample(settings, memory, current, moved)
         _roughen(settings, memory, current)
