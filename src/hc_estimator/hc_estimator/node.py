@@ -16,7 +16,7 @@ from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from hc_estimator import Estimate, Estimator, create_estimator
+from hc_estimator import Estimate, Estimator, available_filters, create_estimator
 from hc_estimator.input.tare import Tare
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
@@ -132,8 +132,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         return super().on_shutdown(state)
 
     def _prepare(self) -> None:
+        # All filters, so that a change of filter under a running stream has nothing to compile.
+        for name in available_filters():
+            create_estimator(name).warm_up()
         estimator = self._new_estimator()
-        estimator.warm_up()
         self._outputs = Outputs(self)
         self._session = EstimationSession(estimator, self, session_settings(self._settings.values))
         self._status = StatusReporter(self._session)
@@ -265,11 +267,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         session, _outputs = self._parts()
         kind = self._settings.kind
         estimator = self._new_estimator()
-        estimator.warm_up()
         known = session.time_origin_ns is not None
         carry_over = self._settings.values["carry_over"]
         if known and carry_over and can_hand_over(session.estimator, estimator):
-            hand_over(session.estimator, estimator)
+            estimator = hand_over(session.estimator, estimator)
             session.replace_estimator(
                 estimator, f"{kind.filter} with {kind.state_space} states takes over"
             )

@@ -1,0 +1,275 @@
+"""A tissue to press on, a listener to sessions, node processes that always end, and a probe."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from hypothesis import settings
+
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+
+# On a machine that others use too, the time of one example says nothing.
+settings.register_profile("unhurried", deadline=None)
+settings.load_profile("unhurried")
+
+TRUE_PARAMETERS = (0.2, 0.05, 1.8, 1.05)
+_domains = itertools.count(os.getpid())
+
+
+class Plant:
+    """Noisy samples of a tool that moves on a tissue of known parameters."""
+
+    def __init__(self, rate_hz=1000.0, seed=1, parameters=TRUE_PARAMETERS):
+        self.rate_hz = rate_hz
+        self.parameters = parameters
+        self._random = np.random.default_rng(seed)
+
+    def motion(self, time_s):
+        """Displacement [mm] and velocity [mm/s] of a motion that never leaves the tissue."""
+        a, b = 2 * np.pi * 0.7, 2 * np.pi * 2.3
+        displacement = 3 + 1.6 * np.sin(a * time_s) + 0.8 * np.sin(b * time_s + 0.5)
+        return displacement, 1.6 * a * np.cos(a * time_s) + 0.8 * b * np.cos(b * time_s + 0.5)
+
+    def force(self, displacement, velocity):
+        return hunt_crossley_force(displacement, velocity, *self.parameters)
+
+    def readings(self, time_s, offset_mm=0.0):
+        """Displacement [mm] and force [N] as the sensors read them at a time."""
+        displacement, velocity = self.motion(time_s)
+        force = self.force(displacement - offset_mm, velocity)
+        return (
+            float(displacement - offset_mm + self._random.normal(0, 0.002)),
+            float(force + self._random.normal(0, 0.01)),
+        )
+
+    def samples(self, count, start=0):
+        """(time, displacement, force) of a number of samples."""
+        for i in range(start, start + count):
+            time_s = i / self.rate_hz
+            yield (time_s, *self.readings(time_s))
+
+
+class Recorder:
+    """Listens to a session."""
+
+    def __init__(self):
+        self.estimates, self.events, self.contacts, self.revisions = [], [], [], []
+
+    def on_estimate(self, stamp_ns, sequence, force_n, estimate, computation_ns):
+        self.estimates.append((stamp_ns, sequence, estimate))
+
+    def on_event(self, event):
+        self.events.append(event)
+
+    def on_contact(self, summary):
+        self.contacts.append(summary)
+
+    def on_revision(self, revision):
+        self.revisions.append(revision)
+
+    def kinds(self):
+        return [event.kind for event in self.events]
+
+
+@pytest.fixture
+def plant():
+    return Plant()
+
+
+@pytest.fixture
+def make_plant():
+    return Plant
+
+
+@pytest.fixture
+def recorder():
+    return Recorder()
+
+
+@pytest.fixture
+def domain_id():
+    """A ROS domain of its own for every test."""
+    return 1 + next(_domains) % 101
+
+
+@pytest.fixture
+def start_process(domain_id):
+    """Start `python -m MODULE` with ROS arguments in the test's domain; killed at the end."""
+    processes = []
+
+    def start(module="hc_estimator.node", *arguments, **parameters):
+        command = [sys.executable, "-m", module, "--ros-args", *arguments]
+        for name, value in parameters.items():
+            text = str(value).lower() if isinstance(value, bool) else str(value)
+            command += ["-p", f"{name.replace('__', '.')}:={text}"]
+        environment = os.environ | {
+            "ROS_DOMAIN_ID": str(domain_id),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        }
+        process = subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        processes.append(process)
+        return process
+
+    yield start
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+        process.communicate(timeout=10)
+
+
+def end(process):
+    """Ask a process to end; return exit status, output and errors."""
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=20)
+    return process.returncode, output, errors
+
+
+@pytest.fixture
+def end_process():
+    return end
+
+
+class Probe:
+    """The test's own node: publishes samples, listens to everything, calls services."""
+
+    def __init__(self, domain_id):
+        os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticArray
+        from hc_msgs.msg import (
+            ContactSummary,
+            EstimatorConfiguration,
+            EstimatorEvent,
+            HuntCrossleyEstimate,
+            IndenterSample,
+        )
+        from rclpy.executors import SingleThreadedExecutor
+
+        from hc_msgs_py import qos, topics
+
+        self.context = rclpy.Context()
+        rclpy.init(args=[], context=self.context, domain_id=domain_id)
+        self.node = rclpy.create_node("probe", context=self.context, enable_rosout=False)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.estimates, self.events, self.contacts = [], [], []
+        self.configurations, self.statuses = [], []
+        for kind, topic, profile, take in (
+            (HuntCrossleyEstimate, topics.ESTIMATE, qos.ESTIMATE_QOS, self.estimates.append),
+            (EstimatorEvent, topics.EVENTS, qos.CONFIGURATION_QOS, self.events.append),
+            (ContactSummary, topics.CONTACTS, qos.CONFIGURATION_QOS, self.contacts.append),
+            (
+                EstimatorConfiguration,
+                topics.CONFIGURATION,
+                qos.CONFIGURATION_QOS,
+                self.configurations.append,
+            ),
+            (DiagnosticArray, topics.DIAGNOSTICS, qos.DIAGNOSTICS_QOS, self._on_diagnostics),
+        ):
+            self.node.create_subscription(kind, topic, take, profile)
+        self.samples = self.node.create_publisher(IndenterSample, topics.SAMPLE, qos.SAMPLE_QOS)
+
+    def _on_diagnostics(self, message):
+        self.statuses += [s for s in message.status if s.name == "estimator"]
+
+    def spin(self, duration_s):
+        end_s = time.monotonic() + duration_s
+        while (left := end_s - time.monotonic()) > 0:
+            self.executor.spin_once(timeout_sec=left)
+
+    def wait(self, condition, timeout_s=20.0, what="condition"):
+        """Spin until a condition holds; fail when it does not in time."""
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end_s, f"not within {timeout_s} s: {what}"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def call(self, name, request_type=None, request=None, timeout_s=90.0):
+        """Call a service of the estimator; a Trigger unless told otherwise."""
+        from std_srvs.srv import Trigger
+
+        kind = request_type or Trigger
+        client = self.node.create_client(kind, f"/estimator/{name}")
+        self.wait(client.service_is_ready, timeout_s, f"service {name}")
+        future = client.call_async(request or kind.Request())
+        self.wait(future.done, timeout_s, f"answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def wait_ready(self):
+        """Wait until the estimator says that it has found this node, and this node found it."""
+        self.wait(lambda: self.call("ready").success, 90.0, "~/ready")
+        self.wait(lambda: self.samples.get_subscription_count() > 0, what="a subscriber")
+        self.wait(lambda: self.node.count_publishers("hc/estimate") > 0, what="a publisher")
+
+    def set(self, atomically=False, **parameters):
+        """Set parameters; return the answers (one if atomically)."""
+        from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+        from rclpy.parameter import Parameter
+
+        kind = SetParametersAtomically if atomically else SetParameters
+        request = kind.Request()
+        request.parameters = [
+            Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+            for name, value in parameters.items()
+        ]
+        name = "set_parameters_atomically" if atomically else "set_parameters"
+        response = self.call(name, kind, request)
+        return response.result if atomically else response.results
+
+    def get(self, *names):
+        from rcl_interfaces.srv import GetParameters
+        from rclpy.parameter import parameter_value_to_python
+
+        request = GetParameters.Request(names=list(names))
+        response = self.call("get_parameters", GetParameters, request)
+        return [parameter_value_to_python(value) for value in response.values]
+
+    def publish(self, stamp_ns, sequence, displacement_mm, force_n):
+        from hc_msgs_py.conversion import fill_sample, new_sample_message
+
+        message = new_sample_message()
+        fill_sample(message, stamp_ns, sequence, displacement_mm, force_n)
+        self.samples.publish(message)
+
+    def stream(self, samples, rate_hz=1000.0, first=0, start_ns=None, publish=None):
+        """Publish (time, displacement, force) in real time, listening in between.
+
+        Returns the number of the next sample.
+        """
+        publish = publish or self.publish
+        begin = time.monotonic()
+        start_ns = time.time_ns() if start_ns is None else start_ns
+        t0 = None
+        number = first
+        for number, (time_s, displacement, force) in enumerate(samples, first):
+            t0 = time_s if t0 is None else t0
+            due = begin + (number - first) / rate_hz
+            while (left := due - time.monotonic()) > 0:
+                self.executor.spin_once(timeout_sec=left)
+            publish(start_ns + round((time_s - t0) * 1e9), number, displacement, force)
+        return number + 1
+
+    def kinds(self):
+        return [event.kind for event in self.events]
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def probe(domain_id):
+    probe = Probe(domain_id)
+    yield probe
+    probe.close()

@@ -1,0 +1,107 @@
+"""A change of filter keeps what is known."""
+
+import numpy as np
+import pytest
+
+from hc_estimator import (
+    available_contact_models,
+    available_filters,
+    available_state_spaces,
+    create_estimator,
+)
+from hc_estimator.online.handover import hand_over
+
+KINDS = [(f, s) for f in available_filters() for s in available_state_spaces(f)]
+
+
+@pytest.fixture(scope="module")
+def data():
+    generator = np.random.default_rng(5)
+    from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+
+    time_s = np.arange(2000) * 1e-3
+    a, b = 2 * np.pi * 0.7, 2 * np.pi * 2.3
+    d = 3 + 1.6 * np.sin(a * time_s) + 0.8 * np.sin(b * time_s + 0.5)
+    v = 1.6 * a * np.cos(a * time_s) + 0.8 * b * np.cos(b * time_s + 0.5)
+    force = np.array(
+        [hunt_crossley_force(*dv, 0.2, 0.05, 1.8, 1.05) for dv in zip(d, v, strict=True)]
+    )
+    d += generator.normal(0, 0.002, d.size)
+    return time_s, d, force + generator.normal(0, 0.01, d.size)
+
+
+def known(estimator, data):
+    """Mean and deviation of K, B, n, p after the data, seen at a sample that is refused."""
+    estimator.run(*data)
+    return estimator.step(float("nan"), 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def sources(data):
+    """What each kind knows after the data."""
+    result = {}
+    for name, space in KINDS:
+        estimator = create_estimator(name, state_space=space)
+        result[name, space] = estimator, known(estimator, data)
+    return result
+
+
+@pytest.mark.parametrize("target", KINDS)
+@pytest.mark.parametrize("source", KINDS)
+def test_every_kind_takes_over_from_every_other(source, target, data, sources):
+    first, before = sources[source]
+    fresh = create_estimator(target[0], state_space=target[1])
+    second = hand_over(first, fresh)
+    assert (second.filter, second.state_space) == target
+    after = second.step(float("nan"), 0.0, 0.0)
+    exact = target[0] not in ("rls", "rbpf") or target == source
+    keeps_p = target[0] != "rls"  # which knows p = 1 alone
+    shared = slice(0, 4 if keeps_p else 3)
+    if exact:
+        np.testing.assert_allclose(after.parameters, before.parameters, rtol=1e-6)
+        np.testing.assert_allclose(after.parameters_std, before.parameters_std, rtol=1e-6)
+    time_s = data[0][-1] + 0.001
+    for i in range(3):  # a filter may refuse a few as outliers where the source was wrong
+        goes_on = second.step(time_s + i * 1e-3, data[1][-1], data[2][-1])
+    assert np.isfinite(goes_on.parameters).all()
+    if not exact:
+        tolerance = 6 * before.parameters_std[shared] + 0.1 * np.abs(before.parameters[shared])
+        assert np.all(np.abs(goes_on.parameters - before.parameters)[shared] <= tolerance)
+
+
+def test_correlations_go_over_exactly_within_a_state_space(data):
+    first = create_estimator("ukf")
+    before = known(first, data)
+    second = create_estimator("ekf")
+    hand_over(first, second)
+    after = second.step(float("nan"), 0.0, 0.0)
+    np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-12)
+
+
+def test_there_and_back_between_state_spaces_is_the_same(data):
+    first = create_estimator("ukf")
+    before = known(first, data)
+    paper, back = create_estimator("ukf", state_space="paper"), create_estimator("ukf")
+    hand_over(first, paper)
+    hand_over(paper, back)
+    after = back.step(float("nan"), 0.0, 0.0)
+    np.testing.assert_allclose(after.parameters, before.parameters, rtol=1e-12)
+    np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-9)
+
+
+def test_what_the_new_filter_holds_fixed_stays_fixed(data):
+    first = create_estimator("ukf")
+    known(first, data)
+    second = create_estimator(
+        "ekf", initial_velocity_exponent=1.0, initial_velocity_exponent_std=0.0
+    )
+    hand_over(first, second)
+    after = second.step(float("nan"), 0.0, 0.0)
+    assert after.parameters[3] == 1.0
+    assert after.parameters_std[3] == 0.0
+
+
+def test_another_contact_model_is_refused():
+    other = next(m for m in available_contact_models("ukf") if m != "hunt_crossley")
+    with pytest.raises(ValueError, match="contact_model"):
+        hand_over(create_estimator("ukf"), create_estimator("ukf", contact_model=other))
