@@ -31,7 +31,7 @@ from hc_estimator.state_space.registry import STATE_SPACES
 
 STATE_FORMAT = 1  # of Estimator.state(); raised when its meaning changes
 
-DEFAULT_FILTER = "ukf"
+DEFAULT_FILTER = "self_tuning_ukf"
 DEFAULT_STATE_SPACE = "kinematic"
 DEFAULT_CONTACT_MODEL = "hunt_crossley"
 
@@ -159,6 +159,7 @@ def _initialise(settings_array: Any, memory_array: Any) -> None:
 @compiled
 def _set_noise(settings_array: Any, memory_array: Any) -> None:
     policy.set_noise(settings_array[0], memory_array[0])
+    self_tuning.set_noise(settings_array[0], memory_array[0])
 
 
 class Estimator:

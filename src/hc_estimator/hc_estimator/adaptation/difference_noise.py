@@ -1,13 +1,17 @@
-"""Sensor noise from the fifth difference of the raw readings: no model, no innovation.
+"""Sensor noise from the eighth difference of the raw readings: no model, no innovation.
 
-The fifth difference of a smooth signal is nearly zero, that of white noise of variance r has the
-variance 252 r (1 + 25 + 100 + 100 + 25 + 1). A long running mean of its square is the noise in
-use; when a short mean departs from it the long one restarts from the short one, so that a sensor
-that turns noisier is followed at once, and is told from a tissue that changed.
+High differences of a smooth signal are nearly zero, those of order m of white noise of variance r
+have the variance C(2m, m) r. Their squares, divided by that, measure the noise at every sample,
+whatever the tissue does. The higher the order, the less of the motion leaks in at low rates; eight
+is as far as the error of the estimate hardly grows. A long running mean is the noise in use; when
+a short mean departs from it the long one restarts from the short one, so that a sensor that turns
+noisier is followed at once, and is told from a tissue that changed: a step of the force enters
+only eight differences, and each is limited against the noise known so far.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -61,19 +65,26 @@ SPECIFICATIONS = (
     ),
 )
 
-ORDER = 5
-VARIANCE = 252.0  # of the fifth difference of white noise of variance 1
-FIRST_SAMPLES = 24  # differences before they replace the noise given in the settings
-# Successive steps that differ by more than this share do not count as evenly spaced.
-UNEVEN = 0.2
+ORDER = 8
+WEIGHTS = np.array([(-1.0) ** k * math.comb(ORDER, k) for k in range(ORDER + 1)])
+VARIANCE = float(math.comb(2 * ORDER, ORDER))  # of the difference of white noise of variance 1
+FIRST_SAMPLES = 16  # differences before they replace the noise given in the settings
+AFTER_JUMP = 10  # differences that the restarted long mean counts for
+LATEST = 12  # differences in the quickest mean, for the change detector
+LARGEST_RATIO = 10.0  # of one squared difference against the long mean
+# A step that differs from the usual one by more than this share breaks the even spacing.
+UNEVEN = 0.5
 
 FIELDS = (
-    ("readings", np.float64, (6, 2)),  # the last six, oldest first
+    ("readings", np.float64, (ORDER + 1, 2)),  # the last ones, oldest first
     ("readings_count", np.int64, ()),  # how many of them follow one another evenly
-    ("readings_step", np.float64, ()),  # the last step between two of them [s]
-    ("difference_count", np.int64, ()),  # differences since the start or the last jump
+    ("readings_step", np.float64, ()),  # usual step between two of them [s]
+    ("difference_count", np.int64, (2,)),  # differences since the start or the last jump
     ("difference_mean", np.float64, (2,)),  # long running mean of the noise variance
     ("difference_short_mean", np.float64, (2,)),
+    ("difference_latest", np.float64, (LATEST, 2)),  # ring of squared differences
+    ("difference_position", np.int64, ()),
+    ("difference_jumped", np.int64, (2,)),  # 1 at the sample where the noise jumped
 )
 
 
@@ -81,58 +92,76 @@ FIELDS = (
 def restart(memory: Any) -> None:
     """Forget the readings and what they said."""
     memory.readings_count = 0
-    memory.difference_count = 0
+    memory.difference_count[:] = 0
+    memory.difference_latest[:, :] = 0.0
 
 
 @compiled
-def learn(settings: Any, memory: Any) -> None:
-    """Take the accepted sample in memory.measurement into the noise estimate memory.noise."""
+def _take_reading(memory: Any) -> bool:
+    """Append memory.measurement; True once enough evenly spaced readings are there."""
     readings = memory.readings
     step = memory.elapsed
-    even = memory.restart == 0
-    if memory.readings_count >= 2:
-        even = even and abs(step - memory.readings_step) <= UNEVEN * memory.readings_step
-    if not even:
+    if memory.restart != 0:
         memory.readings_count = 0
-    memory.readings_step = step
+    elif memory.readings_count == 1:
+        memory.readings_step = step
+    elif memory.readings_count > 1:
+        if abs(step - memory.readings_step) > UNEVEN * memory.readings_step:
+            memory.readings_count = 0
+        else:
+            memory.readings_step += 0.1 * (step - memory.readings_step)
     for k in range(ORDER):
         readings[k, 0] = readings[k + 1, 0]
         readings[k, 1] = readings[k + 1, 1]
     readings[ORDER, 0] = memory.measurement[0]
     readings[ORDER, 1] = memory.measurement[1]
     memory.readings_count = min(memory.readings_count + 1, ORDER + 1)
-    if memory.readings_count <= ORDER:
+    return memory.readings_count > ORDER  # type: ignore[no-any-return]
+
+
+@compiled
+def learn(settings: Any, memory: Any) -> None:
+    """Take the accepted sample in memory.measurement into the noise estimate memory.noise."""
+    memory.difference_jumped[:] = 0
+    if not _take_reading(memory):
         return
-    memory.difference_count += 1
-    count = float(memory.difference_count)
-    long_share = 1.0 / min(count, settings.noise_memory)
-    short_share = 1.0 / min(count, settings.noise_short_memory)
-    jumped = False
+    memory.difference_position = (memory.difference_position + 1) % LATEST
     for i in range(2):
-        difference = (
-            readings[5, i]
-            - 5.0 * readings[4, i]
-            + 10.0 * readings[3, i]
-            - 10.0 * readings[2, i]
-            + 5.0 * readings[1, i]
-            - readings[0, i]
-        )
+        difference = 0.0
+        for k in range(ORDER + 1):
+            difference += WEIGHTS[k] * memory.readings[k, i]
         variance = difference * difference / VARIANCE
-        memory.difference_mean[i] += long_share * (variance - memory.difference_mean[i])
+        memory.difference_latest[memory.difference_position, i] = variance
+        memory.difference_count[i] += 1
+        count = float(memory.difference_count[i])
+        long_mean = memory.difference_mean[i]
         short = memory.difference_short_mean[i]
-        short += short_share * (variance - short)
-        memory.difference_short_mean[i] = short
+        if count > FIRST_SAMPLES:
+            variance = min(variance, LARGEST_RATIO * long_mean)
+        elif count == 1.0:
+            long_mean = 0.0
+            short = 0.0
+        long_mean += (variance - long_mean) / min(count, settings.noise_memory)
+        short += (variance - short) / min(count, settings.noise_short_memory)
         floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
         floor *= floor
-        long_mean = max(memory.difference_mean[i], floor)
-        ratio = max(short, floor) / long_mean
-        if count > settings.noise_short_memory and (
-            ratio > settings.noise_jump_ratio or ratio * settings.noise_jump_ratio < 1.0
-        ):
-            memory.difference_mean[i] = short
-            long_mean = max(short, floor)
-            jumped = True
-        if count >= FIRST_SAMPLES:
+        long_mean = max(long_mean, floor)
+        short = max(short, floor)
+        ratio = settings.noise_jump_ratio
+        if count > FIRST_SAMPLES and (short > ratio * long_mean or short * ratio < long_mean):
+            long_mean = short
+            memory.difference_count[i] = AFTER_JUMP
+            memory.difference_jumped[i] = 1
+        memory.difference_mean[i] = long_mean
+        memory.difference_short_mean[i] = short
+        if memory.difference_count[i] >= FIRST_SAMPLES or memory.difference_jumped[i] != 0:
             memory.noise[i] = long_mean
-    if jumped:
-        memory.difference_count = int(settings.noise_short_memory)
+
+
+@compiled
+def latest(memory: Any, channel: int) -> float:
+    """Mean of the last few squared differences: noisy, and as quick as the noise can be seen."""
+    total = 0.0
+    for k in range(LATEST):
+        total += memory.difference_latest[k, channel]
+    return total / LATEST

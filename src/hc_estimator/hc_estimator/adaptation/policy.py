@@ -44,8 +44,7 @@ NOISE_ADAPTATION = ParameterSpecification(
     "noise_adaptation",
     "str",
     "differences",
-    "Where the sensor noise comes from: the given values, or the differences of the raw "
-    "readings.",
+    "Where the sensor noise comes from: the given values, or the differences of the raw readings.",
     choices=("fixed", "differences"),
     runtime=False,
 )

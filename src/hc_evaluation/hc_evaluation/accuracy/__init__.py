@@ -1,0 +1,1 @@
+"""Measures how true the estimates are, on simulated tissue and on recordings."""

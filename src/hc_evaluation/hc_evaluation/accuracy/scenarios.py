@@ -1,0 +1,172 @@
+"""Simulated contacts with a known answer: a smooth motion, a tissue, a sampling rate, sensor noise.
+
+The motion is a drift plus a sum of sines, so that displacement, velocity and acceleration are exact
+at any instant and no integration error enters the comparison with the truth. The tissue follows the
+Hunt-Crossley law, F = K d^n + B d^n sign(v)|v|^p (paper A, Eq. 1), and can change abruptly; the
+sensors add white Gaussian noise, whose level can change abruptly too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tissue:
+    """Parameters of the Hunt-Crossley law in mm, mm/s and N."""
+
+    stiffness: float
+    damping: float
+    displacement_exponent: float
+    velocity_exponent: float
+
+    def as_array(self) -> FloatArray:
+        """Return K, B, n, p, shape (4,)."""
+        return np.array(
+            [self.stiffness, self.damping, self.displacement_exponent, self.velocity_exponent]
+        )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Displacement offset + drift t + sum of amplitude sin(2 pi frequency t + phase), in mm."""
+
+    offset_mm: float
+    # Amplitude [mm], frequency [Hz] and phase [rad] of each.
+    sines: tuple[tuple[float, float, float], ...] = ()
+    drift_mm_s: float = 0.0
+
+    def evaluate(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return displacement [mm], velocity [mm/s], acceleration [mm/s^2], each shape (N,)."""
+        displacement = self.offset_mm + self.drift_mm_s * time_s
+        velocity = np.full_like(time_s, self.drift_mm_s)
+        acceleration = np.zeros_like(time_s)
+        for amplitude, frequency, phase in self.sines:
+            rate = 2.0 * np.pi * frequency
+            angle = rate * time_s + phase
+            displacement = displacement + amplitude * np.sin(angle)
+            velocity = velocity + amplitude * rate * np.cos(angle)
+            acceleration = acceleration - amplitude * rate**2 * np.sin(angle)
+        return displacement, velocity, acceleration
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One simulated contact.
+
+    Attributes:
+        name: Name for tables and pictures.
+        tissue: Tissue from the start.
+        motion: Motion of the tool.
+        rate_hz: Sampling rate.
+        displacement_noise_mm: Standard deviation of the displacement sensor's white noise.
+        force_noise_n: Standard deviation of the force sensor's white noise.
+        duration_s: Length.
+        changes: Instants [s] and the tissue from then on, in order of time.
+        noise_jumps: Instants [s] and the factors on displacement and force noise from then on.
+        force_delay_s: Time by which the force channel lags the displacement channel.
+        force_zero_n: Constant error of the force channel.
+        contact_position_mm: Displacement reading at which the tool touches the tissue.
+        note: What the scenario is for.
+    """
+
+    name: str
+    tissue: Tissue
+    motion: Motion
+    rate_hz: float
+    displacement_noise_mm: float
+    force_noise_n: float
+    duration_s: float = 10.0
+    changes: tuple[tuple[float, Tissue], ...] = ()
+    noise_jumps: tuple[tuple[float, float, float], ...] = ()
+    force_delay_s: float = 0.0
+    force_zero_n: float = 0.0
+    contact_position_mm: float = 0.0
+    note: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class SimulatedContact:
+    """Sensor readings of one run beside the truth; arrays of shape (N,), parameters (N, 4).
+
+    ``displacement`` and ``velocity`` are the penetration and its rate as the tissue feels them;
+    the readings differ from them by noise, contact position, delay and zero.
+    """
+
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_n: FloatArray
+    displacement: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    force: FloatArray
+    parameters: FloatArray
+    displacement_noise_std: FloatArray
+    force_noise_std: FloatArray
+
+
+def hunt_crossley_force(
+    displacement: FloatArray, velocity: FloatArray, parameters: FloatArray
+) -> FloatArray:
+    """Force of the Hunt-Crossley law [N] (paper A, Eq. 1), zero out of contact.
+
+    Args:
+        displacement: Penetration [mm], shape (N,).
+        velocity: Its rate [mm/s], shape (N,).
+        parameters: K, B, n, p, shape (4,) or (N, 4).
+    """
+    stiffness, damping, exponent, velocity_exponent = np.moveaxis(
+        np.asarray(parameters, dtype=np.float64), -1, 0
+    )
+    depth = np.maximum(displacement, 0.0)
+    dashpot = np.sign(velocity) * np.abs(velocity) ** velocity_exponent
+    force: FloatArray = np.where(
+        depth > 0.0, depth**exponent * (stiffness + damping * dashpot), 0.0
+    )
+    return force
+
+
+def tissue_over_time(scenario: Scenario, time_s: FloatArray) -> FloatArray:
+    """True K, B, n, p at each instant, shape (N, 4)."""
+    parameters = np.tile(scenario.tissue.as_array(), (time_s.size, 1))
+    for instant, tissue in scenario.changes:
+        parameters[time_s >= instant] = tissue.as_array()
+    return parameters
+
+
+def simulate(scenario: Scenario, seed: int) -> SimulatedContact:
+    """Simulate one run; the same seed gives the same noise, whatever the tissue."""
+    count = round(scenario.duration_s * scenario.rate_hz) + 1
+    time_s = np.arange(count) / scenario.rate_hz
+    displacement, velocity, acceleration = scenario.motion.evaluate(time_s)
+    delayed_time = time_s - scenario.force_delay_s
+    felt_displacement, felt_velocity, _ = scenario.motion.evaluate(delayed_time)
+    parameters = tissue_over_time(scenario, time_s)
+    force = hunt_crossley_force(
+        felt_displacement, felt_velocity, tissue_over_time(scenario, delayed_time)
+    )
+    displacement_noise = np.full(count, scenario.displacement_noise_mm)
+    force_noise = np.full(count, scenario.force_noise_n)
+    for instant, displacement_factor, force_factor in scenario.noise_jumps:
+        displacement_noise[time_s >= instant] = scenario.displacement_noise_mm * displacement_factor
+        force_noise[time_s >= instant] = scenario.force_noise_n * force_factor
+    generator = np.random.default_rng(seed)
+    return SimulatedContact(
+        time_s=time_s,
+        displacement_mm=displacement
+        + scenario.contact_position_mm
+        + displacement_noise * generator.standard_normal(count),
+        force_n=force + scenario.force_zero_n + force_noise * generator.standard_normal(count),
+        displacement=displacement,
+        velocity=velocity,
+        acceleration=acceleration,
+        force=force,
+        parameters=parameters,
+        displacement_noise_std=displacement_noise,
+        force_noise_std=force_noise,
+    )

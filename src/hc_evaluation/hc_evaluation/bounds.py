@@ -1,0 +1,124 @@
+"""Posterior Cramer-Rao bound of the kinematic formulation: how good any estimator can be.
+
+For a linear-Gaussian system the bound of Tichavsky, Muravchik and Nehorai (IEEE Trans. Signal
+Processing 46(5), 1998, Eq. 21) is the covariance of the Kalman filter. Linearising the measurement
+at the true states gives the bound of the nonlinear model, by the same Riccati recursion. State:
+[d, v, a, ln K, ln B, n, p]; the tool's motion is driven by white jerk, the parameters by a slow
+random walk, both displacement and force are measured.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.compilation import compiled
+
+FloatArray = NDArray[np.float64]
+
+
+@compiled
+def _riccati(
+    time_s: FloatArray,
+    displacement: FloatArray,
+    velocity: FloatArray,
+    parameters: FloatArray,
+    displacement_variance: FloatArray,
+    force_variance: FloatArray,
+    jerk_density: float,
+    parameter_density: FloatArray,
+    initial_covariance: FloatArray,
+) -> FloatArray:
+    count = time_s.size
+    covariance = initial_covariance.copy()
+    bound = np.empty((count, 4, 4))
+    transition = np.eye(7)
+    process = np.zeros((7, 7))
+    row = np.zeros(7)
+    for k in range(count):
+        if k > 0:
+            dt = time_s[k] - time_s[k - 1]
+            transition[0, 1] = dt
+            transition[1, 2] = dt
+            transition[0, 2] = 0.5 * dt * dt
+            process[0, 0] = jerk_density * dt**5 / 20.0
+            process[0, 1] = process[1, 0] = jerk_density * dt**4 / 8.0
+            process[0, 2] = process[2, 0] = jerk_density * dt**3 / 6.0
+            process[1, 1] = jerk_density * dt**3 / 3.0
+            process[1, 2] = process[2, 1] = jerk_density * dt**2 / 2.0
+            process[2, 2] = jerk_density * dt
+            for i in range(4):
+                process[3 + i, 3 + i] = parameter_density[i] * dt
+            covariance = transition @ covariance @ transition.T + process
+        for channel in range(2):
+            row[:] = 0.0
+            if channel == 0:
+                row[0] = 1.0
+                noise = displacement_variance[k]
+            else:
+                depth = displacement[k]
+                speed = abs(velocity[k])
+                noise = force_variance[k]
+                if depth > 0.0:
+                    stiffness, damping, n, p = parameters[k]
+                    sign = 1.0 if velocity[k] >= 0.0 else -1.0
+                    power = depth**n
+                    dashpot = speed**p
+                    force = power * (stiffness + sign * damping * dashpot)
+                    row[0] = n * force / depth
+                    if speed > 0.0:
+                        row[1] = power * damping * p * dashpot / speed
+                        row[6] = power * damping * sign * dashpot * np.log(speed)
+                    row[3] = power * stiffness
+                    row[4] = power * damping * sign * dashpot
+                    row[5] = force * np.log(depth)
+            column = covariance @ row
+            gain = column / (row @ column + noise)
+            reduced = np.eye(7) - np.outer(gain, row)
+            # Joseph form: stays positive definite over decades of initial variance.
+            covariance = reduced @ covariance @ reduced.T + noise * np.outer(gain, gain)
+        bound[k] = covariance[3:, 3:]
+    return bound
+
+
+def posterior_cramer_rao_bound(
+    time_s: FloatArray,
+    displacement: FloatArray,
+    velocity: FloatArray,
+    parameters: FloatArray,
+    *,
+    displacement_noise_std: FloatArray | float,
+    force_noise_std: FloatArray | float,
+    jerk_density: float,
+    parameter_density: FloatArray,
+    initial_covariance: FloatArray,
+) -> FloatArray:
+    """Bound on the covariance of ln K, ln B, n, p after each sample.
+
+    Args:
+        time_s: Instants, shape (N,).
+        displacement: True penetration [mm], shape (N,).
+        velocity: True rate of penetration [mm/s], shape (N,).
+        parameters: True K, B, n, p, shape (N, 4).
+        displacement_noise_std: True sensor noise [mm], scalar or shape (N,).
+        force_noise_std: True sensor noise [N], scalar or shape (N,).
+        jerk_density: Spectral density of the white jerk [mm^2/s^5].
+        parameter_density: Variance per second of the random walk of ln K, ln B, n, p, shape (4,).
+        initial_covariance: Covariance of the state before the first sample, shape (7, 7).
+
+    Returns:
+        Covariance bounds in the coordinates ln K, ln B, n, p, shape (N, 4, 4).
+    """
+    count = time_s.size
+    bound: FloatArray = _riccati(
+        np.ascontiguousarray(time_s, dtype=np.float64),
+        np.ascontiguousarray(displacement, dtype=np.float64),
+        np.ascontiguousarray(velocity, dtype=np.float64),
+        np.ascontiguousarray(parameters, dtype=np.float64),
+        np.square(np.broadcast_to(displacement_noise_std, (count,)).astype(np.float64)),
+        np.square(np.broadcast_to(force_noise_std, (count,)).astype(np.float64)),
+        float(jerk_density),
+        np.asarray(parameter_density, dtype=np.float64),
+        np.asarray(initial_covariance, dtype=np.float64),
+    )
+    return bound
