@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,10 @@ MakeBag = Callable[..., Path]
 def listen(graph: Any) -> list[Any]:
     from hc_msgs.msg import IndenterSample
 
-    from hc_msgs_py.qos import SAMPLE_QOS
+    from hc_msgs_py.qos import ESTIMATE_QOS
 
     got: list[Any] = []
-    graph.create_subscription(IndenterSample, "indenter/sample", got.append, SAMPLE_QOS, raw=True)
+    graph.create_subscription(IndenterSample, "indenter/sample", got.append, ESTIMATE_QOS, raw=True)
     return got
 
 
@@ -69,7 +70,9 @@ def test_services_start_and_pause_it(start_node: Start, graph: Any, make_bag: Ma
     assert not graph.spin_until(lambda: bool(got), timeout=0.3)
     assert graph.call(SetBool, "/player/run", SetBool.Request(data=True)).success
     assert graph.spin_until(lambda: len(got) > 100)
-    assert graph.call(SetBool, "/player/run", SetBool.Request(data=False)).message == "paused"
+    assert graph.call(SetBool, "/player/run", SetBool.Request(data=False)).message.startswith(
+        "paused"
+    )
     graph.spin_until(lambda: False, timeout=0.2)
     count = len(got)
     assert not graph.spin_until(lambda: len(got) > count, timeout=0.3)
@@ -104,3 +107,163 @@ def test_an_empty_bag_is_one_line(start_node: Start, make_bag: MakeBag) -> None:
     node = start_node(PLAYER, bag=make_bag(count=0))
     assert node.wait() == 2
     assert "has no messages" in node.error
+
+
+def values(graph: Any) -> dict[str, str]:
+    """The player's next diagnostics."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    got: list[Any] = []
+    subscription = graph.create_subscription(DiagnosticArray, "/diagnostics", got.append, 10)
+    assert graph.spin_until(lambda: any(m.status[0].name == "player" for m in got))
+    graph.destroy_subscription(subscription)
+    status = next(m.status[0] for m in got if m.status[0].name == "player")
+    return {"message": status.message} | {v.key: v.value for v in status.values}
+
+
+def set_parameter(graph: Any, name: str, value: Any) -> Any:
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    return graph.call(SetParameters, "/player/set_parameters", request).results[0]
+
+
+def test_step_burst_and_seek(start_node: Start, graph: Any, make_bag: MakeBag) -> None:
+    from hc_msgs.msg import IndenterSample
+    from rclpy.serialization import deserialize_message
+    from std_srvs.srv import Trigger
+
+    raw = listen(graph)
+
+    def sequences() -> list[int]:
+        return [deserialize_message(data, IndenterSample).sequence for data in raw]
+
+    def settled(count: int) -> list[int]:
+        assert graph.spin_until(lambda: len(raw) >= count)
+        graph.spin_until(lambda: False, timeout=0.1)
+        return sequences()
+
+    node = start_node(
+        PLAYER,
+        bag=make_bag(count=3000),
+        start_paused=True,
+        topics="['indenter/*']",
+        burst_count=25,
+    )
+    graph.call(Trigger, "/player/ready")
+    assert graph.spin_until(
+        lambda: values(graph)["message"] == "waits for ~/run or its subscribers"
+    )
+    graph.call(Trigger, "/player/play_next")
+    assert settled(1) == [0]
+    graph.call(Trigger, "/player/play_next")
+    assert settled(2) == [0, 1]
+    graph.call(Trigger, "/player/burst")
+    assert settled(27) == list(range(27))
+    assert set_parameter(graph, "position", 2.0).successful
+    graph.call(Trigger, "/player/play_next")
+    assert settled(28)[-1] == 2000
+    refused = set_parameter(graph, "position", 99.0)
+    assert "outside 0 to 2.999 s" in refused.reason
+    assert set_parameter(graph, "position", 1.0).successful
+    assert set_parameter(graph, "rate", 10.0).successful
+    assert graph.call(Trigger, "/player/toggle_paused").message.startswith("plays from 1.000 s")
+    assert settled(28 + 2000)[28:] == list(range(1000, 3000))
+    assert values(graph)["message"] == "finished"
+    # from the end back to where one likes
+    assert set_parameter(graph, "position", 2.5).successful
+    assert settled(28 + 2500)[2028:] == list(range(2500, 3000))
+    assert node.end() == 0, node.error
+
+
+def test_clock_loop_and_new_names(start_node: Start, graph: Any, make_bag: MakeBag) -> None:
+    from hc_msgs.msg import IndenterSample
+    from rosgraph_msgs.msg import Clock
+
+    from hc_msgs_py.qos import ESTIMATE_QOS
+
+    times: list[float] = []
+    got: list[int] = []
+    graph.create_subscription(
+        Clock, "/clock", lambda m: times.append(m.clock.sec + m.clock.nanosec * 1e-9), 100
+    )
+    graph.create_subscription(
+        IndenterSample, "other/name", lambda m: got.append(m.sequence), ESTIMATE_QOS
+    )
+    node = start_node(
+        PLAYER,
+        bag=make_bag(count=1000),
+        remap="['indenter/sample:=other/name']",
+        expected_sample_subscribers=1,
+        clock_rate=100.0,
+        rate=2.0,
+        loop=True,
+    )
+    assert graph.spin_until(lambda: len(got) >= 2500)
+    assert got[:2500] == [*range(1000), *range(1000), *range(500)]
+    start = 1_700_000_000.123456789
+    assert all(start - 1e-3 <= t <= start + 1.0 for t in times)
+    steps = [b - a for a, b in itertools.pairwise(times)]
+    assert sum(step < 0 for step in steps) == 2  # two jumps back to the start
+    forward = sorted(step for step in steps if step > 0)
+    assert forward[len(forward) // 2] == pytest.approx(0.02, abs=0.004)  # 100 Hz at twice the speed
+    assert node.end() == 0, node.error
+
+
+def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
+    """A player on a pseudo terminal: space, right, up; and the terminal is given back."""
+    import os
+    import pty
+    import subprocess
+    import sys
+    import termios
+
+    got = listen(graph)
+    path = make_bag(count=3000)
+    controller, terminal = pty.openpty()
+    before = termios.tcgetattr(terminal)
+    command = [sys.executable, "-m", PLAYER, "--ros-args"]
+    for parameter in (
+        f"bag:={path}",
+        "keyboard:=true",
+        "start_paused:=true",
+        "exit_when_done:=true",
+    ):
+        command += ["-p", parameter]
+    environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
+
+    def take_terminal() -> None:
+        import fcntl
+
+        os.setsid()
+        fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
+
+    process = subprocess.Popen(
+        command,
+        stdin=terminal,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        preexec_fn=take_terminal,
+    )
+    try:
+        assert graph.spin_until(lambda: graph.count_publishers("/indenter/sample") == 1)
+        assert graph.spin_until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)
+        graph.spin_until(lambda: False, timeout=0.3)
+        os.write(controller, b"\x1b[C")
+        assert graph.spin_until(lambda: len(got) >= 1)
+        os.write(controller, b"\x1b[A\x1b[A\x1b[A\x1b[Bx ")
+        assert graph.spin_until(lambda: process.poll() is not None)
+        assert process.wait(5) == 0
+        assert len(got) == 3000
+        assert termios.tcgetattr(terminal) == before
+        text = process.stderr.read()
+        for line in ("rate 1.1", "rate 1.21", "rate 1.33", "plays one message", "plays from"):
+            assert line in text
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate(timeout=10)
+        os.close(controller)
+        os.close(terminal)

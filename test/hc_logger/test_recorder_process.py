@@ -50,10 +50,10 @@ def test_everything_received_is_written(
 ) -> None:
     from hc_msgs.msg import EstimatorConfiguration, IndenterSample
 
-    from hc_msgs_py.qos import CONFIGURATION_QOS, SAMPLE_QOS
+    from hc_msgs_py.qos import CONFIGURATION_QOS, ESTIMATE_QOS, SAMPLE_QOS
 
     bag = tmp_path / "bag"
-    samples = graph.create_publisher(IndenterSample, "indenter/sample", SAMPLE_QOS)
+    samples = graph.create_publisher(IndenterSample, "indenter/sample", ESTIMATE_QOS)
     configurations = graph.create_publisher(
         EstimatorConfiguration, "hc/configuration", CONFIGURATION_QOS
     )
@@ -87,7 +87,8 @@ def test_everything_received_is_written(
             np.testing.assert_array_equal(table["sequence"], np.arange(count))
         profiles = {n: t.qos_profiles[0] for n, t in reader.topics.items()}
         assert profiles["/hc/configuration"]["durability"] == "transient_local"
-        assert profiles["/indenter/sample"]["reliability"] == "best_effort"
+        assert profiles["/indenter/sample"]["reliability"] == "reliable"
+        assert profiles["/not/yet"]["reliability"] == "best_effort"
     (configuration,) = read_recording(bag, topic="indenter/sample").configurations
     assert configuration.revision == 1
     metadata = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]

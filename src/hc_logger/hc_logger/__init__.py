@@ -1,8 +1,11 @@
 """Bags: recorder and player nodes, and reading, writing, converting and recovering MCAP bags.
 
-Modules without rclpy: definitions (message texts and hashes), metadata (metadata.yaml), writer,
-mcap_file (one MCAP file, whole or cut), reader (a bag), layout (messages as numpy records),
-decoder (any message as an object), csv_file, recording (what an estimator needs of a recording),
-convert, info, selection, session (what the recorder keeps), playback (what the player does). Only
-qos_profiles and the files named *_node.py use rclpy.
+Without rclpy, from the bottom up: errors, definitions (message texts and hashes), metadata
+(metadata.yaml), writer; mcap_chunk and mcap_file (one MCAP file, whole or cut), bag (what every
+bag offers), reader (MCAP bags), foreign (bags of others), layout (messages as numpy records),
+decoder (any message as an object), csv_file, recording (what an estimator needs), sensors (the
+same from a wrench and a position topic), convert, recover, info, selection, keyboard,
+reception_clock, session (what the recorder keeps), playback (what the player does).
+
+With rclpy: recorder_node, player_node, player_controls, qos_profiles, message_class.
 """

@@ -16,7 +16,7 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
 from hc_logger.recording import SAMPLE_TYPE, only_topic, stamps_from_seconds
-from hc_logger.selection import TopicSelection
+from hc_logger.selection import TopicSelection, full_name
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -169,7 +169,7 @@ def bag_to_csv(
         BagError: if the source has no samples or the target exists.
     """
     with open_bag(source) as reader:
-        name = topic or only_topic(reader, SAMPLE_TYPE)
+        name = full_name(topic) if topic else only_topic(reader, SAMPLE_TYPE, SAMPLE)
         if name is None or name not in reader.topics:
             raise BagError(f"{source} has no topic of type {SAMPLE_TYPE}")
         count = write_csv(target, _rows(reader, name, progress))

@@ -12,6 +12,7 @@ import yaml
 from hc_logger.errors import BagError
 
 FILE_NAME = "metadata.yaml"
+TEMPORARY = ".tmp"
 VERSION = 9
 ROS_DISTRO = "jazzy"
 
@@ -110,9 +111,15 @@ def write_metadata(folder: Path, metadata: BagMetadata) -> None:
     text = yaml.safe_dump(
         {"rosbag2_bagfile_information": bag_information(metadata)}, sort_keys=False
     )
-    temporary = folder / (FILE_NAME + ".tmp")
+    temporary = folder / (FILE_NAME + TEMPORARY)
     temporary.write_text(text, encoding="utf-8")
     temporary.replace(folder / FILE_NAME)
+
+
+def remove_metadata(folder: Path) -> None:
+    """Delete metadata.yaml, also a half-written one."""
+    for name in (FILE_NAME, FILE_NAME + TEMPORARY):
+        (folder / name).unlink(missing_ok=True)
 
 
 def parse_yaml(text: str) -> Any:

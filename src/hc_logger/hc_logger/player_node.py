@@ -10,7 +10,6 @@ import time
 from typing import Any
 
 from rclpy.node import Node
-from std_srvs.srv import SetBool
 
 from hc_logger.bag import Message, Topic
 from hc_logger.definitions import installed_definition
@@ -18,14 +17,16 @@ from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.foreign import open_bag
 from hc_logger.message_class import message_class
 from hc_logger.playback import Playback
+from hc_logger.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
 from hc_logger.qos_profiles import publisher_profile
+from hc_logger.recording import SAMPLE_TYPE
 from hc_logger.selection import TopicSelection, full_name
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import STREAM_DEPTH
 from hc_msgs_py.services import add_ready_service
-from hc_msgs_py.topics import NODE_PLAYER, SAMPLE
+from hc_msgs_py.topics import NODE_PLAYER
 
 LAST_DELIVERY_S = 0.5
 """How long the node lives on after the last message, so that slow subscribers get it."""
@@ -59,6 +60,10 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             ),
             namespace,
         )
+        renames = _renames(
+            declare(self, "remap", [""], "topics to rename, recorded:=played", read_only=True),
+            namespace,
+        )
         self._expected = declare(
             self,
             "expected_sample_subscribers",
@@ -79,21 +84,24 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             for problem in self._reader.problems:
                 self.get_logger().warning(problem)
             self._skipped: dict[str, str] = {}
-            self._publishers_by_topic = self._make_publishers(selection)
+            self._publishers_by_topic = self._make_publishers(selection, renames)
             self._playback = Playback(
                 self._reader,
                 self._publish,
                 TopicSelection(list(self._publishers_by_topic)),
                 **self._timing(),
             )
+            self._controls = PlayerControls(self, self._playback, self.get_logger().info)
         except (BagError, ValueError) as error:
             raise NodeStartError(str(error)) from error
         self._playback.prepare()
-        self._sample_topic = full_name(SAMPLE, namespace)
+        self._samples = [
+            name
+            for name in self._publishers_by_topic
+            if self._reader.topics[name].definition.name == SAMPLE_TYPE
+        ]
         self._finished_at: float | None = None
-        self._started = False
         self._last_reported = (time.monotonic(), 0)
-        self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._missing)
         self._diagnostics = DiagnosticsPublisher(self, bag, self._status)
         if not self._start_paused:
@@ -106,9 +114,8 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 "rate",
                 1.0,
                 "recorded seconds per second",
-                minimum=1e-3,
-                maximum=1e6,
-                read_only=True,
+                minimum=SMALLEST_RATE,
+                maximum=LARGEST_RATE,
             ),
             "loop": declare(self, "loop", False, "start again at the end", read_only=True),
             "start_offset_s": declare(
@@ -131,7 +138,12 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             ),
         }
 
-    def _make_publishers(self, selection: TopicSelection) -> dict[str, Any]:
+    def _make_publishers(
+        self, selection: TopicSelection, renames: dict[str, str]
+    ) -> dict[str, Any]:
+        for name in renames:
+            if name not in self._reader.topics:
+                raise BagError(f"remap: {self._reader.path} has no topic {name}")
         publishers = {}
         for name, topic in self._reader.topics.items():
             if name not in selection:
@@ -140,7 +152,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 self._check_type(topic)
                 publishers[name] = self.create_publisher(
                     message_class(topic.definition.name),
-                    name,
+                    renames.get(name, name),
                     publisher_profile(topic.qos_profiles, STREAM_DEPTH),
                 )
             except UnknownTypeError as error:
@@ -168,27 +180,19 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def _start_when_ready(self) -> None:
         if not self._missing():
             self.destroy_timer(self._start_timer)
-            self._started = True
-            self._playback.resume()
-
-    def _run(self, request: Any, response: Any) -> Any:
-        """Service ~/run: start or play on, or pause."""
-        if request.data:
-            self._started = True
-            self._playback.resume()
-        else:
-            self._playback.pause()
-        response.success = True
-        response.message = "plays" if request.data else "paused"
-        return response
+            if self._playback.paused:
+                self._playback.resume()
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
-        publisher = self._publishers_by_topic.get(self._sample_topic)
-        found = publisher.get_subscription_count() if publisher is not None else 0
-        if found >= self._expected:
-            return []
-        return [f"{self._sample_topic} has {found} of {self._expected} subscribers"]
+        counts = {n: self._publishers_by_topic[n].get_subscription_count() for n in self._samples}
+        if self._expected and not counts:
+            return [f"{self._reader.path} has no samples to play"]
+        return [
+            f"{name} has {found} of {self._expected} subscribers"
+            for name, found in counts.items()
+            if found < self._expected
+        ]
 
     def _status(self) -> Status:
         """Return what /diagnostics says."""
@@ -200,7 +204,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
         values: dict[str, Any] = {
             "bag": self._reader.path,
             "messages": count,
-            "samples": playback.published.get(self._sample_topic, 0),
+            "samples": sum(playback.published[name] for name in self._samples),
             "rate_hz": (count - before[1]) / max(now - before[0], 1e-9),
             "rate": playback.rate,
             "position_s": (playback.time_ns() - playback.first_ns) * 1e-9,
@@ -217,7 +221,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             return Status(Level.ERROR, str(playback.error), values)
         if playback.finished:
             return Status(Level.OK, "finished", values)
-        if not self._started:
+        if playback.paused and not count:
             return Status(Level.OK, "waits for ~/run or its subscribers", values)
         if problems:
             return Status(Level.WARN, "; ".join(problems), values)
@@ -243,9 +247,27 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def close(self) -> None:
         """End the playing and close the bag."""
+        self._controls.close()
         self._playback.stop()
         self._diagnostics.publish()
         self._reader.close()
+
+
+def _renames(entries: list[str], namespace: str) -> dict[str, str]:
+    """Split recorded:=played texts.
+
+    Raises:
+        NodeStartError: if one is not of that form.
+    """
+    renames = {}
+    for entry in entries:
+        if not entry:
+            continue
+        recorded, separator, played = entry.partition(":=")
+        if not (separator and recorded and played):
+            raise NodeStartError(f"remap entry {entry!r} is not recorded:=played")
+        renames[full_name(recorded, namespace)] = full_name(played, namespace)
+    return renames
 
 
 def main() -> int:

@@ -21,6 +21,8 @@ from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import records, stamps
+from hc_logger.selection import full_name
+from hc_msgs_py.topics import CONFIGURATION, ESTIMATE, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 SAMPLE_TYPE = "hc_msgs/msg/IndenterSample"
@@ -123,7 +125,7 @@ class Recording:
             BagError: if the recording is not a bag, or has several topics of estimates.
         """
         with self._bag() as reader:
-            topic = only_topic(reader, ESTIMATE_TYPE)
+            topic = only_topic(reader, ESTIMATE_TYPE, ESTIMATE)
             if topic is None:
                 return np.empty(0, [("sequence", "<u8")])
             return records(reader.topics[topic].definition, reader.columns(topic))
@@ -136,7 +138,7 @@ class Recording:
             BagError: if the recording is not a bag, or has several topics of configurations.
         """
         with self._bag() as reader:
-            topic = only_topic(reader, CONFIGURATION_TYPE)
+            topic = only_topic(reader, CONFIGURATION_TYPE, CONFIGURATION)
             if topic is None:
                 return []
             decode = decoder(reader.topics[topic].definition)
@@ -184,7 +186,7 @@ def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recordin
 
 def _read_bag(path: Path, topic: str) -> Recording:
     with open_bag(path) as reader:
-        name = topic or only_topic(reader, SAMPLE_TYPE)
+        name = topic or only_topic(reader, SAMPLE_TYPE, SAMPLE)
         if name and not name.startswith("/"):
             name = "/" + name
         if not name or name not in reader.topics:
@@ -215,16 +217,18 @@ def _because(reader: Bag) -> str:
     return f" ({'; '.join(reader.problems)})" if reader.problems else ""
 
 
-def only_topic(reader: Bag, type_name: str) -> str | None:
-    """Return the one topic of a type, None without one.
+def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:
+    """Return the topic of a type: the usual one if it is there, else the only one, else None.
 
     Raises:
-        BagError: if there are several.
+        BagError: if there are several and none is the usual one.
     """
-    names = [t.name for t in reader.topics.values() if t.definition.name == type_name]
+    names = [t.name for t in bag.topics.values() if t.definition.name == type_name]
+    if full_name(usual) in names:
+        return full_name(usual)
     if len(names) > 1:
         raise BagError(
-            f"{reader.path} has several topics of type {type_name}: {', '.join(names)}; name one"
+            f"{bag.path} has several topics of type {type_name}: {', '.join(names)}; name one"
         )
     return names[0] if names else None
 

@@ -25,6 +25,7 @@ from hc_logger.metadata import (
     TopicRecord,
     information_text,
     qos_text,
+    remove_metadata,
     write_metadata,
 )
 
@@ -275,6 +276,7 @@ class BagWriter:
         self._close_files()
         for record in self._files:
             (self.path / record.path).unlink()
+        remove_metadata(self.path)
         self.path.rmdir()
 
     def __enter__(self) -> BagWriter:
@@ -286,10 +288,14 @@ class BagWriter:
         exc: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if exc_type is None:
-            self.close()
-        else:
+        if exc_type is not None:
             self.discard()
+            return
+        try:
+            self.close()
+        except OSError:
+            self.discard()
+            raise
 
 
 class _WholeWrites:

@@ -1,0 +1,92 @@
+"""Single keys of a terminal, as they are pressed."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import tty
+from types import TracebackType
+
+_SEQUENCES = {
+    b"\x1b[A": "up",
+    b"\x1b[B": "down",
+    b"\x1b[C": "right",
+    b"\x1b[D": "left",
+    b"\x1bOA": "up",
+    b"\x1bOB": "down",
+    b"\x1bOC": "right",
+    b"\x1bOD": "left",
+    b" ": "space",
+}
+"""Arrow keys in normal and in application mode."""
+
+
+def key_names(data: bytes) -> list[str]:
+    """Return the names of the keys in what a terminal sent: space, up, down, left, right.
+
+    Other keys give their character; other escape sequences are left out.
+    """
+    names = []
+    while data:
+        for sequence, name in _SEQUENCES.items():
+            if data.startswith(sequence):
+                names.append(name)
+                data = data[len(sequence) :]
+                break
+        else:
+            if data[0] == 0x1B:
+                break  # some other sequence: what follows belongs to it
+            names.append(chr(data[0]))
+            data = data[1:]
+    return names
+
+
+class Keyboard:
+    """The terminal in key-by-key mode, from __enter__ to __exit__ (signals work as before)."""
+
+    def __init__(self, descriptor: int | None = None) -> None:
+        """Take a terminal.
+
+        Args:
+            descriptor: its file descriptor; None for standard input.
+
+        Raises:
+            ValueError: if it is no terminal or belongs to a process in the foreground.
+        """
+        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+        if not os.isatty(self._descriptor):
+            raise ValueError("standard input is not a terminal: there is no keyboard")
+        if os.tcgetpgrp(self._descriptor) != os.getpgrp():
+            raise ValueError("the terminal belongs to another process: there is no keyboard")
+
+    def __enter__(self) -> Keyboard:
+        self._before = termios.tcgetattr(self._descriptor)
+        tty.setcbreak(self._descriptor)
+        return self
+
+    def __exit__(
+        self,
+        exc_type: type[BaseException] | None,
+        exc: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+
+    def read(self, timeout_s: float) -> list[str]:
+        """Wait for keys; returns their names, none after the timeout.
+
+        Raises:
+            EOFError: if the terminal has gone.
+        """
+        ready, _, _ = select.select([self._descriptor], [], [], timeout_s)
+        if not ready:
+            return []
+        try:
+            data = os.read(self._descriptor, 64)
+        except OSError as error:
+            raise EOFError("the terminal has gone") from error
+        if not data:
+            raise EOFError("the terminal has gone")
+        return key_names(data)

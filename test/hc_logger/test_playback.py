@@ -1,0 +1,150 @@
+"""The player's core without ROS: order, timing, pause, seek, loop."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hc_logger.bag import Message
+from hc_logger.keyboard import Keyboard, key_names
+from hc_logger.playback import Playback
+from hc_logger.reader import BagReader
+from hc_logger.selection import TopicSelection
+
+ALL = TopicSelection(["*"])
+SAMPLES = TopicSelection(["indenter/sample"])
+MakeBag = Callable[..., Path]
+
+
+class Sink:
+    """Keeps what is published and when."""
+
+    def __init__(self) -> None:
+        self.messages: list[Message] = []
+        self.at: list[float] = []
+        self.arrived = threading.Condition()
+
+    def __call__(self, message: Message) -> None:
+        with self.arrived:
+            self.messages.append(message)
+            self.at.append(time.monotonic())
+            self.arrived.notify_all()
+
+    def wait(self, count: int) -> None:
+        with self.arrived:
+            assert self.arrived.wait_for(lambda: len(self.messages) >= count, timeout=20)
+
+
+def finish(playback: Playback) -> None:
+    end = time.monotonic() + 20
+    while not playback.finished and time.monotonic() < end:
+        time.sleep(0.01)
+    assert playback.finished
+    playback.stop()
+
+
+def test_everything_comes_in_order_and_never_early(make_bag: MakeBag) -> None:
+    sink = Sink()
+    with BagReader(make_bag(count=1000, chunk_bytes=4096)) as reader:
+        expected = list(reader.messages())
+        playback = Playback(reader, sink, ALL, rate=2.0)
+        playback.prepare()
+        playback.resume()
+        finish(playback)
+    assert sink.messages == expected
+    due = np.array([m.log_time - expected[0].log_time for m in expected]) * 1e-9 / 2.0
+    early = due - (np.array(sink.at) - sink.at[0])
+    assert early.max() < 1e-3  # the first message may itself be late by so much
+    assert sink.at[-1] - sink.at[0] > 0.49
+    assert playback.published == {"/header": 100, "/indenter/sample": 1000}
+    assert playback.delays().p50 <= playback.delays().p99 <= playback.delays().maximum
+
+
+def test_loop_and_window(make_bag: MakeBag, start_ns: int) -> None:
+    sink = Sink()
+    with BagReader(make_bag(count=1000)) as reader:
+        playback = Playback(
+            reader, sink, SAMPLES, rate=100.0, loop=True, start_offset_s=0.2, duration_s=0.1
+        )
+        playback.resume()
+        sink.wait(350)
+        playback.stop()
+        assert playback.loops >= 3
+    times = [(m.log_time - start_ns) // 1_000_000 for m in sink.messages[:303]]
+    assert times == [*range(200, 301)] * 3
+
+
+def test_seek_pause_and_burst(make_bag: MakeBag, start_ns: int) -> None:
+    sink = Sink()
+    with BagReader(make_bag(count=1000, chunk_bytes=4096)) as reader:
+        playback = Playback(reader, sink, SAMPLES)
+        playback.burst(3)
+        sink.wait(3)
+        assert playback.paused
+        assert playback.time_ns() == start_ns + 2_000_000
+        assert playback.seek(start_ns + 500_000_000) == start_ns + 500_000_000
+        playback.burst(1)
+        sink.wait(4)
+        assert playback.seek(0) == start_ns
+        assert playback.seek(2**62) == start_ns + 999_000_000
+        playback.burst(1)
+        sink.wait(5)
+        playback.seek(start_ns + 900_000_000)
+        playback.set_rate(50.0)
+        playback.resume()
+        finish(playback)
+        with pytest.raises(ValueError, match="burst of 0"):
+            playback.burst(0)
+        with pytest.raises(ValueError, match="rate is 0"):
+            playback.set_rate(0.0)
+    times = [(m.log_time - start_ns) // 1_000_000 for m in sink.messages]
+    assert times == [0, 1, 2, 500, 999, *range(900, 1000)]
+
+
+def test_time_stands_while_paused_and_runs_with_the_rate(make_bag: MakeBag) -> None:
+    with BagReader(make_bag(count=5000)) as reader:
+        playback = Playback(reader, Sink(), SAMPLES, rate=4.0)
+        playback.resume()
+        time.sleep(0.3)
+        first, at = playback.time_ns(), time.monotonic()
+        time.sleep(0.2)
+        passed = (playback.time_ns() - first) * 1e-9 / (time.monotonic() - at)
+        assert passed == pytest.approx(4.0, rel=0.05)
+        playback.pause()
+        stood = playback.time_ns()
+        time.sleep(0.05)
+        assert playback.time_ns() == stood
+        playback.stop()
+
+
+def test_damage_on_the_way_is_skipped(make_bag: MakeBag) -> None:
+    path = make_bag(count=1000, chunk_bytes=4096)
+    data = bytearray((path / "bag_0.mcap").read_bytes())
+    with BagReader(path) as reader:
+        place = reader.files[0].scan.chunks[5]
+    data[place.offset + 100] ^= 1
+    (path / "bag_0.mcap").write_bytes(data)
+    sink = Sink()
+    with BagReader(path) as reader:
+        playback = Playback(reader, sink, SAMPLES, rate=1000.0)
+        playback.resume()
+        finish(playback)
+        assert playback.error is None
+        assert len(reader.problems) == 1
+    assert 900 < len(sink.messages) < 1000
+
+
+def test_key_names() -> None:
+    assert key_names(b" \x1b[A\x1b[Bq\x1bOC\x1b[D") == ["space", "up", "down", "q", "right", "left"]
+    assert key_names(b"\x1b[5~") == []
+    assert key_names(b"") == []
+
+
+def test_no_terminal_is_said(tmp_path: Path) -> None:
+    with open(tmp_path / "file", "w") as stream, pytest.raises(ValueError, match="not a terminal"):
+        Keyboard(stream.fileno())

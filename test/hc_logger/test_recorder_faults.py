@@ -1,0 +1,327 @@
+"""The recorder under fire: killed at any moment, full disk, a clock that is set."""
+
+from __future__ import annotations
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hc_logger.errors import BagError
+from hc_logger.info import bag_info
+from hc_logger.reader import BagReader
+from hc_logger.reception_clock import ReceptionClock
+from hc_logger.recording import read_recording
+from hc_logger.recover import recover_bag
+from hc_logger.session import RecordingSession
+from hc_logger.writer import BagWriter
+
+RECORDER = "hc_logger.recorder_node"
+SAMPLE = "hc_msgs/msg/IndenterSample"
+Start = Callable[..., Any]
+
+
+@pytest.fixture
+def stream(graph: Any) -> Iterator[Any]:
+    """A publisher of samples at 200 Hz from a thread of its own."""
+    from hc_msgs.msg import IndenterSample
+
+    from hc_msgs_py.qos import ESTIMATE_QOS
+
+    publisher = graph.create_publisher(IndenterSample, "indenter/sample", ESTIMATE_QOS)
+    stop = threading.Event()
+
+    def run() -> None:
+        message = IndenterSample()
+        while not stop.wait(0.005):
+            publisher.publish(message)
+            message.sequence += 1
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    yield publisher
+    stop.set()
+    thread.join()
+
+
+def check_killed(bag: Path, killed_ns: int) -> None:
+    """At most 0.5 s is lost, none of it in the middle, and the bag can be made clean."""
+    recording = read_recording(bag)
+    sequence = recording.sequence.astype(np.int64)
+    assert np.all(np.diff(sequence) == 1)
+    (problem,) = recording.findings.problems
+    assert "cut off" in problem
+    with BagReader(bag) as reader:
+        span = reader.time_range()
+    assert span is not None
+    assert span[1] > killed_ns - 500_000_000
+    clean = bag.with_name(bag.name + "_clean")
+    report = recover_bag(bag, clean)
+    assert report.recovered["/indenter/sample"] == len(sequence)
+    info = bag_info(clean)
+    assert (info.problems, info.message_count) == ([], sum(report.recovered.values()))
+
+
+def test_recorders_killed_at_random_moments(
+    start_node: Start, graph: Any, stream: Any, tmp_path: Path
+) -> None:
+    rng = random.Random(2)
+    nodes = {
+        tmp_path / f"bag{i}": start_node(
+            RECORDER, output=tmp_path / f"bag{i}", topics="['indenter/*']"
+        )
+        for i in range(4)
+    }
+    assert graph.spin_until(lambda: stream.get_subscription_count() == len(nodes), timeout=60)
+    time.sleep(0.7)
+    killed = {}
+    for bag, node in nodes.items():
+        time.sleep(rng.uniform(0.0, 0.2))
+        killed[bag] = time.time_ns()
+        node.process.send_signal(signal.SIGKILL)
+    for bag, node in nodes.items():
+        assert node.wait() == -signal.SIGKILL
+        check_killed(bag, killed[bag])
+
+
+def test_sessions_killed_at_random_moments_at_4_khz(tmp_path: Path) -> None:
+    """What the recorder keeps, without ROS around it, twenty times."""
+    script = """
+import sys, time
+from hc_logger.layout import encode
+from hc_logger.definitions import installed_definition
+from hc_logger.session import RecordingSession
+from hc_logger.writer import BagWriter
+import numpy as np
+numbers = np.arange(8000)
+rows = encode(installed_definition("hc_msgs/msg/IndenterSample"), "tip", sequence=numbers)
+rows = [row.tobytes() for row in rows]
+session = RecordingSession(BagWriter(sys.argv[1]), fsync_interval_s=0.2)
+names = ("indenter/sample", "b", "c", "d")
+topics = [session.add_topic(name, "hc_msgs/msg/IndenterSample", []) for name in names]
+print("ready", flush=True)
+start = time.monotonic()
+for number, row in enumerate(rows):
+    while (wait := start + number * 1e-3 - time.monotonic()) > 0:
+        time.sleep(wait)
+    for topic in topics:
+        session.add(topic, time.time_ns(), row, 0, number)
+    session.flush_if_due()
+"""
+    rng = random.Random(4)
+    for batch in range(5):
+        bags = [tmp_path / f"bag{batch}_{i}" for i in range(4)]
+        processes = [
+            subprocess.Popen(
+                [sys.executable, "-c", script, str(bag)], stdout=subprocess.PIPE, text=True
+            )
+            for bag in bags
+        ]
+        for process in processes:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+        time.sleep(0.35)
+        for process, bag in zip(processes, bags, strict=True):
+            time.sleep(rng.uniform(0.0, 0.1))
+            killed = time.time_ns()
+            process.kill()
+            process.communicate(timeout=10)
+            check_killed(bag, killed)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A tmpfs of 1 MiB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(folder)]
+    try:
+        mounted = subprocess.run(command, capture_output=True, text=True, timeout=10)
+    except FileNotFoundError:
+        pytest.skip("there is no mount command")
+    if mounted.returncode:
+        pytest.skip(f"a tmpfs cannot be mounted here: {mounted.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True, timeout=10)
+
+
+def test_a_full_disk_ends_the_recording_not_the_run(
+    start_node: Start, graph: Any, small_disk: Path
+) -> None:
+    """The node lives on, says so in its diagnostics, and what was written can be read."""
+    from diagnostic_msgs.msg import DiagnosticArray
+    from std_msgs.msg import ByteMultiArray
+    from std_srvs.srv import Trigger
+
+    reports: list[Any] = []
+    graph.create_subscription(
+        DiagnosticArray, "/diagnostics", lambda m: reports.append(m.status[0]), 10
+    )
+    noise = graph.create_publisher(ByteMultiArray, "noise", 1000)
+    bag = small_disk / "bag"
+    node = start_node(RECORDER, output=bag, topics="[noise]", expected_topics="[noise]")
+    assert graph.spin_until(lambda: graph.call(Trigger, "/recorder/ready").success)
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        noise.publish(ByteMultiArray(data=[bytes([b]) for b in rng.integers(0, 256, 8000)]))
+        time.sleep(0.001)
+    assert graph.spin_until(lambda: bool(reports) and reports[-1].level == b"\x02")
+    status = reports[-1]
+    values = {v.key: v.value for v in status.values}
+    assert "No space left on device" in status.message
+    assert int(values["unwritten"]) > 0
+    assert node.end() == 0, node.error
+    assert "recording has stopped, the run goes on" in node.error
+    info = bag_info(bag)
+    assert 50 < info.message_count < 140
+    assert len(info.problems) == 1
+
+
+def test_a_file_size_limit_is_a_full_disk_too(tmp_path: Path, sample_messages: Any) -> None:
+    """The same without a mount: the session stops writing, counts on, and closes quietly."""
+    script = """
+import resource, signal, sys, time
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+from hc_logger.session import RecordingSession
+from hc_logger.writer import BagWriter
+import os
+session = RecordingSession(BagWriter(sys.argv[1], chunk_bytes=16384), fsync_interval_s=0.05)
+topic = session.add_topic("/noise", "std_msgs/msg/ByteMultiArray", [])
+for k in range(400):
+    session.add(topic, k * 1_000_000, b"\\0\\1\\0\\0" + os.urandom(1000), k, k + 2 * (k > 300))
+    session.flush_if_due()
+    if k % 100 == 0:
+        time.sleep(0.1)
+session.close()
+print(session.failure, session.messages, session.unwritten, session.dropped, sep="|")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    failure, written, unwritten, dropped = done.stdout.strip().split("|")
+    assert failure.endswith("File too large")
+    assert int(written) + int(unwritten) in (400, 401)  # the message in hand when it failed
+    assert int(dropped) == 2
+    info = bag_info(tmp_path / "bag")
+    assert 0 < info.message_count <= int(written)
+    with pytest.raises(BagError, match="cannot write"):
+        resource_limited_copy(tmp_path / "bag", tmp_path / "copy")
+    assert not (tmp_path / "copy").exists()
+
+
+def resource_limited_copy(source: Path, target: Path) -> None:
+    """Recover a bag with less room than it needs."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+    try:
+        recover_bag(source, target)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_an_unwritable_folder_is_one_line(start_node: Start, tmp_path: Path) -> None:
+    """/proc takes no folder, not even from root."""
+    node = start_node(RECORDER, output="/proc/bag")
+    assert node.wait() == 2
+    assert node.error.startswith("cannot make the bag folder /proc/bag: ")
+    assert len(node.error.splitlines()) == 1
+
+
+class SetClock:
+    """A system clock and a steady one that a test moves."""
+
+    def __init__(self) -> None:
+        self.wall = 1_700_000_000_000_000_000
+        self.steady = 5_000_000_000
+
+    def pass_ms(self, milliseconds: float) -> None:
+        self.wall += round(milliseconds * 1e6)
+        self.steady += round(milliseconds * 1e6)
+
+
+@pytest.mark.parametrize("jump_s", [3600.0, 0.5, 0.02, -0.02, -0.5, -3600.0])
+def test_a_clock_that_is_set_tears_no_hole_into_the_bag(
+    tmp_path: Path, sample_messages: Any, jump_s: float
+) -> None:
+    """1 kHz for 2 s, the clock set at 1.0035 s: log times go on by 1 ms, stamps as they came."""
+    source = SetClock()
+    clock = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    session = RecordingSession(BagWriter(tmp_path / "bag"), fsync_interval_s=0)
+    topic = session.add_topic("indenter/sample", SAMPLE, [])
+    stamps, waiting = [], []
+    for k in range(2000):
+        source.pass_ms(1.0)
+        waiting.append(source.wall)  # received now, by the system clock
+        stamps.append(source.wall)
+        if k == 1003:
+            source.wall += round(jump_s * 1e9)
+        if k % 10 == 9:
+            clock.update()
+            data = sample_messages(np.arange(k - 9, k + 1), np.array(waiting))
+            for received, message in zip(waiting, data, strict=True):
+                session.add(topic, clock.steady(received), message, received, None)
+            waiting = []
+    session.close()
+    assert [round(j * 1e-9, 6) for j in clock.jumps_ns] == [jump_s]
+    with BagReader(tmp_path / "bag") as reader:
+        messages = list(reader.messages())
+    log = np.array([m.log_time for m in messages])
+    np.testing.assert_array_equal(np.diff(log), 1_000_000)
+    np.testing.assert_array_equal([m.publish_time for m in messages], stamps)
+    np.testing.assert_array_equal(read_recording(tmp_path / "bag").stamps, stamps)
+
+
+def test_a_steady_clock_is_left_alone() -> None:
+    source = SetClock()
+    clock = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    for _ in range(1000):
+        source.pass_ms(10.0)
+        source.wall += 500  # slewed by 50 ppm
+        clock.update()
+        assert clock.steady(source.wall) == source.wall
+    assert clock.jumps_ns == []
+
+
+def test_a_flood_does_not_eat_memory(start_node: Start, graph: Any, tmp_path: Path) -> None:
+    """Faster than the recorder's queue can hold: memory stays, drops are counted."""
+    from std_msgs.msg import ByteMultiArray
+
+    from hc_msgs_py.qos import SAMPLE_QOS
+
+    flood = graph.create_publisher(ByteMultiArray, "flood", SAMPLE_QOS)
+    node = start_node(RECORDER, output=tmp_path / "bag", topics="[flood]", queue_depth=100)
+    assert graph.spin_until(lambda: flood.get_subscription_count() == 1)
+    message = ByteMultiArray(data=[b"x"] * 20_000)
+    flood.publish(message)
+    time.sleep(0.5)
+    before = resident_mb(node.process.pid)
+    for _ in range(3000):
+        flood.publish(message)
+    time.sleep(0.5)
+    assert resident_mb(node.process.pid) - before < 40.0
+    assert node.end() == 0, node.error
+    info = next(t for t in bag_info(tmp_path / "bag").topics if t.name == "/flood")
+    with BagReader(tmp_path / "bag") as reader:
+        assert int(reader.custom_data["dropped"]) == 3001 - info.message_count
+
+
+def resident_mb(pid: int) -> float:
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
