@@ -10,14 +10,13 @@ random walk, both displacement and force are measured.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-
-from hc_estimator.compilation import compiled
 
 FloatArray = NDArray[np.float64]
 
 
-@compiled
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def _riccati(
     time_s: FloatArray,
     displacement: FloatArray,
