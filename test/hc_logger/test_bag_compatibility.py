@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from hc_logger.decoder import decoder
 from hc_logger.definitions import installed_definition
 from hc_logger.layout import encode, records, stamps
 from hc_logger.reader import BagReader
+from hc_logger.writer import BagWriter
 
 MakeBag = Callable[..., Path]
 doubles = st.floats(allow_nan=False, width=64)
@@ -167,3 +171,75 @@ def test_files_of_other_writers_are_read(tmp_path: Path, compression: str) -> No
         decode = decoder(reader.topics["/header"].definition)
     assert [m.log_time for m in messages] == list(range(1000, 1200))
     assert [decode(m.data).stamp.sec for m in messages] == list(range(200))
+
+
+NODE_FOLDER = Path(__file__).parent / "node"
+
+
+def test_mcap_core_for_javascript_reads_every_message_and_hash(tmp_path: Path) -> None:
+    """As Foxglove's tools do: sample, estimate and configuration, every field of each."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("there is no node on this machine")
+    if not (NODE_FOLDER / "node_modules").is_dir():
+        pytest.skip(f"the npm packages are not there: run npm ci in {NODE_FOLDER}")
+    from hc_msgs.msg import EstimatorConfiguration, HuntCrossleyEstimate, IndenterSample
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(tmp_path / "bag", chunk_bytes=4096) as writer:
+        topics = {
+            kind: writer.add_topic(
+                name, f"hc_msgs/msg/{kind.__name__}", qos_profiles=[{"depth": 7}]
+            )
+            for name, kind in (
+                ("indenter/sample", IndenterSample),
+                ("hc/estimate", HuntCrossleyEstimate),
+                ("hc/configuration", EstimatorConfiguration),
+            )
+        }
+        rng = np.random.default_rng(4)
+        sent: list[dict[str, Any]] = []
+        for k in range(300):
+            displacement, force = rng.normal(size=2).tolist()
+            sample = IndenterSample(sequence=2**60 + k, displacement=displacement, force=force)
+            estimate = HuntCrossleyEstimate(sequence=k, rejected=k % 7)
+            estimate.covariance = rng.normal(size=16)
+            estimate.contact = bool(k % 2)
+            value = ParameterValue(type=8, double_array_value=rng.normal(size=k % 4).tolist())
+            configuration = EstimatorConfiguration(
+                revision=k, filter="ukf", parameters=[Parameter(name="π", value=value)]
+            )
+            for message in (sample, estimate, configuration):
+                writer.write(topics[type(message)], k, serialize_message(message))
+            sent.append({"sample": sample, "estimate": estimate, "configuration": configuration})
+    done = subprocess.run(
+        [node, str(NODE_FOLDER / "read_bag.mjs"), str(tmp_path / "bag" / "bag_0.mcap")],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    head, *lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert head["profile"] == "ros2"
+    with BagReader(tmp_path / "bag") as reader:
+        assert {t: (c["type"], c["hash"]) for t, c in head["channels"].items()} == {
+            t.name: (t.definition.name, t.definition.type_hash) for t in reader.topics.values()
+        }
+    assert head["channels"]["/hc/estimate"]["qos"] == "- depth: 7\n"
+    assert len(lines) == 900
+    for line in lines:
+        name = line["topic"].rsplit("/", 1)[1]
+        k, got = int(line["time"]), line["content"]
+        message = sent[k][name]
+        if name == "sample":
+            assert int(got["sequence"]) == message.sequence
+            assert (got["displacement"], got["force"]) == (message.displacement, message.force)
+        elif name == "estimate":
+            assert got["covariance"] == message.covariance.tolist()
+            assert (got["contact"], got["rejected"]) == (message.contact, message.rejected)
+        else:
+            (parameter,) = got["parameters"]
+            assert (got["revision"], got["filter"], parameter["name"]) == (k, "ukf", "π")
+            expected = message.parameters[0].value.double_array_value
+            assert parameter["value"]["double_array_value"] == list(expected)
