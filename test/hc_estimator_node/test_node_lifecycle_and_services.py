@@ -1,0 +1,140 @@
+"""A managed node, its services, and a state that outlives the process."""
+
+import json
+import signal
+
+import pytest
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+
+pytestmark = pytest.mark.process
+
+
+def change(probe, transition):
+    request = ChangeState.Request()
+    request.transition.id = transition
+    return probe.call("change_state", ChangeState, request).success
+
+
+def state(probe):
+    return probe.call("get_state", GetState).current_state.id
+
+
+def test_a_manager_takes_it_through_its_states_and_impossible_ones_are_refused(
+    start_process, end_process, probe, plant
+):
+    process = start_process(autostart=False)
+    assert not probe.call("ready").success
+    assert state(probe) == State.PRIMARY_STATE_UNCONFIGURED
+    assert not change(probe, Transition.TRANSITION_ACTIVATE)
+    assert change(probe, Transition.TRANSITION_CONFIGURE)
+    assert not probe.call("reset").success
+    assert change(probe, Transition.TRANSITION_ACTIVATE)
+    assert not change(probe, Transition.TRANSITION_ACTIVATE)
+    assert state(probe) == State.PRIMARY_STATE_ACTIVE
+    probe.wait_ready()
+    number = probe.stream(plant.samples(1000))
+    probe.wait(lambda: len(probe.estimates) == 1000, what="estimates")
+    known = probe.estimates[-1].stiffness_std
+
+    assert change(probe, Transition.TRANSITION_DEACTIVATE)
+    probe.stream(plant.samples(50), first=number)
+    probe.spin(0.2)
+    assert len(probe.estimates) == 1000  # inactive: nobody listens
+    assert change(probe, Transition.TRANSITION_ACTIVATE)
+    probe.wait_ready()
+    probe.stream(plant.samples(50, start=1000), first=number)
+    probe.wait(lambda: len(probe.estimates) == 1050, what="more estimates")
+    assert probe.estimates[-1].stiffness_std < 2 * known  # what it knew it still knows
+
+    assert change(probe, Transition.TRANSITION_DEACTIVATE)
+    assert change(probe, Transition.TRANSITION_CLEANUP)
+    assert state(probe) == State.PRIMARY_STATE_UNCONFIGURED
+    assert change(probe, Transition.TRANSITION_CONFIGURE)
+    assert change(probe, Transition.TRANSITION_ACTIVATE)
+    probe.wait_ready()
+    probe.stream(plant.samples(5))
+    probe.wait(lambda: len(probe.estimates) == 1055, what="estimates of a fresh start")
+    assert probe.estimates[-1].stiffness_std > 10 * known
+    assert end_process(process)[0] == 0
+
+
+def test_reset_tare_save_and_load(start_process, end_process, probe, plant, tmp_path):
+    folder = tmp_path / "states"
+    process = start_process(state__folder=folder, tare__samples=100)
+    probe.wait_ready()
+    answer = probe.call("save")
+    assert (answer.success, answer.message) == (False, "nothing to save: no sample came yet")
+    assert not probe.call("load").success
+    number = probe.stream(plant.samples(1500))
+    probe.wait(lambda: len(probe.estimates) == 1500, what="estimates")
+    known = probe.estimates[-1]
+    assert probe.call("save").message == f"saved to {folder / 'saved_state.json'}"
+
+    assert probe.call("reset").success
+    number = probe.stream(plant.samples(3, start=1500), first=number)
+    probe.wait(lambda: len(probe.estimates) == 1503, what="estimates")
+    assert probe.estimates[-1].stiffness_std > 10 * known.stiffness_std
+
+    assert probe.set(filter="ekf")[0].successful
+    answer = probe.call("load")
+    assert answer.success, answer.message
+    assert probe.get("filter") == ["ukf"]  # the saved one
+    number = probe.stream(plant.samples(3, start=1503), first=number)
+    probe.wait(lambda: len(probe.estimates) == 1506, what="estimates")
+    assert probe.estimates[-1].stiffness == pytest.approx(known.stiffness, rel=0.05)
+    assert probe.configurations[-1].cause == probe.configurations[-1].STATE_LOADED
+
+    # The tool rests 0.25 mm away from what the sensor calls zero, with 0.5 N of bias.
+    assert probe.call("tare").success
+    rest = [(i * 1e-3, 0.25, 0.5) for i in range(110)]
+    number = probe.stream(rest, first=number)
+    probe.wait(lambda: probe.events and 15 in probe.kinds(), what="the tare's event")
+    assert probe.get("input.force.zero", "input.position.zero") == pytest.approx([0.5, 0.25])
+    probe.wait(lambda: len(probe.estimates) == 1616, what="estimates")
+    assert probe.estimates[-1].force_measured == pytest.approx(0.0, abs=1e-9)
+    parameters = {p.name: p.value.double_value for p in probe.configurations[-1].parameters}
+    assert parameters["input.force.zero"] == 0.5
+
+    (folder / "saved_state.json").write_text("{}")
+    answer = probe.call("load")
+    assert not answer.success
+    assert "is no state of an estimator" in answer.message
+    status, _output, errors = end_process(process)
+    assert status == 0
+    assert "Traceback" not in errors
+    assert sorted(p.name for p in folder.iterdir()) == ["saved_state.json"]
+
+
+def test_a_node_that_was_killed_goes_on_where_it_was(
+    start_process, end_process, probe, plant, tmp_path
+):
+    options = {
+        "state__folder": tmp_path,
+        "state__autosave_period": 0.1,
+        "expected_estimate_subscribers": 1,
+    }
+    process = start_process(**options)
+    probe.wait_ready()
+    probe.set(outlier_gate=9.5)
+    number = probe.stream(plant.samples(1500))
+    probe.wait(lambda: len(probe.estimates) == 1500, what="estimates")
+    probe.spin(0.3)
+    known = probe.estimates[-1]
+    revision = probe.configurations[-1].revision
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert json.loads((tmp_path / "running_state.json").read_text())["revision"] == revision
+
+    # The middleware takes twenty seconds to notice the death; the new process comes before.
+    process = start_process(**options)
+    probe.wait(lambda: probe.samples.get_subscription_count() == 2, 90.0, "the second process")
+    probe.wait_ready()
+    assert probe.get("outlier_gate") == [9.5]  # what was set while it ran, too
+    probe.stream(plant.samples(20, start=1500), first=number)
+    probe.wait(lambda: len(probe.estimates) == 1520, what="estimates of the second process")
+    assert probe.estimates[-1].stiffness == pytest.approx(known.stiffness, rel=0.05)
+    assert probe.estimates[-1].stiffness_std < 3 * known.stiffness_std
+    assert probe.estimates[-1].configuration_revision > revision
+    assert end_process(process)[0] == 0
+    assert not list(tmp_path.iterdir())  # a clean end leaves nothing to go on from

@@ -1,0 +1,108 @@
+"""The node as a process: estimates, configuration, diagnostics, and what it refuses to start with."""
+
+import time
+
+import numpy as np
+import pytest
+
+from hc_estimator import create_estimator
+from hc_msgs_py.conversion import configuration_from_message
+from hc_msgs_py.units import nanoseconds_from_stamp
+
+pytestmark = pytest.mark.process
+
+
+def test_estimates_are_those_of_the_core_and_everything_else_is_told(
+    start_process, end_process, probe, plant
+):
+    from geometry_msgs.msg import WrenchStamped
+
+    process = start_process(expected_estimate_subscribers=1)
+    wrenches = []
+    probe.node.create_subscription(WrenchStamped, "hc/reconstructed_wrench", wrenches.append, 100)
+    probe.wait_ready()
+    time.sleep(0.3)  # the node looks ten times a second who listens to the wrench
+    samples = list(plant.samples(2500))
+    start_ns = time.time_ns()
+    probe.stream(samples, start_ns=start_ns)
+    probe.wait(lambda: len(probe.estimates) == 2500, what="2500 estimates")
+    probe.wait(
+        lambda: any(b"\x00" == s.level and s.message == "estimating" for s in probe.statuses)
+    )
+
+    stamps = [nanoseconds_from_stamp(m.header.stamp) for m in probe.estimates]
+    assert [m.sequence for m in probe.estimates] == list(range(2500))
+    configuration = configuration_from_message(probe.configurations[-1])
+    assert configuration.time_origin_ns == stamps[0]
+    assert configuration.valid_from_sequence == 0
+    # Messages carry metres: the same rounding here.
+    times = [(s - stamps[0]) * 1e-9 for s in stamps]
+    displacements = [d / 1000.0 * 1000.0 for _t, d, _f in samples]
+    alone = create_estimator(
+        configuration.filter,
+        state_space=configuration.state_space,
+        contact_model=configuration.contact_model,
+        **configuration.parameters,
+    )
+    series = alone.run(times, displacements, [f for _t, _d, f in samples])
+    np.testing.assert_array_equal([m.stiffness for m in probe.estimates], series.parameters[:, 0])
+    np.testing.assert_array_equal(
+        [m.force_predicted for m in probe.estimates], series.force_predicted
+    )
+    np.testing.assert_array_equal(
+        np.array([m.covariance for m in probe.estimates]).reshape(-1, 4, 4), series.covariance
+    )
+    np.testing.assert_allclose(series.parameters[-1], plant.parameters, rtol=0.1)
+
+    latencies = np.array([m.latency for m in probe.estimates])
+    computations = np.array([m.computation_time for m in probe.estimates])
+    assert (latencies > computations).all()
+    assert np.median(latencies) < 0.1
+    assert {m.header.frame_id for m in probe.estimates} == {"indenter_tip"}
+    assert len(wrenches) > 1000
+    by_stamp = dict(zip(stamps, series.force_reconstructed, strict=True))
+    for wrench in wrenches:
+        assert wrench.wrench.force.z == by_stamp[nanoseconds_from_stamp(wrench.header.stamp)]
+
+    values = {v.key: v.value for v in probe.statuses[-1].values}
+    assert values["lost"] == values["strays"] == values["skipped"] == "0"
+    assert values["filter"] == "ukf"
+    for key in ("latency_p50_us", "latency_p99_us_since_start", "computation_max_us_since_start"):
+        assert float(values[key]) > 0.0
+    assert {"rejected_outlier", "rejected_not_finite", "rate_hz", "nis_mean"} <= values.keys()
+
+    status, output, errors = end_process(process)
+    assert (status, output) == (0, "")
+    assert "Traceback" not in errors
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("{filter: nonsense}", "parameter filter = 'nonsense' is not one of ukf,"),
+        ("{filtre: ukf}", "unknown parameter filtre for node estimator: did you mean filter?"),
+        ("{force_noise_std: -1.0}", "parameter force_noise_std = -1.0 is not a number"),
+        ("{force_noise_std: much}", "parameter force_noise_std = 'much' is not a number"),
+        ("{input: {force: {sign: 0}}}", "parameter input.force.sign = 0 is not 1 or -1"),
+        ("[", "Couldn't parse params file"),
+    ],
+)
+def test_a_wrong_parameter_file_is_one_line_and_status_2(start_process, tmp_path, text, line):
+    file = tmp_path / "parameters.yaml"
+    file.write_text(f"estimator: {{ros__parameters: {text}}}\n")
+    process = start_process("hc_estimator.node", "--params-file", str(file))
+    _output, errors = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert errors.startswith(line)
+    assert errors.count("\n") == 1
+
+
+def test_the_configuration_files_of_the_project_are_taken(start_process, end_process, probe):
+    from pathlib import Path
+
+    folder = Path(__file__).parents[2] / "config"
+    process = start_process("hc_estimator.node", "--params-file", str(folder / "robot_arm.yaml"))
+    answer = probe.call("ready")
+    assert "publishers" in answer.message  # it runs and waits for the robot's sensors
+    assert probe.get("input.source") == ["sensors"]
+    assert end_process(process)[0] == 0

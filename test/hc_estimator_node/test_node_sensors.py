@@ -1,0 +1,173 @@
+"""A force and a position sensor of one's own, each a publisher with its own rate and jitter."""
+
+import random
+import time
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from sensor_msgs.msg import JointState
+
+from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.units import set_stamp
+
+pytestmark = pytest.mark.process
+
+FORCE_BIAS = 1.7  # N
+SURFACE = 412.0  # mm, in the frame of the position sensor
+
+
+def wrench(stamp_ns, force):
+    """The sensor sits askew: the force acts along (0, 3, 4) / 5, pressing is negative."""
+    message = WrenchStamped()
+    message.header.frame_id = "ft_sensor"
+    set_stamp(message.header.stamp, stamp_ns)
+    reading = FORCE_BIAS - force
+    message.wrench.force.y, message.wrench.force.z = 0.6 * reading, 0.8 * reading
+    return message
+
+
+def pose(stamp_ns, displacement):
+    """The tool goes down: z falls as the penetration grows."""
+    message = PoseStamped()
+    message.header.frame_id = "base"
+    set_stamp(message.header.stamp, stamp_ns)
+    message.pose.position.x = 0.3
+    message.pose.position.z = (SURFACE - displacement) / 1000.0
+    return message
+
+
+def transform(stamp_ns, displacement):
+    message = TransformStamped()
+    message.child_frame_id = "tool"
+    set_stamp(message.header.stamp, stamp_ns)
+    message.transform.translation.z = (SURFACE - displacement) / 1000.0
+    return message
+
+
+def joint(stamp_ns, displacement):
+    """A prismatic joint with a gear: 0.5 units for each metre."""
+    message = JointState(name=["base", "tool"], position=[9.0, 0.0])
+    set_stamp(message.header.stamp, stamp_ns)
+    message.position[1] = (SURFACE - displacement) / 1000.0 * 0.5
+    return message
+
+
+def play(probe, plant, make_position, position_type, duration_s, latency_s=0.004):
+    """Publish both streams for a while: forces at 1 kHz, positions at 250 Hz, both late.
+
+    Every message comes up to latency_s after its stamp, so that they overtake each other.
+    """
+    forces = probe.node.create_publisher(WrenchStamped, "wrist", SAMPLE_QOS)
+    positions = probe.node.create_publisher(position_type, "arm", SAMPLE_QOS)
+    probe.wait(lambda: forces.get_subscription_count() and positions.get_subscription_count())
+    probe.wait(lambda: probe.call("ready").success, what="~/ready")
+    generator = random.Random(3)
+    begin_ns = time.time_ns() + 50_000_000
+    events = []
+    for i in range(int(duration_s * 1000)):
+        events.append((i * 1e-3 + generator.uniform(0, latency_s), forces, i * 1e-3))
+    for i in range(int(duration_s * 250)):
+        time_s = i * 4e-3 + 0.0013  # never at the stamp of a force
+        events.append((time_s + generator.uniform(0, latency_s), positions, time_s))
+    readings = {}
+    for arrival_s, publisher, time_s in sorted(events, key=lambda e: e[0]):
+        due_ns = begin_ns + round(arrival_s * 1e9)
+        while (left := due_ns - time.time_ns()) > 0:
+            probe.executor.spin_once(timeout_sec=left * 1e-9)
+        stamp_ns = begin_ns + round(time_s * 1e9)
+        displacement, force = plant.readings(time_s)
+        if publisher is forces:
+            readings[stamp_ns] = force
+            publisher.publish(wrench(stamp_ns, force))
+        else:
+            publisher.publish(make_position(stamp_ns, displacement))
+    probe.spin(0.3)
+    return readings
+
+
+@pytest.mark.parametrize(
+    ("kind", "make_position", "message", "options"),
+    [
+        ("pose", pose, PoseStamped, {"input__position__axis": "z"}),
+        ("transform", transform, TransformStamped, {"input__position__child_frame": "tool"}),
+        ("joint", joint, JointState, {"input__position__joint": "tool"}),
+    ],
+)
+def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
+    start_process, end_process, probe, plant, kind, make_position, message, options
+):
+    from hc_msgs.msg import IndenterSample
+
+    process = start_process(
+        input__source="sensors",
+        input__force__topic="wrist",
+        input__force__axis="direction",
+        input__force__direction="[0.0, 3.0, 4.0]",
+        input__force__sign=-1,
+        input__force__zero=-FORCE_BIAS,
+        input__position__topic="arm",
+        input__position__type=kind,
+        input__position__sign=-1,
+        input__position__scale=2.0 if kind == "joint" else 1.0,
+        input__position__zero=-SURFACE,
+        input__pairing__reorder_window=0.005,
+        **options,
+    )
+    samples = []
+    probe.node.create_subscription(IndenterSample, "indenter/sample", samples.append, SAMPLE_QOS)
+    readings = play(probe, plant, make_position, message, 2.5)
+    assert len(probe.estimates) >= 2450  # but for the first and last few milliseconds
+    for estimate in probe.estimates[:200]:
+        stamp_ns = estimate.header.stamp.sec * 10**9 + estimate.header.stamp.nanosec
+        assert estimate.force_measured == pytest.approx(readings[stamp_ns], abs=1e-9)
+    last = probe.estimates[-1]
+    found = [
+        last.stiffness,
+        last.damping,
+        last.displacement_exponent,
+        last.velocity_exponent,
+    ]
+    np.testing.assert_allclose(found, plant.parameters, rtol=0.15)
+    stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for m in probe.estimates]
+    assert stamps == sorted(set(stamps))
+    assert probe.estimates[0].header.frame_id == "ft_sensor"
+    # What was estimated can be recorded: the samples are on the usual topic, zeros taken off.
+    by_sequence = {m.sequence: m for m in samples}
+    assert len(by_sequence) >= 2400
+    for estimate in probe.estimates[1000:1100]:
+        assert by_sequence[estimate.sequence].force == estimate.force_measured
+    values = {v.key: v.value for v in probe.statuses[-1].values}
+    assert values["pairing_late"] == "0"
+    if kind == "pose":
+        assert end_process(process)[0] == 0
+        probe.wait(lambda: probe.contacts, what="the contact's summary")
+        (contact,) = probe.contacts
+        assert contact.position_frame_id == "base"
+        assert (contact.position_x, contact.position_y) == (0.3, 0.0)
+
+
+def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
+    start_process, probe, plant
+):
+    process = start_process(
+        input__source="sensors",
+        input__force__topic="wrist",
+        input__position__topic="arm",
+        input__position__type="pose",
+        input__silence_timeout=0.2,
+    )
+    play(probe, plant, pose, PoseStamped, 0.5)
+    made = len(probe.estimates)
+    assert made > 400
+    forces = probe.node.create_publisher(WrenchStamped, "wrist", SAMPLE_QOS)
+    probe.wait(lambda: forces.get_subscription_count(), what="the subscription")
+    for _ in range(1500):
+        forces.publish(wrench(time.time_ns(), 1.0))
+        probe.executor.spin_once(timeout_sec=0.001)
+    probe.wait(lambda: 8 in probe.kinds(), what="the event of silence")
+    probe.wait(lambda: probe.statuses[-1].level == b"\x03", what="a stale status")
+    values = {v.key: v.value for v in probe.statuses[-1].values}
+    assert int(values["pairing_unpaired"]) > 500
+    assert len(probe.estimates) < made + 100
+    assert process.poll() is None
