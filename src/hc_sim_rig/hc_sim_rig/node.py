@@ -335,6 +335,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def close(self) -> None:
         """Publish the sample in progress and the final count, and end the thread."""
+        if self._simulated is not None:
+            self._simulated.close()
         self._sampler.stop()
         self._diagnostics.publish()
 

@@ -34,9 +34,7 @@ class SimulatedTime:
             lockstep: wait for the estimate of each sample before the next one.
             timeout_s: how long to wait for it (wall time) [s].
         """
-        self._node = node
         self._period_ns = NANOSECONDS / rate_hz
-        self._lockstep = lockstep
         self._timeout_s = timeout_s
         self._tick = 1 if lockstep else max(1, round(rate_hz / CLOCK_HZ))
         self._origin_ns = node.get_clock().now().nanoseconds
@@ -47,6 +45,7 @@ class SimulatedTime:
         self._alone = False  # the last answer did not come: wait only while somebody could answer
         self._closing = False
         self.timeouts = 0
+        self._subscription = None
         if lockstep:
             self._subscription = node.create_subscription(
                 HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
@@ -68,7 +67,7 @@ class SimulatedTime:
 
     def missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
-        if self._lockstep and self._node.count_publishers(ESTIMATE) == 0:
+        if self._subscription is not None and self._subscription.get_publisher_count() == 0:
             return [f"{ESTIMATE} has no publisher, which lockstep waits for"]
         return []
 
@@ -84,9 +83,9 @@ class SimulatedTime:
 
     def wait(self) -> None:
         """In lockstep, wait for the estimate of the sample that was just published."""
-        if not self._lockstep or self._closing:
+        if self._subscription is None or self._closing:
             return
-        if self._alone and self._node.count_publishers(ESTIMATE) == 0:
+        if self._alone and self.missing():
             return
         self._alone = not self._answer.wait(self._timeout_s)
         self.timeouts += self._alone
