@@ -43,10 +43,12 @@ def shared_memory_of_domain(domain_id: str) -> list[str]:
 
 def wait_for_start(process: subprocess.Popen[str]) -> None:
     """Read the live lines of a run until the first samples have come."""
+    lines = []
     for line in process.stderr:
         if "Hz" in line:
             return
-    raise AssertionError(f"the run ended early: {process.communicate()}")
+        lines.append(line)
+    raise AssertionError(f"the run ended early: {lines}")
 
 
 def assert_clean(command_line) -> None:

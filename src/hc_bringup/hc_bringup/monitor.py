@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from collections.abc import Callable
 from typing import Any
@@ -47,8 +48,13 @@ class Monitor:
 
     def __exit__(self, *_exception: object) -> None:
         self._executor.remove_node(self._node)
+        self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()
+        # The middleware's participant lives until nothing refers to the node any more, and with it
+        # its shared memory.
+        del self._node, self._executor, self._subscription, self._clients
+        gc.collect()
 
     def spin(self, duration_s: float) -> None:
         """Handle what arrives for a while."""

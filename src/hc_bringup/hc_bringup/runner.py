@@ -71,6 +71,8 @@ class Runner:
             UserError: if a node died, did not start or did not find its partners.
         """
         began = time.time()
+        domain_id = int(os.environ.get("ROS_DOMAIN_ID") or 0)
+        remove_orphans(domain_id=domain_id, since=began)
         folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -87,7 +89,7 @@ class Runner:
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)
-            remove_orphans(domain_id=int(os.environ.get("ROS_DOMAIN_ID") or 0), since=began - 1.0)
+            remove_orphans(domain_id=domain_id, since=began - 1.0)
             shutil.rmtree(folder, ignore_errors=True)
         return state
 

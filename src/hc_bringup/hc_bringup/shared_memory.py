@@ -42,10 +42,7 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
     removed = 0
     for name, own_port in sorted(names.items()):
         locks = [folder / f"{name}{s}" for s in _LOCK_SUFFIXES if (folder / f"{name}{s}").exists()]
-        if not locks:
-            orphan = own_port
-        else:
-            orphan = all(_is_free(lock, since) for lock in locks)
+        orphan = own_port if not locks else all(_is_free(lock, since) for lock in locks)
         if orphan:
             for path in (folder / name, folder / f"sem.{name}_mutex", *locks):
                 path.unlink(missing_ok=True)
