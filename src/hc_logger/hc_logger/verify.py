@@ -1,0 +1,290 @@
+"""Recomputes the recorded estimates of a bag and compares them bit by bit.
+
+The samples and the configurations of a bag are enough to recompute its estimates: the estimator
+is deterministic, a parameter change holds from a known sample on, and its time counts from a
+recorded origin. What cannot be recomputed (the bag begins in the middle of a run, a state was
+loaded from a file, samples are missing) is counted apart and never passed off as compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator import Estimator, __version__, create_estimator
+from hc_estimator.online.handover import hand_over
+from hc_estimator.online.vocabulary import Cause
+from hc_logger.errors import BagError
+from hc_logger.layout import stamps
+from hc_logger.recording import RecordedConfiguration, Recording
+from hc_msgs_py.units import METRE_IN_MM
+
+FORCE_ZERO = "input.force.zero"
+POSITION_ZERO = "input.position.zero"
+FRESH = (Cause.STARTED, Cause.RESET, Cause.TIME_JUMP)
+DIFFERENCES_KEPT = 10
+
+
+class Difference(NamedTuple):
+    """One field of one estimate that came out differently."""
+
+    sequence: int
+    field: str
+    recorded: float
+    recomputed: float
+
+
+@dataclass
+class VerificationReport:
+    """Result of a comparison.
+
+    Attributes:
+        compared: estimates that were recomputed.
+        different: how many of them differ in at least one field.
+        not_comparable: estimates that could not be recomputed.
+        notes: why, one line each, and other versions of the software.
+        differences: the first few differing fields.
+    """
+
+    compared: int = 0
+    different: int = 0
+    not_comparable: int = 0
+    notes: list[str] = field(default_factory=list)
+    differences: list[Difference] = field(default_factory=list)
+
+    @property
+    def equal(self) -> bool:
+        """True if something was compared and nothing differs."""
+        return self.compared > 0 and self.different == 0
+
+    def lines(self) -> list[str]:
+        """Return what to tell the user, one line each."""
+        lines = [f"{self.compared} estimates recomputed, {self.different} different"]
+        if self.not_comparable:
+            lines.append(f"{self.not_comparable} estimates could not be recomputed")
+        lines += self.notes
+        lines += [
+            f"sample {d.sequence}: {d.field} recorded {d.recorded!r}, recomputed {d.recomputed!r}"
+            for d in self.differences
+        ]
+        return lines
+
+
+class _Segment(NamedTuple):
+    """Consecutive estimates under one revision, of one life of the node."""
+
+    life: int
+    revision: int
+    start: int
+    end: int
+
+
+def verify(recording: Recording) -> VerificationReport:
+    """Recompute the estimates of a bag and compare every field with the recorded one.
+
+    Args:
+        recording: a bag with samples, estimates and configurations.
+
+    Raises:
+        BagError: if the recording has no estimates or no configurations.
+    """
+    estimates, configurations = recording.estimates, recording.configurations
+    if not len(estimates):
+        raise BagError(f"{recording.path} has no recorded estimates to verify")
+    if not configurations:
+        raise BagError(f"{recording.path} has no recorded configurations: nothing says how")
+    report = VerificationReport()
+    versions = sorted({c.software_version for c in configurations} - {__version__})
+    if versions:
+        report.notes.append(
+            f"recorded with version {', '.join(versions)} of hc_estimator, recomputed with "
+            f"{__version__}"
+        )
+    rows = _sample_rows(recording, estimates)
+    lives = _lives(configurations)
+    estimator: Estimator | None = None
+    life, revision = -1, 0
+    for segment in _segments(estimates):
+        if segment.life != life:
+            life, revision, estimator = segment.life, 0, None
+        known = lives[life] if life < len(lives) else {}
+        reason = ""
+        while revision < segment.revision:
+            revision += 1
+            configuration = known.get(revision)
+            if configuration is None:
+                estimator, reason = None, f"configuration revision {revision} was not recorded"
+                continue
+            estimator, reason = _configured(estimator, configuration, known.get(revision - 1))
+        own = rows[segment.start : segment.end]
+        chosen = known.get(segment.revision)
+        if chosen is not None and chosen.cause in FRESH and estimator is not None:
+            first = int(estimates["sequence"][segment.start])
+            if first != chosen.valid_from_sequence:
+                reason = (
+                    f"revision {segment.revision} began at sample {chosen.valid_from_sequence}, "
+                    f"the first recorded estimate is of sample {first}"
+                )
+                estimator = None
+        if estimator is not None and np.any(own < 0):
+            reason = f"{int(np.count_nonzero(own < 0))} samples of the estimates were not recorded"
+            estimator = None
+        count = segment.end - segment.start
+        if estimator is None or chosen is None:
+            report.not_comparable += count
+            report.notes.append(f"{count} estimates: {reason or 'what came before is not known'}")
+            continue
+        _compare(estimator, chosen, recording, own, estimates[segment.start : segment.end], report)
+    return report
+
+
+def _sample_rows(recording: Recording, estimates: NDArray[Any]) -> NDArray[np.int64]:
+    """Return for each estimate the row of its sample in the recording, -1 without one."""
+    keys = zip(recording.stamps.tolist(), recording.sequence.tolist(), strict=True)
+    places = {key: row for row, key in enumerate(keys)}
+    wanted = zip(stamps(estimates).tolist(), estimates["sequence"].tolist(), strict=True)
+    return np.array([places.get(key, -1) for key in wanted], np.int64)
+
+
+def _lives(
+    configurations: list[RecordedConfiguration],
+) -> list[dict[int, RecordedConfiguration]]:
+    """Return the configurations by revision, for each life of the node.
+
+    A revision is told again with its time origin once the first sample is there; the later one
+    counts. A node that was started again counts from 1 again.
+    """
+    lives: list[dict[int, RecordedConfiguration]] = []
+    newest = 0
+    for configuration in configurations:
+        if not lives or configuration.revision < newest:
+            lives.append({})
+        newest = configuration.revision
+        lives[-1][newest] = configuration
+    return lives
+
+
+def _segments(estimates: NDArray[Any]) -> Iterator[_Segment]:
+    revision = estimates["configuration_revision"].astype(np.int64)
+    starts = np.flatnonzero(np.diff(revision, prepend=revision[0] - 1))
+    ends = np.append(starts[1:], len(revision))
+    life = newest = 0
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        number = int(revision[start])
+        life += number < newest
+        newest = number
+        yield _Segment(life, number, start, end)
+
+
+def _configured(
+    estimator: Estimator | None,
+    configuration: RecordedConfiguration,
+    before: RecordedConfiguration | None,
+) -> tuple[Estimator | None, str]:
+    """Return the estimator as it is once a revision is in force, or None and why not."""
+    parameters = _parameters(configuration)
+    if configuration.cause == Cause.STATE_LOADED:
+        return None, f"revision {configuration.revision} loaded a saved state"
+    try:
+        if configuration.cause in FRESH:
+            return _created(configuration, parameters), ""
+        if estimator is None or before is None:
+            return None, ""
+        if _kind(configuration) != _kind(before):
+            return hand_over(estimator, _created(configuration, parameters)), ""
+        old = _parameters(before)
+        changed = {n: v for n, v in parameters.items() if n not in old or old[n] != v}
+        if changed:
+            estimator.reconfigure(**changed)
+    except ValueError as error:
+        return None, f"revision {configuration.revision} cannot be repeated: {error}"
+    return estimator, ""
+
+
+def _kind(configuration: RecordedConfiguration) -> tuple[str, str, str]:
+    return configuration.filter, configuration.state_space, configuration.contact_model
+
+
+def _parameters(configuration: RecordedConfiguration) -> dict[str, Any]:
+    """Return the estimator's own parameters, without the zeros of the input."""
+    zeros = (FORCE_ZERO, POSITION_ZERO)
+    return {n: v for n, v in configuration.parameters.items() if n not in zeros}
+
+
+def _created(configuration: RecordedConfiguration, parameters: dict[str, Any]) -> Estimator:
+    return create_estimator(
+        configuration.filter,
+        state_space=configuration.state_space,
+        contact_model=configuration.contact_model,
+        **parameters,
+    )
+
+
+def _compare(
+    estimator: Estimator,
+    configuration: RecordedConfiguration,
+    recording: Recording,
+    rows: NDArray[np.int64],
+    recorded: NDArray[Any],
+    report: VerificationReport,
+) -> None:
+    """Run the estimator over the samples of a segment and compare."""
+    zeros = configuration.parameters
+    force = recording.force_n[rows] - zeros.get(FORCE_ZERO, 0.0)
+    series = estimator.run(
+        (recording.stamps[rows] - configuration.time_origin_ns) * 1e-9,
+        recording.displacement_mm[rows] - zeros.get(POSITION_ZERO, 0.0),
+        force,
+    )
+    differs = np.zeros(len(rows), bool)
+    for name, recomputed in _fields(series, force):
+        kept = recorded[name]
+        wrong = ~((kept == recomputed) | (np.isnan(kept) & np.isnan(recomputed)))
+        wrong_rows = wrong.any(axis=1) if wrong.ndim > 1 else wrong
+        differs |= wrong_rows
+        for row in np.flatnonzero(wrong_rows)[: DIFFERENCES_KEPT - len(report.differences)]:
+            place = (row, int(np.argmax(wrong[row]))) if wrong.ndim > 1 else row
+            report.differences.append(
+                Difference(
+                    int(recorded["sequence"][row]),
+                    name,
+                    float(kept[place]),
+                    float(recomputed[place]),
+                )
+            )
+    report.compared += len(rows)
+    report.different += int(np.count_nonzero(differs))
+
+
+def _fields(series: Any, force: NDArray[np.float64]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield each field of hc_msgs/HuntCrossleyEstimate that follows from the samples.
+
+    The same divisions as in hc_msgs_py.conversion.fill_estimate, or the last bit would differ.
+    """
+    names = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
+    for i, name in enumerate(names):
+        yield name, series.parameters[:, i]
+        yield f"{name}_std", series.parameters_std[:, i]
+        yield f"{name}_identifiability", series.identifiability[:, i]
+    yield "displacement", series.displacement / METRE_IN_MM
+    yield "velocity", series.velocity / METRE_IN_MM
+    yield "force_measured", force
+    yield "innovation_displacement", series.innovation[:, 0] / METRE_IN_MM
+    yield "innovation_force", series.innovation[:, 1]
+    yield "displacement_noise_std", series.displacement_noise_std / METRE_IN_MM
+    for name in (
+        "force_predicted",
+        "force_reconstructed",
+        "nis",
+        "force_noise_std",
+        "contact",
+        "change_detected",
+        "model_mismatch",
+        "rejected",
+    ):
+        yield name, getattr(series, name)
+    yield "covariance", series.covariance.reshape(-1, 16)
