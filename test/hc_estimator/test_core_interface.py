@@ -133,7 +133,7 @@ def test_values_of_the_wrong_kind_are_refused(value):
 def test_unknown_names_are_refused_with_the_known_ones(kind):
     with pytest.raises(ValueError, match=f"{kind} = 'other' is not one of"):
         hc.create_estimator("ukf", **{kind: "other"})
-    with pytest.raises(ValueError, match="filter = 3 is not one of ukf"):
+    with pytest.raises(ValueError, match="filter = 3 is not one of self_tuning_ukf, ukf"):
         hc.create_estimator(3)
 
 

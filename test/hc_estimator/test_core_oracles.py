@@ -205,7 +205,14 @@ class Oracle:
                 gamma = self.scaling(Z, H_P_H)
             if gamma == 1.0:
                 break
-            P = gamma * P
+            if c["scaling_form"] == "guarded":  # no parameter above its prior variance
+                prior = np.diag(space.start(0.0, 0.0)[1])
+                room = np.maximum(prior / np.diag(P), 1.0)
+                room[:3] = np.inf
+                rise = np.sqrt(np.minimum(gamma, room))
+                P = rise[:, None] * P * rise
+            else:
+                P = gamma * P
         K = Pxy @ np.linalg.inv(S)
         self.x = space.constrained(x + K @ Z)
         self.P = P - K @ S @ K.T

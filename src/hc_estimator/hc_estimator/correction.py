@@ -18,6 +18,10 @@ from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER
 from hc_estimator.state_space import registry as state_space
 
+# Once the gate has opened, so many samples in a row must lie inside before it closes: a change
+# that takes a few samples must not be met by refusal after refusal.
+OPEN_SAMPLES = 30
+
 
 @compiled
 def measure_unscented(settings: Any, memory: Any) -> bool:
@@ -133,10 +137,17 @@ def gate(settings: Any, memory: Any) -> int:
         variance = memory.innovation_covariance[i, i]
         if memory.innovation[i] * memory.innovation[i] > limit * variance:
             outside = True
+    count = memory.outlier_count
+    if count > settings.outlier_limit:  # the gate is open
+        memory.outlier_count = count - 1 if not outside else settings.outlier_limit + OPEN_SAMPLES
+        if memory.outlier_count == settings.outlier_limit:
+            memory.outlier_count = 0
+        return ACCEPTED
     if not outside:
         memory.outlier_count = 0
         return ACCEPTED
-    if memory.outlier_count >= settings.outlier_limit:
+    if count == settings.outlier_limit:
+        memory.outlier_count = settings.outlier_limit + OPEN_SAMPLES
         return ACCEPTED
     memory.outlier_count += 1
     return OUTLIER

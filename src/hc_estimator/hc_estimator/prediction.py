@@ -176,7 +176,9 @@ def predict(settings: Any, memory: Any, unscented: bool) -> bool:
     Returns:
         False if the covariance has no Cholesky factor.
     """
-    state_space.process_noise(settings, memory.elapsed, memory.process_noise)
+    # Over a gap the parameters walk no further than over the longest time that is none.
+    elapsed = min(memory.elapsed, settings.longest_gap)
+    state_space.process_noise(settings, elapsed, memory.process_noise)
     if memory.restart != 0:
         restart_motion(settings, memory)
     elif state_space.has_linear_process(settings.state_space):

@@ -46,8 +46,10 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
     state_space.to_parameters(settings, state, memory.parameters, slopes)
     for i in range(4):
         row[PARAMETERS + i] = memory.parameters[i]
-        for j in range(4):
-            row[COVARIANCE + 4 * i + j] = slopes[i] * memory.covariance[3 + i, 3 + j] * slopes[j]
+        for j in range(i + 1):
+            element = slopes[i] * memory.covariance[3 + i, 3 + j] * slopes[j]
+            row[COVARIANCE + 4 * i + j] = element
+            row[COVARIANCE + 4 * j + i] = element
         prior = memory.prior_variance[i]
         share = 0.0 if prior <= 0.0 else 1.0 - memory.covariance[3 + i, 3 + i] / prior
         row[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)

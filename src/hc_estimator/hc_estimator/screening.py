@@ -71,8 +71,8 @@ SPECIFICATIONS = (
         "outlier_limit",
         "int",
         3,
-        "After so many outliers in a row samples are believed again: then it is no spike but a "
-        "change. 0 switches the gate off.",
+        "After so many outliers in a row samples are believed, until 30 in a row lie inside the "
+        "gate: then it is no spike but a change. 0 switches the gate off.",
         minimum=0,
         maximum=1000000,
     ),

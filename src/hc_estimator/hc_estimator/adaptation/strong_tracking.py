@@ -7,6 +7,7 @@ the filter match the one seen in a window (Eq. 29 and 47), and the measurement u
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -130,3 +131,24 @@ def scaling_factor(settings: Any, memory: Any) -> float:
     if settings.scaling_form == ABSOLUTE:
         return abs(factor)
     return factor
+
+
+@compiled
+def scale_covariance(settings: Any, memory: Any, factor: float) -> None:
+    """Multiply the predicted covariance by the factor (Eq. 26).
+
+    In the guarded form no parameter's variance is raised above its prior: the factor would
+    otherwise multiply, again and again, what no measurement ever brings down.
+    """
+    covariance = memory.predicted_covariance
+    for i in range(7):
+        memory.point[i] = math.sqrt(abs(factor))
+        if settings.scaling_form == GUARDED and i >= 3:
+            room = memory.prior_variance[i - 3]
+            if covariance[i, i] * factor > room:
+                rise = room / covariance[i, i] if covariance[i, i] > 0.0 else 1.0
+                memory.point[i] = math.sqrt(max(rise, 1.0))
+    sign = -1.0 if factor < 0.0 else 1.0
+    for i in range(7):
+        for j in range(7):
+            covariance[i, j] *= sign * memory.point[i] * memory.point[j]

@@ -23,6 +23,7 @@ from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
+from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
 from hc_estimator.resampling import (
     RESAMPLING_THRESHOLD,
@@ -368,4 +369,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time, particles)
+        recover(settings, memory, decision)
         write_row(settings, memory, decision, rows[k])

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from hc_estimator import recovery
 from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
@@ -122,12 +123,16 @@ FILTERS: dict[str, FilterEntry] = {
         # Searched at random for what keeps track with 50 particles; see docs/estimators.md.
         defaults={
             "kinematic": {
+                "outlier_gate": 100.0,
+                "outlier_limit": 20,
                 "proposal": "motion",
                 "surviving_share": 0.9,
                 "roughening": 0.1,
             },
             "paper": {
                 "noise_adaptation": "fixed",
+                "outlier_gate": 100.0,
+                "outlier_limit": 5,
                 "likelihood_scale": 1.5,
                 "roughening": 0.02,
                 "initial_velocity_std": 20.0,
@@ -165,6 +170,7 @@ FILTERS: dict[str, FilterEntry] = {
 
 FIELDS: tuple[Field, ...] = (
     *CORE_FIELDS,
+    *recovery.FIELDS,
     *policy.FIELDS,
     *strong_tracking.FIELDS,
     *covariance_matching.FIELDS,

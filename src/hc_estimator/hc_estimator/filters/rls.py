@@ -18,6 +18,7 @@ from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.prediction import add_process_noise, predict
+from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.specification import ParameterSpecification
@@ -206,4 +207,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
+        recover(settings, memory, decision)
         write_row(settings, memory, decision, rows[k])

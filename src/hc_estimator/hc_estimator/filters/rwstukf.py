@@ -17,6 +17,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
+from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 
@@ -45,9 +46,7 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         # The first pass is what the report calls innovation and NIS: it judges the filter.
         innovation, other = memory.innovation[0], memory.innovation[1]
         force, nis = memory.predicted_measurement[1], memory.nis
-        for i in range(7):
-            for j in range(7):
-                memory.predicted_covariance[i, j] *= factor
+        strong_tracking.scale_covariance(settings, memory, factor)
         if not (measure_unscented(settings, memory) and innovate(memory)):
             return NUMERICAL
         correct(memory)
@@ -77,4 +76,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
+        recover(settings, memory, decision)
         write_row(settings, memory, decision, rows[k])

@@ -9,7 +9,9 @@ sensor, and need not, because the motion is linear. Weights are kept as logarith
 resampling when the effective sample size falls, with roughening of the parameters (Gordon,
 Salmond and Smith 1993), which would otherwise never move.
 
-A particle filter that has lost track may show a full effective sample size: watch the innovations.
+A particle filter that has lost track may show a full effective sample size; the innovations tell:
+after `outlier_limit` of them in a row beyond the gate, the particles are drawn from the prior anew,
+and a change is reported.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from hc_estimator.linear_algebra import cholesky
 from hc_estimator.prediction import restart_motion
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import gamma, normal
+from hc_estimator.recovery import forget_parameters, recover
 from hc_estimator.report import write_row
 from hc_estimator.resampling import (
     RESAMPLING_THRESHOLD,
@@ -319,7 +322,12 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     """Move, weigh and resample the particles; the decision on the sample."""
     count = particles.shape[0] // 2
     current, moved = particles[:count], particles[count:]
-    state_space.process_noise(settings, memory.elapsed, memory.process_noise)
+    lost = memory.outlier_count > 0 and memory.outlier_count == settings.outlier_limit
+    if lost:  # begin again around the reading
+        memory.restart = 1
+        forget_parameters(settings, memory)
+    elapsed = min(memory.elapsed, settings.longest_gap)
+    state_space.process_noise(settings, elapsed, memory.process_noise)
     if memory.restart != 0:
         restart_motion(settings, memory)
         if not _draw_prior(settings, memory, moved):
@@ -366,6 +374,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
+    memory.change_detected = 1 if lost else 0
     current[:, :] = moved
     if by_motion:
         memory.motion_state[:] = memory.predicted_state
@@ -400,4 +409,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time, particles)
+        recover(settings, memory, decision)
         write_row(settings, memory, decision, rows[k])

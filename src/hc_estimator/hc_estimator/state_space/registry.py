@@ -127,6 +127,13 @@ SPECIFICATIONS = {
 }
 
 
+# Beyond these an estimate is lost: ln K and ln B, K and B themselves, and the exponents' distance
+# from the middle of their range.
+LOST_LOG = 35.0
+LOST_VALUE = 1e12
+LOST_EXPONENT = 3.5
+
+
 @compiled
 def has_linear_process(space: int) -> bool:
     """True if the process function is linear, so that prediction needs no sigma points."""
@@ -234,7 +241,8 @@ def start_motion(
         for i in range(7):
             covariance[6, i] = 0.0
             covariance[i, 6] = 0.0
-        covariance[6, 6] = covariance[1, 1]
+        # Narrower than the velocity itself: with ln B as free as w, a wide w starves B.
+        covariance[6, 6] = 0.01 * covariance[1, 1]
 
 
 @compiled
@@ -246,6 +254,24 @@ def constrain(settings: Any, state: NDArray[np.float64]) -> None:
         state[5] = min(max(state[5], SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT)
         if not has_lagged_velocity(settings.contact_model):
             state[6] = min(max(state[6], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+
+
+@compiled
+def is_lost(settings: Any, state: NDArray[np.float64]) -> bool:
+    """True if the parameters are so far from any tissue that no data would bring them back.
+
+    Never for `paper` without limit_parameters: that is the papers' filter to the letter.
+    """
+    if settings.state_space == PAPER and settings.limit_parameters == 0:
+        return False
+    largest = LOST_LOG if settings.state_space == KINEMATIC else LOST_VALUE
+    if abs(state[3]) > largest or abs(state[4]) > largest:
+        return True
+    if abs(state[5] - 2.0) > LOST_EXPONENT:
+        return True
+    return bool(
+        abs(state[6] - 1.5) > LOST_EXPONENT and not has_lagged_velocity(settings.contact_model)
+    )
 
 
 @compiled
