@@ -165,7 +165,9 @@ def layered_force(
         return 0.0
     force = fixed.shaft_friction * displacement * math.tanh(velocity / FRICTION_VELOCITY)
     if now.layer > 0 and displacement >= now.deepest and velocity > 0.0:
-        force += fixed.cutting_force * math.tanh(velocity / FRICTION_VELOCITY)
+        # The tip begins to cut as the first layer lets go.
+        share = 1.0 - now.rupture_factor if now.layer == 1 else 1.0
+        force += share * fixed.cutting_force * math.tanh(velocity / FRICTION_VELOCITY)
     if now.layer < layers.shape[0]:
         stretch = displacement - layers[now.layer, 0]
         if stretch > 0.0:
