@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import ForeignBag, open_bag
 from hc_logger.info import bag_info
+from hc_logger.playback import Playback
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 from hc_logger.selection import TopicSelection
@@ -142,6 +144,23 @@ def test_an_old_bag_without_definitions_takes_the_installed_ones(
     with open_bag(source) as bag:
         assert isinstance(bag, ForeignBag)
         assert bag.topics["/indenter/sample"].definition == installed_definition(SAMPLE)
+
+
+def test_a_database_is_played(tmp_path: Path, sample_messages: Any, start_ns: int) -> None:
+    """It is opened in one thread and read in another."""
+    stamps = start_ns + np.arange(500) * 1_000_000
+    messages = sample_messages(np.arange(500), stamps)
+    write_with_rosbags(tmp_path / "bag", messages, stamps, storage=StoragePlugin.SQLITE3)
+    got: list[bytes] = []
+    with open_bag(tmp_path / "bag") as bag:
+        playback = Playback(bag, lambda m: got.append(m.data), TopicSelection(["*"]), rate=20.0)
+        playback.resume()
+        end = time.monotonic() + 20
+        while not playback.finished and time.monotonic() < end:
+            time.sleep(0.01)
+        playback.stop()
+        assert playback.error is None
+    assert got == messages
 
 
 def test_chosen_topics_are_copied(make_bag: Any, tmp_path: Path) -> None:

@@ -9,3 +9,5 @@ reception_clock, session (what the recorder keeps), playback (what the player do
 
 With rclpy: recorder_node, player_node, player_controls, qos_profiles, message_class.
 """
+
+__version__ = "0.1.0"

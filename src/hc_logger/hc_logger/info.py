@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.bag import Bag
+from hc_logger.convert import Progress, nothing
 from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
@@ -95,19 +96,23 @@ class _Pass:
     unordered: int = 0
 
 
-def bag_info(path: str | os.PathLike[str]) -> BagInfo:
+def bag_info(path: str | os.PathLike[str], *, progress: Progress = nothing) -> BagInfo:
     """Look through a bag once.
 
     Args:
-        path: bag folder or MCAP file, whole or cut off.
+        path: bag of any kind, whole or cut off.
+        progress: told the done share.
 
     Raises:
-        BagError: if it is missing or no MCAP bag.
+        BagError: if it is missing or no bag.
     """
     with open_bag(path) as reader:
         passes = {name: _Pass(topic.definition) for name, topic in reader.topics.items()}
         sequenced = {n: _sequence_offset(t.definition) for n, t in reader.topics.items()}
+        first, last = reader.time_range() or (0, 0)
         for messages, names in reader.chunks():
+            if len(messages.log_time):
+                progress((int(messages.log_time[-1]) - first) / max(last - first, 1))
             for channel in np.unique(messages.channel).tolist():
                 name = names.get(channel)
                 if name is not None:

@@ -15,6 +15,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from hc_logger import __version__
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.message_class import message_class
 from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
@@ -115,8 +116,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "max_file_duration_s": declare(
                 self,
                 "max_file_duration",
-                0.0,
-                "begin a new file of the bag after so long; 0 for one file",
+                3600.0,
+                "begin a new file of the bag after so long, which bounds memory; 0 for one file",
                 minimum=0.0,
                 unit="s",
                 read_only=True,
@@ -297,12 +298,12 @@ def _never_called(_data: bytes) -> None:
 
 
 def _custom_data(entries: list[str]) -> Mapping[str, str]:
-    """Split key=value texts.
+    """Return the version of this software and what key=value texts say.
 
     Raises:
         NodeStartError: if one has no key.
     """
-    result = {}
+    result = {"hc_logger_version": __version__}
     for entry in entries:
         if not entry:
             continue
