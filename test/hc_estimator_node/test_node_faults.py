@@ -1,5 +1,6 @@
 """Faults as a running node meets them."""
 
+import signal
 import time
 
 import pytest
@@ -60,12 +61,8 @@ def test_two_publishers_are_an_error_and_the_first_keeps_the_floor(start_process
     probe.wait(lambda: probe.statuses[-1].level != b"\x02", what="the end of the error")
 
 
-def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(
-    start_process, probe, plant
-):
-    import signal
-
-    process = start_process(input__maximum_backlog=100)
+def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(start_process, probe, plant):
+    process = start_process(input__maximum_backlog=50)
     probe.wait_ready()
     number = probe.stream(plant.samples(300))
     process.send_signal(signal.SIGSTOP)
@@ -74,14 +71,12 @@ def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(
     number = probe.stream(plant.samples(300, start=1100), first=number)
     probe.wait(lambda: probe.estimates[-1].sequence == number - 1, what="the last estimate")
     assert EstimatorEvent.SAMPLES_SKIPPED in probe.kinds()
-    before = int(counters(probe)["samples"])
-    probe.wait(lambda: int(counters(probe)["skipped"]) > 0, what="the count")
-    probe.spin(1.2)
-    values = counters(probe)
-    assert before <= int(values["samples"])
-    assert 500 <= int(values["skipped"]) <= 800
+    newest = len(probe.statuses)
+    probe.wait(lambda: len(probe.statuses) >= newest + 2, what="a status of after that")
+    values = {key: int(counters(probe)[key]) for key in ("samples", "skipped", "lost")}
+    assert values["skipped"] > 0
     # Nothing is counted twice: what was skipped is not lost as well.
-    assert int(values["samples"]) + int(values["skipped"]) + int(values["lost"]) == number
+    assert sum(values.values()) == number
 
 
 def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, probe, plant):

@@ -1,4 +1,4 @@
-"""The node as a process: estimates, configuration, diagnostics, and what it refuses to start with."""
+"""The node as a process: what it publishes, and what it refuses to start with."""
 
 import time
 
@@ -27,7 +27,7 @@ def test_estimates_are_those_of_the_core_and_everything_else_is_told(
     probe.stream(samples, start_ns=start_ns)
     probe.wait(lambda: len(probe.estimates) == 2500, what="2500 estimates")
     probe.wait(
-        lambda: any(b"\x00" == s.level and s.message == "estimating" for s in probe.statuses)
+        lambda: any(s.level == b"\x00" and s.message == "estimating" for s in probe.statuses)
     )
 
     stamps = [nanoseconds_from_stamp(m.header.stamp) for m in probe.estimates]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_estimator.input.pairing import Pairer
+from hc_estimator.input.pairing import LONGEST_QUEUE, Pairer
 
 MS = 1_000_000
 
@@ -110,11 +110,28 @@ def test_any_two_rates_with_jitter_give_exact_displacements_in_order(
         add = pairer.add_force if kind == "force" else pairer.add_position
         released += add(stamp, line(stamp))
     assert all(s.displacement_mm == pytest.approx(line(s.stamp_ns), abs=1e-12) for s in released)
+    assert [s.sequence for s in released] == list(range(len(released)))
     stamps = [s.stamp_ns for s in released]
     assert stamps == sorted(set(stamps))
     waiting = (100 + jitter + 50) // force_period + 2
     assert len(released) >= 2000 // force_period - waiting
     assert pairer.counters.unpaired == pairer.counters.late == 0
+
+
+def test_a_burst_of_one_sensor_does_not_hurry_the_other():
+    """The node was held up for 300 ms: all positions come first, then all forces, swapped."""
+    pairer = make(wait=50, window=5)
+    for stamp in range(0, 300, 4):
+        pairer.add_position(stamp * MS, line(stamp * MS))
+    stamps = list(range(300))
+    for i in range(0, 300, 3):
+        stamps[i : i + 3] = reversed(stamps[i : i + 3])
+    released = []
+    for stamp in stamps:
+        released += pairer.add_force(stamp * MS, float(stamp))
+    assert [s.force_n for s in released] == [float(i) for i in range(len(released))]
+    assert len(released) >= 290
+    assert pairer.counters.late == pairer.counters.unpaired == 0
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 10**12)), max_size=300))
@@ -129,7 +146,10 @@ def test_memory_stays_bounded_when_one_sensor_is_silent():
     pairer = make(wait=50, gap=100)
     for i in range(5000):
         pairer.add_position(i * MS, 0.0)
-    assert len(pairer._positions) <= 152
+    assert len(pairer._positions) == 5000  # forces may yet come for them
+    for i in range(5000, 20000):
+        pairer.add_position(i * MS, 0.0)
+    assert len(pairer._positions) == LONGEST_QUEUE
     pairer = make(wait=50)
     for i in range(5000):
         pairer.add_force(i * MS, 0.0)

@@ -104,6 +104,14 @@ def test_a_source_that_does_not_count_is_taken_by_its_stamps(guard):
     assert guard.lost == 0
 
 
+def test_a_gap_that_was_announced_is_no_loss(guard):
+    feed(guard, [sample(i, i) for i in range(10)])
+    guard.expect_gap(30)
+    samples = [sample(i, i) for i in range(40, 50)]
+    assert feed(guard, samples) == (samples, [])
+    assert guard.lost == 0
+
+
 def test_forget_takes_the_next_sample_wherever_it_is(guard):
     feed(guard, [sample(i, i) for i in range(10)])
     guard.forget()

@@ -14,6 +14,9 @@ from typing import NamedTuple
 JUMP_NS = 1_000_000_000
 """A stamp so far behind the newest of its sensor is no late message: the clock was set back."""
 
+LONGEST_QUEUE = 10_000
+"""Positions that are kept while no force comes."""
+
 
 class Paired(NamedTuple):
     """A force reading with the displacement at its stamp."""
@@ -52,7 +55,7 @@ class Pairer:
         """Make a pairer.
 
         Args:
-            maximum_wait_ns: how much newer readings may get before a force that waits is dropped.
+            maximum_wait_ns: how much newer forces may get before one that waits is dropped.
             reorder_window_ns: for how long every force waits for readings that come out of order.
             maximum_gap_ns: positions further apart than this are not interpolated.
         """
@@ -85,6 +88,10 @@ class Pairer:
         insort(self._forces, (stamp_ns, force_n))
         return self._release()
 
+    def skip(self, number: int) -> None:
+        """Leave a gap in the numbers for forces that were left out before they came here."""
+        self._sequence += number
+
     def _start_over(self) -> None:
         self.counters.resets += 1
         self.counters.unpaired += len(self._forces)
@@ -94,14 +101,13 @@ class Pairer:
 
     def _release(self) -> list[Paired]:
         """Return what is complete, oldest first."""
-        newest = max(self._newest_force, self._newest_position)
         result = []
         done = 0
         for stamp_ns, force_n in self._forces:
-            waited = newest - stamp_ns
-            if waited < self.reorder_window_ns:
-                break
-            if self._newest_position < stamp_ns and waited <= self.maximum_wait_ns:
+            # Each sensor's messages are sorted among themselves: the two may arrive in bursts.
+            settled_ns = min(self._newest_force, self._newest_position) - self.reorder_window_ns
+            expired = self._newest_force - stamp_ns > self.maximum_wait_ns
+            if settled_ns < stamp_ns and not expired:
                 break
             done += 1
             sequence, self._sequence = self._sequence, self._sequence + 1
@@ -133,9 +139,8 @@ class Pairer:
 
     def _forget_positions(self) -> None:
         """Keep what forces to come may still need: they are newer than the last one released."""
-        reach_ns = self.maximum_wait_ns + self.maximum_gap_ns + self.reorder_window_ns
-        oldest = max(self._released, self._newest_position - reach_ns)
-        keep_from = bisect_right(self._positions, oldest, key=_stamp) - 1
+        keep_from = bisect_right(self._positions, self._released, key=_stamp) - 1
+        keep_from = max(keep_from, len(self._positions) - LONGEST_QUEUE)
         if keep_from > 0:
             del self._positions[:keep_from]
 

@@ -72,6 +72,11 @@ class StreamGuard:
         self.last_stamp_ns = None
         self.last_sequence = 0
 
+    def expect_gap(self, samples: int) -> None:
+        """Hear that samples were left out on purpose: they are not lost."""
+        if self.last_stamp_ns is not None:
+            self.last_sequence += samples
+
     def is_next(self, stamp_ns: int, sequence: int) -> bool:
         """Take a sample that plainly follows the last one.
 

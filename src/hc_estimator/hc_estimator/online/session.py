@@ -150,6 +150,7 @@ class EstimationSession:
     def skip(self, number: int) -> None:
         """Count samples that the node left out because it could not keep up."""
         self.counters.skipped += number
+        self.guard.expect_gap(number)
         self.report(EventKind.SAMPLES_SKIPPED, f"{number} samples skipped: too many were waiting")
 
     def report(self, kind: EventKind, reason: str) -> None:

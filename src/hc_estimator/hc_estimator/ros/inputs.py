@@ -7,7 +7,7 @@ worth more than the oldest: those beyond the allowed backlog are left out and co
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from hc_msgs.msg import IndenterSample
@@ -27,7 +27,7 @@ class Receiver(Protocol):
         """Take in a sample."""
 
     def on_skip(self, number: int) -> None:
-        """Hear that samples were left out."""
+        """Hear that samples were left out, and their numbers with them."""
 
     def on_frame(self, frame_id: str) -> None:
         """Hear that the samples are in another frame from now on."""
@@ -66,15 +66,22 @@ class Drain:
         maximum_backlog: messages that may wait; more are skipped, the oldest first.
     """
 
-    def __init__(self, receiver: Receiver, maximum_backlog: int) -> None:
-        self._receiver = receiver
-        self.maximum_backlog = maximum_backlog
+    def __init__(self, skip: Callable[[int], None]) -> None:
+        self.maximum_backlog = STREAM_DEPTH
+        self._skip = skip
         self._waiting: deque[Any] = deque()
 
-    def take(self, subscription: Any, message_type: Any, first: Any) -> deque[Any]:
-        """Return the first message and all that wait behind it, but for those to be skipped."""
+    def take(self, subscription: Any, message_type: Any, first: Any = None) -> deque[Any]:
+        """Return the first message and all that wait behind it, but for those to be skipped.
+
+        Args:
+            subscription: subscription to take from.
+            message_type: its type.
+            first: message that the executor handed over; None if it did not.
+        """
         waiting = self._waiting
-        waiting.append(first)
+        if first is not None:
+            waiting.append(first)
         handle = subscription.handle
         with handle:
             while len(waiting) <= STREAM_DEPTH:
@@ -86,7 +93,7 @@ class Drain:
         if surplus > 0:
             for _ in range(surplus):
                 waiting.popleft()
-            self._receiver.on_skip(surplus)
+            self._skip(surplus)
         return waiting
 
 
@@ -97,7 +104,7 @@ class SampleInput:
         self.position: tuple[tuple[float, float, float], str] | None = None
         self._node = node
         self._receiver = receiver
-        self._drain = Drain(receiver, 1)
+        self._drain = Drain(receiver.on_skip)
         self.configure(values)
         self._frame_id = ""
         self._subscription = node.create_subscription(

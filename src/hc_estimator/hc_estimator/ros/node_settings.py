@@ -302,6 +302,12 @@ def check_together(values: Mapping[str, Any]) -> None:
             f"parameter input.maximum_gap = {values['input.maximum_gap']!r} must be larger than "
             f"input.silence_timeout = {values['input.silence_timeout']!r}"
         )
+    if values["input.pairing.maximum_wait"] <= values["input.pairing.reorder_window"]:
+        raise ValueError(
+            "parameter input.pairing.maximum_wait = "
+            f"{values['input.pairing.maximum_wait']!r} must be larger than "
+            f"input.pairing.reorder_window = {values['input.pairing.reorder_window']!r}"
+        )
     for sensor in ("force", "position"):
         try:
             sensor_mapping(values, sensor)

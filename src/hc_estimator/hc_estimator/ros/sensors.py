@@ -34,16 +34,19 @@ class SensorInput:
         self._node = node
         self._receiver = receiver
         self._missing_joint = 0
+        self._skipped_positions = 0
         self._frame_id = ""
         self._pairer = Pairer(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
-        self._drain = Drain(receiver, 1)
+        self._drain = Drain(self._on_skip)
+        self._position_drain = Drain(self._on_skipped_positions)
         self.configure(values)
         self._samples = None
         if values["input.publish_samples"]:
             self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
         self._sample_message = new_sample_message()
         kind = values["input.position.type"]
-        take_position = {
+        self._position_type = _POSITION_TYPES[kind]
+        self._take_position = {
             "joint": self._on_joints,
             "pose": self._on_pose,
             "transform": self._on_transform,
@@ -52,7 +55,7 @@ class SensorInput:
             WrenchStamped, values["input.force.topic"], self._on_force, SAMPLE_QOS
         )
         self._positions = node.create_subscription(
-            _POSITION_TYPES[kind], values["input.position.topic"], take_position, SAMPLE_QOS
+            self._position_type, values["input.position.topic"], self._take_position, SAMPLE_QOS
         )
 
     def configure(self, values: Mapping[str, Any]) -> None:
@@ -67,6 +70,7 @@ class SensorInput:
         self._pairer.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
         self._pairer.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
         self._drain.maximum_backlog = values["input.maximum_backlog"]
+        self._position_drain.maximum_backlog = values["input.maximum_backlog"]
 
     @property
     def publishers(self) -> Mapping[str, int]:
@@ -84,6 +88,7 @@ class SensorInput:
             "pairing_late": counters.late,
             "pairing_unpaired": counters.unpaired,
             "pairing_resets": counters.resets,
+            "positions_skipped": self._skipped_positions,
             "joint_missing": self._missing_joint,
         }
 
@@ -94,7 +99,19 @@ class SensorInput:
         if self._samples is not None:
             self._node.destroy_publisher(self._samples)
 
+    def _on_skip(self, number: int) -> None:
+        self._pairer.skip(number)
+        self._receiver.on_skip(number)
+
+    def _on_skipped_positions(self, number: int) -> None:
+        self._skipped_positions += number
+
     def _on_force(self, message: Any) -> None:
+        # Positions that wait come first: a force must not be given up for want of one that is
+        # here already.
+        positions = self._position_drain.take(self._positions, self._position_type)
+        while positions:
+            self._take_position(positions.popleft())
         waiting = self._drain.take(self._force, WrenchStamped, message)
         while waiting:
             one = waiting.popleft()
