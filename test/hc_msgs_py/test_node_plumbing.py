@@ -1,0 +1,176 @@
+"""How every node starts, declares parameters, tells how it is, and ends."""
+
+import itertools
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.parameters import declare
+from hc_msgs_py.services import add_ready_service
+
+_domains = itertools.count(os.getpid() + 50)
+
+SCRIPT = """
+import sys
+from rclpy.node import Node
+from hc_msgs_py.node_main import NodeStartError, run_node
+from hc_msgs_py.parameters import declare
+
+class Example(Node):
+    def __init__(self):
+        super().__init__("example")
+        self.count = declare(self, "count", 3, "how often", minimum=1, maximum=9)
+        if self.count == 7:
+            raise NodeStartError("seven is\\nnot possible")
+        self.ticks = 0
+        self.create_timer(0.02, self.tick)
+        print("up", flush=True)
+    def tick(self):
+        self.ticks += 1
+    def finished(self):
+        if self.count == 8 and self.ticks > 2:
+            raise NodeStartError("it broke later")
+        return self.count == 5 and self.ticks > 2
+    def close(self):
+        print("closed", flush=True)
+
+sys.exit(run_node(Example))
+"""
+
+
+@pytest.fixture
+def environment():
+    return os.environ | {
+        "ROS_DOMAIN_ID": str(1 + next(_domains) % 101),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+
+def run(environment, *arguments, stop=None):
+    command = [sys.executable, "-c", SCRIPT, "--ros-args", *arguments]
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    if stop is not None:
+        assert process.stdout.readline() == "up\n"
+        time.sleep(0.2)
+        process.send_signal(stop)
+    try:
+        output, errors = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    return process.returncode, output, errors
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_node_cleanly(environment, number):
+    status, output, errors = run(environment, stop=number)
+    assert (status, output, errors) == (0, "closed\n", "")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("arguments", "status", "output", "errors"),
+    [
+        (("-p", "count:=5"), 0, "up\nclosed\n", ""),
+        (("-p", "count:=7"), 2, "", "seven is not possible\n"),
+        (("-p", "count:=8"), 1, "up\nclosed\n", "it broke later\n"),
+        (
+            ("-p", "count:=0"),
+            2,
+            "",
+            "parameter count = 0 is not an integer from 1 to 9\n",
+        ),
+        (("-p", "count:=many"), 2, "", "parameter count = 'many' is not an integer from 1 to 9\n"),
+        (("--nonsense",), 2, "", None),
+    ],
+)
+def test_ways_to_end_have_their_status_and_one_line(environment, arguments, status, output, errors):
+    got_status, got_output, got_errors = run(environment, *arguments)
+    assert (got_status, got_output) == (status, output)
+    if errors is None:
+        assert got_errors.count("\n") == 1
+        assert "nonsense" in got_errors
+    else:
+        assert got_errors == errors
+
+
+@pytest.fixture
+def node(monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context, domain_id=1 + next(_domains) % 101)
+    node = rclpy.create_node("example", context=context, enable_rosout=False)
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    node.spin_until = lambda condition, timeout_s=10.0: _spin(executor, condition, timeout_s)
+    yield node
+    executor.shutdown()
+    node.destroy_node()
+    context.try_shutdown()
+
+
+def _spin(executor, condition, timeout_s):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "not in time"
+        executor.spin_once(timeout_sec=0.05)
+
+
+def test_declared_parameters_carry_description_unit_range_and_mark(node):
+    assert declare(node, "gain", 0.5, "how much", minimum=0.0, maximum=1.0, unit="N") == 0.5
+    assert declare(node, "word", "a", "which", choices=("a", "b"), read_only=True) == "a"
+    gain, word = node.describe_parameter("gain"), node.describe_parameter("word")
+    assert gain.description == "how much [N]"
+    assert (gain.floating_point_range[0].from_value, gain.floating_point_range[0].to_value) == (
+        0.0,
+        1.0,
+    )
+    assert word.read_only
+    assert word.additional_constraints == "one of: a, b"
+    assert not node.set_parameters([Parameter("gain", value=2.0)])[0].successful
+    assert not node.set_parameters([Parameter("word", value="b")])[0].successful
+
+
+def test_an_integer_with_half_a_range_takes_every_number_of_it(node):
+    declare(node, "seed", 1, "seed", minimum=0)
+    for value in (0, 1, 12345, 2**62):
+        assert node.set_parameters([Parameter("seed", value=value)])[0].successful, value
+    assert not node.set_parameters([Parameter("seed", value=-1)])[0].successful
+
+
+def test_ready_says_what_is_missing(node):
+    missing = ["no publisher", "no subscriber"]
+    add_ready_service(node, lambda: missing)
+    client = node.create_client(Trigger, "/example/ready")
+    node.spin_until(client.service_is_ready)
+    future = client.call_async(Trigger.Request())
+    node.spin_until(future.done)
+    answer = future.result()
+    assert (answer.success, answer.message) == (False, "no publisher; no subscriber")
+    missing.clear()
+    future = client.call_async(Trigger.Request())
+    node.spin_until(future.done)
+    assert (future.result().success, future.result().message) == (True, "ready")
+
+
+def test_diagnostics_come_by_themselves_even_while_simulated_time_stands_still(node):
+    received = []
+    node.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
+    node.set_parameters([Parameter("use_sim_time", value=True)])
+    status = Status(Level.WARN, "half full", {"rate_hz": 999.123456789, "count": 3})
+    DiagnosticsPublisher(node, "glass", lambda: status)
+    node.spin_until(lambda: received)
+    (told,) = received[0].status
+    assert (told.level, told.name, told.hardware_id) == (b"\x01", "example", "glass")
+    assert {v.key: v.value for v in told.values} == {"rate_hz": "999.123", "count": "3"}
