@@ -1,4 +1,4 @@
-"""A progress bar on standard error, shown in a terminal only."""
+"""Progress of long work on standard error, shown in a terminal only."""
 
 from __future__ import annotations
 
@@ -19,3 +19,35 @@ def progress_bar(title: str) -> Iterator[Callable[[float], None]]:
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task(title, total=1.0)
         yield lambda share: progress.update(task, completed=share)
+
+
+@contextmanager
+def counted_bar() -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function that takes a name, what is done and how much there is in all.
+
+    Each name gets a bar of its own.
+    """
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda _name, _done, _total: None
+        return
+    with Progress(console=console) as progress:
+        tasks = {}
+
+        def show(name: str, done: int, total: int) -> None:
+            if name not in tasks:
+                tasks[name] = progress.add_task(name, total=total)
+            progress.update(tasks[name], completed=done, total=total)
+
+        yield show
+
+
+@contextmanager
+def status_line() -> Iterator[Callable[[str], None]]:
+    """Yield a function that takes what is being done now, in words."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield lambda _text: None
+        return
+    with console.status("starting") as status:
+        yield lambda text: status.update(text)

@@ -13,6 +13,7 @@ from hc_logger.errors import BagError
 from hc_logger.layout import records
 from hc_logger.reader import BagReader
 from hc_logger.recording import Recording, only_topic
+from hc_msgs_py.topics import TRUTH
 
 _TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
 
@@ -74,7 +75,7 @@ def estimated(recording: Recording, estimator: Any) -> RunData:
 def _truth(recording: Recording, sequence: Any) -> Any:
     """Return the true parameters (samples, 4) at these sequence numbers, or None."""
     with BagReader(recording.path) as reader:
-        topic = only_topic(reader, _TRUTH_TYPE)
+        topic = only_topic(reader, _TRUTH_TYPE, TRUTH)
         if topic is None:
             return None
         table = records(reader.topics[topic].definition, reader.columns(topic))

@@ -15,8 +15,9 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
     """Return what DESIGN.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
-    used against the measured one. lost counts samples that were published and for which no
-    estimate came.
+    used against the measured one, over the whole run, its start included; force_rmse_at_end_n is
+    the same over the last thousand samples. lost counts samples that were published and for which
+    no estimate came.
 
     Args:
         state: the run at its end.
@@ -43,6 +44,7 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
         "parameters_std": statistics.parameters_std(),
         "identifiability": statistics.identifiability(),
         "force_rmse_n": statistics.force_rmse_n,
+        "force_rmse_at_end_n": statistics.recent_force_rmse_n,
         "bag": bag,
     }
     if with_latency:
@@ -98,7 +100,8 @@ def run_text(summary: dict[str, Any]) -> str:
         *parameter_lines(
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         ),
-        f"force one step ahead: RMS error {1e3 * summary['force_rmse_n']:.3g} mN; "
+        f"force one step ahead: RMS error {1e3 * summary['force_rmse_n']:.1f} mN, "
+        f"{1e3 * summary['force_rmse_at_end_n']:.1f} mN over the last thousand samples",
         f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
         f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
     ]

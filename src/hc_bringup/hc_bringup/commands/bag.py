@@ -9,7 +9,7 @@ from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
 
-HELP = "look into a bag, convert CSV and bag"
+HELP = "look into a bag, repair one that was cut off, convert CSV and bag"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +17,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     commands = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     info = commands.add_parser("info", help="topics, counts, rates and gaps of a bag")
     info.add_argument("bag", metavar="BAG")
-    convert = commands.add_parser("convert", help="CSV to bag, or bag to CSV")
+    recover = commands.add_parser("recover", help="copy what is readable of a damaged bag")
+    recover.add_argument("source", metavar="SOURCE", help="bag folder or .mcap file")
+    recover.add_argument("target", metavar="TARGET", help="folder of the new bag")
+    convert = commands.add_parser("convert", help="CSV to bag, bag to CSV, sqlite3 bag to MCAP")
     convert.add_argument("source", metavar="SOURCE", help="CSV file or bag")
     convert.add_argument("target", metavar="TARGET", help="bag folder, or a file that ends in .csv")
     convert.add_argument("--topic", default="", metavar="T", help="sample topic, if several")
@@ -28,7 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_logger.errors import BagError, BagExistsError
 
     try:
-        return {"info": _info, "convert": _convert}[arguments.action](arguments)
+        actions = {"info": _info, "recover": _recover, "convert": _convert}
+        return actions[arguments.action](arguments)
     except BagExistsError as error:
         raise UserError(str(error), WRONG_USE) from error
     except (BagError, OSError) as error:
@@ -81,23 +85,37 @@ def _number(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
 
 
+def _recover(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_logger.recover import recover_bag
+
+    with progress_bar("recovering") as progress:
+        report = recover_bag(arguments.source, arguments.target, progress=progress)
+    for line in report.lines():
+        print(line)
+    return 0
+
+
 def _convert(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
-    from hc_logger.convert import bag_to_csv, csv_to_bag
+    from hc_logger.convert import bag_to_bag, bag_to_csv, csv_to_bag
 
     source, target = Path(arguments.source), Path(arguments.target)
     to_csv = target.suffix.lower() == ".csv"
     from_csv = source.suffix.lower() == ".csv"
-    if from_csv == to_csv:
-        raise UserError(
-            "give a CSV file and a bag folder, or a bag and a file that ends in .csv", WRONG_USE
-        )
+    if from_csv and to_csv:
+        raise UserError("both are CSV files: give a bag as one of them", WRONG_USE)
+    what, problems = "samples", []
     with progress_bar(f"{source.name} to {target.name}") as progress:
         if to_csv:
-            samples, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
+            count, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
+        elif from_csv:
+            count = csv_to_bag(source, target, progress=progress)
         else:
-            samples, problems = csv_to_bag(source, target, progress=progress), []
+            what = "messages"
+            counts, problems = bag_to_bag(source, target, progress=progress)
+            count = sum(counts.values())
     for problem in problems:
         print(f"{source}: {problem}")
-    print(f"{samples} samples written to {target}")
+    print(f"{count} {what} written to {target}")
     return 0

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import assignment
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
@@ -33,6 +33,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="a setting of the estimator; may be given several times",
     )
     parser.add_argument("-o", "--output", metavar="OUT.csv", help="write every estimate to a CSV")
+    parser.add_argument(
+        "--verify",
+        action="store_true",
+        help="recompute the estimates recorded in a bag and compare every field, bit for bit",
+    )
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -42,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from hc_bringup.summary import to_json
 
+    if arguments.verify:
+        return _verify(arguments)
     recording = load_recording(arguments.input)
     estimator = make_estimator(arguments)
     if arguments.output is not None and Path(arguments.output).exists():
@@ -57,6 +64,37 @@ def run(arguments: argparse.Namespace) -> int:
     summary = summarise(estimator, recording, series, seconds)
     print(to_json(summary) if arguments.json else _text(summary))
     return 0
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    """Compare recorded with recomputed estimates; status 1 if one differs or none compares."""
+    from hc_bringup.summary import to_json
+    from hc_logger.errors import BagError
+    from hc_logger.verify import verify
+
+    if any((arguments.filter, arguments.state_space, arguments.contact_model, arguments.param)):
+        raise UserError(
+            "--verify takes filter and settings from the bag: leave the others away", WRONG_USE
+        )
+    if arguments.output is not None:
+        raise UserError("--verify writes no estimates: leave -o away", WRONG_USE)
+    recording = load_recording(arguments.input)
+    try:
+        report = verify(recording)
+    except BagError as error:
+        raise UserError(str(error)) from error
+    if arguments.json:
+        summary = {
+            "samples": len(recording.time_s),
+            "compared": report.compared,
+            "different": report.different,
+            "not_comparable": report.not_comparable,
+            "notes": report.notes,
+        }
+        print(to_json(summary))
+    else:
+        print("\n".join(report.lines()))
+    return 0 if report.equal else FAILURE
 
 
 def load_recording(path: str) -> Any:
@@ -97,7 +135,8 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
 def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> dict[str, Any]:
     """Return what DESIGN.md lists for hc estimate --json.
 
-    The force errors are those of the samples in contact that were used.
+    The force errors are those of the samples in contact that were used; "settled" are those of the
+    second half of the recording.
     """
     import numpy as np
 
@@ -106,6 +145,8 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     rejected = series.rejected
     used = rejected == 0
     counted = used & series.contact
+    settled = counted.copy()
+    settled[: len(settled) // 2] = False
     last = series[len(series) - 1]
 
     def named(values: Any) -> dict[str, float]:
@@ -132,6 +173,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
         "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
         "force_reconstructed_rmse_n": rms((series.force_reconstructed - force)[counted]),
+        "force_predicted_rmse_settled_n": rms((series.force_predicted - force)[settled]),
         "nis_mean": float(np.mean(series.nis[counted])) if counted.any() else float("nan"),
         "microseconds_per_step": 1e6 * seconds / len(series),
     }
@@ -149,13 +191,18 @@ def _text(summary: dict[str, Any]) -> str:
             *parameter_lines(
                 summary["parameters"], summary["parameters_std"], summary["identifiability"]
             ),
-            f"force error in contact: {1e3 * summary['force_predicted_rmse_n']:.3g} mN one step "
-            f"ahead, {1e3 * summary['force_reconstructed_rmse_n']:.3g} mN after the update; "
+            f"force error one step ahead: {_millinewton(summary['force_predicted_rmse_n'])} in "
+            f"contact, {_millinewton(summary['force_predicted_rmse_settled_n'])} in the second "
+            f"half; after the update {_millinewton(summary['force_reconstructed_rmse_n'])}; "
             f"mean NIS {summary['nis_mean']:.2f} (ideal 2)",
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the samples",
         ]
     )
+
+
+def _millinewton(force_n: float) -> str:
+    return f"{1e3 * force_n:.1f} mN"
 
 
 def _write(path: Path, recording: Any, series: Any) -> None:

@@ -1,0 +1,96 @@
+"""hc bench: the measurements behind every figure in the documents."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from typing import Any
+
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.options import natural, positive
+
+HELP = "measure speed, accuracy, bags: the figures of the documents"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    commands = parser.add_subparsers(dest="action", metavar="WHAT", required=True)
+    speed = commands.add_parser("speed", help="microseconds a sample, against filterpy")
+    accuracy = commands.add_parser("accuracy", help="errors against truth and bounds")
+    accuracy.add_argument("names", nargs="*", metavar="EXPERIMENT", help="some of them (all)")
+    accuracy.add_argument("--seeds", type=natural, metavar="N", help="runs of each scenario (50)")
+    accuracy.add_argument("--quick", action="store_true", help="few seeds, for a first look")
+    bags = commands.add_parser("bags", help="recorder, player, bag files")
+    bags.add_argument("--duration", type=positive, default=20.0, metavar="S", help="of each part")
+    for command in (speed, accuracy, bags):
+        command.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    return {"speed": _speed, "accuracy": _accuracy, "bags": _bags}[arguments.action](arguments)
+
+
+def _speed(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_evaluation.speed import run_speed
+
+    try:
+        with progress_bar("speed") as progress:
+            figures = run_speed(progress)
+    except ImportError as error:
+        raise UserError("needs filterpy, which ./hc installs: pip install filterpy") from error
+    _show(figures, arguments.json)
+    return 0
+
+
+def _accuracy(arguments: argparse.Namespace) -> int:
+    from hc_evaluation.accuracy.table import text_table
+
+    from hc_bringup.progress import counted_bar
+    from hc_bringup.summary import to_json
+    from hc_evaluation.accuracy.run import run_accuracy
+
+    try:
+        with counted_bar() as progress:
+            result = run_accuracy(
+                arguments.names, arguments.seeds, quick=arguments.quick, progress=progress
+            )
+    except ValueError as error:
+        raise UserError(str(error), WRONG_USE) from error
+    print(to_json(result) if arguments.json else text_table(result))
+    missed = [t for e in result["experiments"].values() for t in e["targets"] if not t["met"]]
+    return FAILURE if missed else 0
+
+
+def _bags(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import status_line
+    from hc_logger.bench import bench_bags
+
+    with status_line() as tell:
+        figures = bench_bags(arguments.duration, progress=tell)
+    _show(figures, arguments.json)
+    return 0
+
+
+def _show(figures: Mapping[str, Any], as_json: bool) -> None:
+    from hc_bringup.summary import to_json
+
+    if as_json:
+        print(to_json(dict(figures)))
+        return
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            print(f"{name}:")
+            _show_nested(value)
+        else:
+            print(f"{name}: {_text(value)}")
+
+
+def _show_nested(figures: Mapping[str, Any]) -> None:
+    for name, value in figures.items():
+        print(f"  {name}: {_text(value)}")
+
+
+def _text(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
