@@ -287,3 +287,30 @@ def test_an_estimator_that_does_not_exist_is_named() -> None:
     signals = Signals(feedback_force="estimated", estimator={"filter": "oracle"})
     with pytest.raises(ScenarioError, match=r"drive\.signals\.estimator.*oracle"):
         Rig(paper_c(2.0, signals=signals))
+
+
+def test_two_halves_are_the_whole() -> None:
+    """Master and slave as rigs of their own, joined by a plain delay, repeat the simulated loop."""
+    delay, count = 40, 3000
+    scenario = paper_c(2.0, delay_s=delay / 1000.0)
+    whole = Rig(scenario).run(count / 1000.0)
+    master, slave = Rig(scenario, side="master"), Rig(scenario, side="slave")
+    positions, forces = [], []
+    for k in range(count):
+        if k >= delay:
+            slave.receive(positions[k - delay])
+            master.receive(forces[k - delay])
+        positions.append(master.step().master.position_mm)
+        sample = slave.step()
+        forces.append(sample.coupling.sent_force_n)
+        assert sample.displacement_mm == whole.displacement_mm[k]
+        assert sample.force_n == whole.force_n[k]
+    assert positions == whole.master.position_mm.tolist()
+    assert whole.truth.contact.any()
+
+
+def test_only_a_teleoperation_has_sides() -> None:
+    with pytest.raises(ScenarioError, match="no master and slave"):
+        Rig("multisine", side="slave")
+    with pytest.raises(ScenarioError, match=r"side is 'left'.*master"):
+        Rig("teleoperation", side="left")

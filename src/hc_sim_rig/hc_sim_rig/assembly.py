@@ -27,12 +27,16 @@ from hc_sim_rig.layout import (
     NO_PACKET,
     OPERATOR_FORCE,
     OPERATOR_MOTION,
+    OPERATOR_NONE,
     PACKET_COLUMNS,
     PACKET_SEQUENCE,
     PROCESS_NONE,
     PROCESS_POSITION,
     PROCESS_VELOCITY,
     RING,
+    SIDE_BOTH,
+    SIDE_MASTER,
+    SIDE_SLAVE,
     SIGNAL_ESTIMATED,
     SIGNAL_FILTERED,
     SIGNAL_SENSOR,
@@ -87,6 +91,7 @@ SIGNALS = {
     "filtered": SIGNAL_FILTERED,
     "estimated": SIGNAL_ESTIMATED,
 }
+SIDES = {"both": SIDE_BOTH, "master": SIDE_MASTER, "slave": SIDE_SLAVE}
 PROCESSES = {"none": PROCESS_NONE, "position": PROCESS_POSITION, "velocity": PROCESS_VELOCITY}
 
 
@@ -115,8 +120,8 @@ class Memory(NamedTuple):
     work: Array
 
 
-def configuration(scenario: Scenario) -> NDArray[np.void]:
-    """(1,) record of layout.CONFIG for a scenario."""
+def configuration(scenario: Scenario, side: str = "both") -> NDArray[np.void]:
+    """(1,) record of layout.CONFIG for a scenario, or for one side of a teleoperation."""
     record = np.zeros(1, CONFIG)
     config = record[0]
     config["rate"] = scenario.rate_hz
@@ -130,6 +135,12 @@ def configuration(scenario: Scenario) -> NDArray[np.void]:
     _configure_tissue(config, scenario)
     if isinstance(scenario.drive, Teleoperation):
         _configure_teleoperation(config, scenario.drive)
+        config["side"] = SIDES[side]
+        if side == "master":  # the tissue is where the slave is, and so is the slave
+            config["tissue"] = TISSUE_NONE
+            config["process"] = PROCESS_NONE
+        elif side == "slave":
+            config["operator"] = OPERATOR_NONE
     else:
         _configure_stage(config, scenario.drive)
     return record

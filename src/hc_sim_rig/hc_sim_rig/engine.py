@@ -32,6 +32,7 @@ from hc_sim_rig.layout import (
     OUT_MASTER,
     OUT_OPERATOR_FORCE,
     OUT_PARAMETERS,
+    OUT_SENT_FORCE,
     OUT_SLAVE,
     OUT_TIME,
     OUT_TRUE_DISPLACEMENT,
@@ -39,6 +40,9 @@ from hc_sim_rig.layout import (
     OUT_TRUE_VELOCITY,
     PROCESS_POSITION,
     PROCESS_VELOCITY,
+    SIDE_BOTH,
+    SIDE_MASTER,
+    SIDE_SLAVE,
     SIGNAL_ESTIMATED,
     SIGNAL_FILTERED,
     SIGNAL_SENSOR,
@@ -149,10 +153,14 @@ def teleoperate(
     forward = tunables[TUNE_FORWARD_DELAY, TUNE_VALUE]
     backward = tunables[TUNE_BACKWARD_DELAY, TUNE_VALUE]
     reflected = force_signal(fixed.feedback_signal, force, now.sensor_force, config, state)
-    send(0, position, now.tick, fixed.rate, forward, links, packets, ring, draw)
-    send(1, reflected, now.tick, fixed.rate, backward, links, packets, ring, draw)
-    command = receive(0, now.tick, links, packets, ring)
-    feedback = receive(1, now.tick, links, packets, ring)
+    if fixed.side == SIDE_BOTH:
+        send(0, position, now.tick, fixed.rate, forward, links, packets, ring, draw)
+        send(1, reflected, now.tick, fixed.rate, backward, links, packets, ring, draw)
+        command = receive(0, now.tick, links, packets, ring)
+        feedback = receive(1, now.tick, links, packets, ring)
+    else:  # the channel is a real one
+        command = now.received_command
+        feedback = now.received_force
     operator_force = operator_force_at(config, y, value, rate)
     slave_position, slave_velocity = y[Y_POSITION], y[Y_VELOCITY]
     if fixed.motion_signal == SIGNAL_SENSOR:
@@ -162,9 +170,11 @@ def teleoperate(
     elif fixed.motion_signal == SIGNAL_ESTIMATED:
         slave_position, slave_velocity = now.estimated_position, now.estimated_velocity
     added = force_signal(fixed.compensation_signal, force, now.sensor_force, config, state)
-    if fixed.controlled:
+    if fixed.controlled and fixed.side != SIDE_MASTER:
         now.slave_input = slave_input(command, added, slave_position, slave_velocity, config)
+    if fixed.controlled and fixed.side != SIDE_SLAVE:
         now.master_input = master_input(operator_force, feedback, y, config, tunables)
+    line[OUT_SENT_FORCE] = reflected
     line[OUT_COMMAND] = command
     line[OUT_OPERATOR_FORCE] = operator_force
     line[OUT_FEEDBACK_FORCE] = feedback
@@ -297,6 +307,7 @@ def advance(
         line[OUT_COMMAND] = value
         line[OUT_OPERATOR_FORCE] = 0.0
         line[OUT_FEEDBACK_FORCE] = 0.0
+        line[OUT_SENT_FORCE] = 0.0
         if fixed.drive == DRIVE_TELEOPERATION:
             teleoperate(
                 line,

@@ -58,7 +58,8 @@ OUT_LATERAL: Final = 17  # [mm] sideways position of the tool
 OUT_COMMAND: Final = 18  # [mm] position that the slave has received
 OUT_OPERATOR_FORCE: Final = 19  # [N]
 OUT_FEEDBACK_FORCE: Final = 20  # [N] force that the master has received
-OUT_COLUMNS: Final = 21
+OUT_SENT_FORCE: Final = 21  # [N] force that the slave sends
+OUT_COLUMNS: Final = 22
 
 # Columns of a motion's tables.
 SEGMENT_COLUMNS: Final = 5  # start time, end time, start value, end value, shape
@@ -108,6 +109,12 @@ SIGNAL_ESTIMATED: Final = 3
 
 OPERATOR_FORCE: Final = 0
 OPERATOR_MOTION: Final = 1
+OPERATOR_NONE: Final = 2
+
+# Which half of a teleoperation is simulated here; the other one is on another host.
+SIDE_BOTH: Final = 0
+SIDE_MASTER: Final = 1
+SIDE_SLAVE: Final = 2
 
 # Where the process noise enters.
 PROCESS_NONE: Final = 0
@@ -177,6 +184,7 @@ CONFIG: Final = np.dtype(
         ("servo_velocity_gain", "f8"),  # [1/s]
         ("velocity_limit", "f8"),  # [mm/s]
         ("acceleration_limit", "f8"),  # [mm/s^2]
+        ("side", "i8"),
         ("operator", "i8"),
         ("hand_stiffness", "f8"),  # [N/mm]
         ("hand_damping", "f8"),  # [N s/mm]
@@ -232,6 +240,8 @@ STATE: Final = np.dtype(
         ("filtered_velocity", "f8"),  # [mm/s]
         ("sensor_force", "f8"),  # [N] last finite reading
         ("sensor_position", "f8"),  # [mm] of the tool, from the last finite reading
+        ("received_command", "f8"),  # [mm] put in from another host
+        ("received_force", "f8"),  # [N] put in from another host
         ("estimated_force", "f8"),  # [N] put in by the estimator in the loop
         ("estimated_position", "f8"),  # [mm] of the tool, the same
         ("estimated_velocity", "f8"),  # [mm/s] the same

@@ -16,6 +16,7 @@ from hc_sim_rig.layout import (
     DRIVE_IDEAL,
     DRIVE_SERVO,
     OPERATOR_MOTION,
+    OPERATOR_NONE,
     SIGNAL_ESTIMATED,
     SIGNAL_FILTERED,
     SIGNAL_SENSOR,
@@ -73,6 +74,8 @@ def operator_force_at(
         return float(
             fixed.hand_stiffness * (value - position) + fixed.hand_damping * (rate - velocity)
         )
+    if fixed.operator == OPERATOR_NONE:
+        return 0.0
     return value
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import Estimator, create_estimator
 from hc_sim_rig.assembly import (
+    SIDES,
     configuration,
     constants,
     first_memory,
@@ -35,6 +36,7 @@ from hc_sim_rig.layout import (
     OUT_MASTER,
     OUT_OPERATOR_FORCE,
     OUT_PARAMETERS,
+    OUT_SENT_FORCE,
     OUT_SLAVE,
     OUT_TIME,
     OUT_TRUE_DISPLACEMENT,
@@ -93,6 +95,8 @@ class Coupling(NamedTuple):
     """Position of the master as the slave has received it."""
     feedback_force_n: Any
     """Contact force as the master has received it."""
+    sent_force_n: Any
+    """Contact force as the slave sends it."""
 
 
 class RigSample(NamedTuple):
@@ -138,23 +142,34 @@ class LinkReport(NamedTuple):
 class Rig:
     """A scenario that runs."""
 
-    def __init__(self, scenario: Scenario | str | Path, seed: int | None = None) -> None:
+    def __init__(
+        self, scenario: Scenario | str | Path, seed: int | None = None, side: str = "both"
+    ) -> None:
         """Set the rig up at the scenario's beginning.
 
         Args:
             scenario: a scenario, or what load_scenario takes.
             seed: seed of all random draws; None takes the scenario's.
+            side: "both"; or the "master" or "slave" of a teleoperation alone, to be fed with what
+                comes from the other side (receive) through a channel that is not simulated.
 
         Raises:
             ScenarioError: if the scenario cannot be loaded, its estimator cannot be made, or the
-                seed is negative.
+                seed is negative, or a scenario without master and slave is to be split.
         """
         self.scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         self.seed = self.scenario.seed if seed is None else int(seed)
         if self.seed < 0:
             raise ScenarioError(f"seed is {self.seed}, must be >= 0")
         self.rate_hz = self.scenario.rate_hz
-        self._config = configuration(self.scenario)
+        self.side = side
+        if side not in SIDES:
+            raise ScenarioError(f"side is {side!r}, must be one of {', '.join(SIDES)}")
+        if side != "both" and not isinstance(self.scenario.drive, Teleoperation):
+            raise ScenarioError(
+                f"side is {side}, but scenario {self.scenario.name} has no master and slave"
+            )
+        self._config = configuration(self.scenario, side)
         self._constants = constants(self.scenario)
         self._row = np.empty((1, OUT_COLUMNS))
         self._estimator = self._make_estimator()
@@ -164,6 +179,8 @@ class Rig:
         """The estimator in the loop, if a controller uses one."""
         drive = self.scenario.drive
         if not isinstance(drive, Teleoperation) or not drive.signals.uses_estimator():
+            return None
+        if self.side == "master":
             return None
         try:
             return create_estimator(**{"filter": "ukf", **drive.signals.estimator})
@@ -257,7 +274,14 @@ class Rig:
 
     def warm_up(self) -> None:
         """Compile the rig's loop, or load it from the cache; changes nothing here."""
-        Rig(self.scenario, self.seed).step()
+        Rig(self.scenario, self.seed, self.side).step()
+
+    def receive(self, value: float) -> None:
+        """Take what the other side sends: the master's position [mm], or the contact force [N].
+
+        Only for a rig with one side; it holds from the next sample on.
+        """
+        self._state[0]["received_command" if self.side == "slave" else "received_force"] = value
 
     def step(self) -> RigSample:
         """Take one sample and move on.
@@ -283,7 +307,12 @@ class Rig:
             Joint(*values[OUT_MASTER : OUT_MASTER + 3]),
             Joint(*values[OUT_SLAVE : OUT_SLAVE + 3]),
             values[OUT_LATERAL],
-            Coupling(values[OUT_OPERATOR_FORCE], values[OUT_COMMAND], values[OUT_FEEDBACK_FORCE]),
+            Coupling(
+                values[OUT_OPERATOR_FORCE],
+                values[OUT_COMMAND],
+                values[OUT_FEEDBACK_FORCE],
+                values[OUT_SENT_FORCE],
+            ),
         )
 
     def run(self, duration_s: float | None = None) -> RigSeries:
@@ -322,7 +351,10 @@ class Rig:
             Joint(*columns[OUT_SLAVE : OUT_SLAVE + 3]),
             columns[OUT_LATERAL],
             Coupling(
-                columns[OUT_OPERATOR_FORCE], columns[OUT_COMMAND], columns[OUT_FEEDBACK_FORCE]
+                columns[OUT_OPERATOR_FORCE],
+                columns[OUT_COMMAND],
+                columns[OUT_FEEDBACK_FORCE],
+                columns[OUT_SENT_FORCE],
             ),
         )
 
