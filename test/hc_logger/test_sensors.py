@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hc_logger.errors import BagError
+from hc_logger.recording import read_recording
 from hc_logger.sensors import Sensor, read_sensors
 from hc_logger.writer import BagWriter
 
@@ -66,7 +67,18 @@ def test_two_sensors_make_one_recording(tmp_path: Path, position: str) -> None:
     np.testing.assert_allclose(recording.time_s, t, atol=1e-9)
     np.testing.assert_allclose(recording.displacement_mm, 2.0 * t, atol=1e-9)
     np.testing.assert_allclose(recording.force_n, 3.0 * t, atol=1e-12)
-    assert recording.findings.lines() == []
+    assert recording.findings.lines() == [
+        "force along x of /ft/wrench, displacement of /robot/position: mind their signs and zeros"
+    ]
+
+
+def test_a_bag_with_one_wrench_and_one_position_needs_no_names(tmp_path: Path) -> None:
+    robot_bag(tmp_path / "bag", "joint")
+    recording = read_recording(tmp_path / "bag")
+    assert len(recording.time_s) == 1001
+    np.testing.assert_allclose(recording.displacement_mm, 7000.0)  # the first joint, as it is
+    np.testing.assert_array_equal(recording.force_n, 0.0)
+    assert "displacement of /robot/position" in recording.findings.lines()[0]
 
 
 def test_a_time_offset_moves_the_force_against_the_position(tmp_path: Path) -> None:

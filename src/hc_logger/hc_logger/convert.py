@@ -15,7 +15,8 @@ from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
-from hc_logger.recording import SAMPLE_TYPE, only_topic, stamps_from_seconds
+from hc_logger.recorded import SAMPLE_TYPE, only_topic
+from hc_logger.recording import stamps_from_seconds
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE

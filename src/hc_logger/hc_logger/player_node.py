@@ -19,8 +19,9 @@ from hc_logger.message_class import message_class
 from hc_logger.playback import Playback
 from hc_logger.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
 from hc_logger.qos_profiles import publisher_profile
-from hc_logger.recording import SAMPLE_TYPE
+from hc_logger.recorded import SAMPLE_TYPE
 from hc_logger.selection import TopicSelection, full_name
+from hc_logger.sensors import FORCE_TYPE, POSITION_TYPES
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
@@ -95,17 +96,22 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
         except (BagError, ValueError) as error:
             raise NodeStartError(str(error)) from error
         self._playback.prepare()
-        self._samples = [
-            name
-            for name in self._publishers_by_topic
-            if self._reader.topics[name].definition.name == SAMPLE_TYPE
-        ]
+        self._samples = self._sample_topics()
         self._finished_at: float | None = None
         self._last_reported = (time.monotonic(), 0)
         add_ready_service(self, self._missing)
         self._diagnostics = DiagnosticsPublisher(self, bag, self._status)
         if not self._start_paused:
             self._start_timer = self.create_timer(START_CHECK_PERIOD_S, self._start_when_ready)
+
+    def _sample_topics(self) -> list[str]:
+        """Return the played topics of samples; without any, those of somebody's sensors."""
+        for types in ((SAMPLE_TYPE,), (FORCE_TYPE, *POSITION_TYPES)):
+            topics = self._reader.topics
+            found = [n for n in self._publishers_by_topic if topics[n].definition.name in types]
+            if found:
+                return found
+        return []
 
     def _timing(self) -> dict[str, Any]:
         return {

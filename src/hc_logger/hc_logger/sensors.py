@@ -20,7 +20,7 @@ from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.recording import Recording, findings_of
+from hc_logger.recorded import Recording, findings_of
 from hc_logger.selection import full_name
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
@@ -116,6 +116,10 @@ def read_sensors(
         raise BagError(
             f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"
         )
+    note = (
+        f"force along {force.axis} of {force_topic}, displacement of {position_topic}: "
+        "mind their signs and zeros"
+    )
     stamps = np.array([s.stamp_ns for s in samples], np.int64)
     rows = np.array([(s.displacement_mm, s.force_n) for s in samples])
     return Recording(
@@ -126,8 +130,14 @@ def read_sensors(
         np.array([s.sequence for s in samples], np.uint64),
         np.ascontiguousarray(rows[:, 0]),
         np.ascontiguousarray(rows[:, 1]),
-        findings_of(rows, np.diff(stamps), tuple(problems)),
+        findings_of(rows, np.diff(stamps), tuple(problems))._replace(notes=(note,)),
     )
+
+
+def has_sensors(bag: Bag) -> bool:
+    """Whether a bag has exactly one wrench and one position topic, so that neither needs a name."""
+    types = [topic.definition.name for topic in bag.topics.values()]
+    return types.count(FORCE_TYPE) == 1 and sum(types.count(t) for t in POSITION_TYPES) == 1
 
 
 def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:

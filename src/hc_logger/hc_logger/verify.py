@@ -20,7 +20,7 @@ from hc_estimator.online.handover import hand_over
 from hc_estimator.online.vocabulary import Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
-from hc_logger.recording import RecordedConfiguration, Recording
+from hc_logger.recorded import RecordedConfiguration, Recording
 from hc_msgs_py.units import METRE_IN_MM
 
 FORCE_ZERO = "input.force.zero"
