@@ -10,8 +10,8 @@ from hc_bringup.errors import UserError
 from hc_bringup.picture import RunData
 from hc_estimator import PARAMETER_NAMES
 from hc_logger.errors import BagError
+from hc_logger.foreign import open_bag
 from hc_logger.layout import records
-from hc_logger.reader import BagReader
 from hc_logger.recording import Recording, only_topic
 from hc_msgs_py.topics import TRUTH
 
@@ -74,11 +74,11 @@ def estimated(recording: Recording, estimator: Any) -> RunData:
 
 def _truth(recording: Recording, sequence: Any) -> Any:
     """Return the true parameters (samples, 4) at these sequence numbers, or None."""
-    with BagReader(recording.path) as reader:
-        topic = only_topic(reader, _TRUTH_TYPE, TRUTH)
+    with open_bag(recording.path) as bag:
+        topic = only_topic(bag, _TRUTH_TYPE, TRUTH)
         if topic is None:
             return None
-        table = records(reader.topics[topic].definition, reader.columns(topic))
+        table = records(bag.topics[topic].definition, bag.columns(topic))
     at = np.searchsorted(table["sequence"], sequence)
     found = at < len(table)
     found[found] = table["sequence"][at[found]] == sequence[found]

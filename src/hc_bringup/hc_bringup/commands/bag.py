@@ -105,7 +105,8 @@ def _convert(arguments: argparse.Namespace) -> int:
     from_csv = source.suffix.lower() == ".csv"
     if from_csv and to_csv:
         raise UserError("both are CSV files: give a bag as one of them", WRONG_USE)
-    what, problems = "samples", []
+    what = "samples"
+    problems: list[str] = []
     with progress_bar(f"{source.name} to {target.name}") as progress:
         if to_csv:
             count, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
