@@ -100,6 +100,7 @@ SPECIFICATIONS = (
 # A model that fitted for so long [s] is believed: a lead over it is called a change at once.
 TRUSTED_AFTER = 5.0
 LONG_AGO = 1e9
+SEEN_LATE = 80.0  # samples that a jump of the noise may need to be seen
 
 FIELDS = (
     ("rival_state", np.float64, (7,)),
@@ -188,6 +189,15 @@ def begin(settings: Any, memory: Any) -> None:
 
 
 @compiled
+def cancel(memory: Any) -> None:
+    """End the contest as if it had never begun."""
+    if memory.newcomer_leads != 0:
+        exchange(memory)
+    memory.contest = 0
+    memory.newcomer_leads = 0
+
+
+@compiled
 def judge(settings: Any, memory: Any) -> None:
     """After both hypotheses have used a sample: who leads, and is it over?"""
     if memory.predicted_state[0] > 0.0:
@@ -200,11 +210,13 @@ def judge(settings: Any, memory: Any) -> None:
     if memory.newcomer_leads == 0 and ratio > settings.contest_lead:
         exchange(memory)
         memory.newcomer_leads = 1
-        if memory.contest_trusted != 0:
-            _call(memory)
     elif memory.newcomer_leads != 0 and ratio < -settings.contest_lead:
         exchange(memory)
         memory.newcomer_leads = 0
+    # A noise that jumped is seen by then, and cancels the contest.
+    late = memory.contest_time > SEEN_LATE * memory.elapsed
+    if memory.newcomer_leads != 0 and memory.contest_trusted != 0 and late:
+        _call(memory)
     if memory.contest_time > settings.probation:
         memory.contest = 0
         if memory.newcomer_leads != 0:

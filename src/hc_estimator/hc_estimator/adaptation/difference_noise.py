@@ -31,7 +31,7 @@ SPECIFICATIONS = (
     ParameterSpecification(
         "noise_short_memory",
         "float",
-        48.0,
+        40.0,
         "Samples of the short average that a jump of the noise is seen in.",
         minimum=10.0,
         maximum=1e5,
@@ -71,7 +71,7 @@ VARIANCE = float(math.comb(2 * ORDER, ORDER))  # of the difference of white nois
 FIRST_SAMPLES = 16  # differences before they replace the noise given in the settings
 AFTER_JUMP = 10  # differences that the restarted long mean counts for
 LATEST = 12  # differences in the quickest mean, for the change detector
-LARGEST_RATIO = 10.0  # of one squared difference against the long mean
+LARGEST_RATIO = 16.0  # of one squared difference against the long mean
 # A step that differs from the usual one by more than this share breaks the even spacing.
 UNEVEN = 0.5
 
@@ -84,7 +84,7 @@ FIELDS = (
     ("difference_short_mean", np.float64, (2,)),
     ("difference_latest", np.float64, (LATEST, 2)),  # ring of squared differences
     ("difference_position", np.int64, ()),
-    ("difference_jumped", np.int64, (2,)),  # 1 at the sample where the noise jumped
+    ("difference_jumped", np.int64, (2,)),  # 1 or -1 where the noise jumped up or down
 )
 
 
@@ -149,9 +149,9 @@ def learn(settings: Any, memory: Any) -> None:
         short = max(short, floor)
         ratio = settings.noise_jump_ratio
         if count > FIRST_SAMPLES and (short > ratio * long_mean or short * ratio < long_mean):
-            long_mean = short
+            memory.difference_jumped[i] = 1 if short > long_mean else -1
             memory.difference_count[i] = AFTER_JUMP
-            memory.difference_jumped[i] = 1
+            long_mean = short
         memory.difference_mean[i] = long_mean
         memory.difference_short_mean[i] = short
         if memory.difference_count[i] >= FIRST_SAMPLES or memory.difference_jumped[i] != 0:

@@ -56,7 +56,7 @@ SPECIFICATIONS = (
     ),
 )
 
-DELAY = 6  # samples by which the cumulative sum lags
+DELAY = 8  # samples by which the cumulative sum lags; by then the differences show a jump
 LARGEST_TERM = 16.0  # of one channel in the cumulative sum
 TEMPERED_DRIFT = 10.0  # while tempering hides the force
 MISMATCH_DRIFT = 5.0  # added as the model error dominates: its innovations are no longer white

@@ -160,6 +160,9 @@ def learn_readings(settings: Any, memory: Any) -> None:
     if settings.motion_adaptation != 0:
         motion_density.learn(settings, memory)
     linearisation.learn(memory)
+    # What is reported and handed over: the model error is noise to whoever uses the force.
+    memory.noise[0] = memory.sensor_noise[0]
+    memory.noise[1] = memory.sensor_noise[1] + memory.model_error[0]
 
 
 @compiled
@@ -212,7 +215,10 @@ def correct_density(settings: Any, memory: Any) -> None:
 @compiled
 def decide(settings: Any, memory: Any, alarm: bool) -> None:
     """Answer the alarms, judge a running contest, set the flags."""
-    # The rival's own alarms have been answered where they arose, see the filter.
+    if memory.contest != 0 and _noise_rose(memory):
+        # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
+        contest.cancel(memory)
+        alarm = False
     if alarm:
         ready = memory.contact_time[0] >= settings.probation and settings.find_changes != 0
         if memory.contest == 0 and ready:
@@ -228,8 +234,13 @@ def decide(settings: Any, memory: Any, alarm: bool) -> None:
     elif memory.predicted_state[0] > 0.0:
         memory.fitting_time += memory.elapsed
     memory.model_mismatch = 1 if memory.model_error[0] > 0.0 else 0
-    memory.noise[0] = memory.sensor_noise[0]
-    memory.noise[1] = memory.sensor_noise[1] + memory.model_error[0]
+
+
+@compiled
+def _noise_rose(memory: Any) -> bool:
+    """True if the noise was just seen to jump up, and could have caused the running contest."""
+    rose = memory.difference_jumped[0] > 0 or memory.difference_jumped[1] > 0
+    return rose and memory.contest_time < contest.SEEN_LATE * memory.elapsed  # type: ignore[no-any-return]
 
 
 @compiled

@@ -1,0 +1,96 @@
+"""One estimator, or the channel diagnosis, on one recording: numbers for the tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.accuracy.recordings import (
+    Recording,
+    batch_fit,
+    causal_fit,
+    contact_start,
+    load,
+    smoothed,
+)
+from hc_evaluation.accuracy.scenarios import Scenario, simulate
+from hc_evaluation.channels import diagnose_channels
+from hc_evaluation.metrics import hold_forward_errors
+
+FIRST_CONTACT_S = 1.5  # of contact before the first estimate is held forward
+
+
+def recording_run(task: tuple[Setup, Recording, str]) -> dict[str, Any]:
+    """Hold-forward error against least squares, parameters, calls (issue item 4)."""
+    setup, recording, folder = task
+    time, displacement, force = load(Path(folder), recording)
+    smooth, velocity = smoothed(time, displacement)
+    floor = batch_fit(smooth, velocity, force)
+    linear = batch_fit(smooth, velocity, force, velocity_exponent=1.0)
+    start = FIRST_CONTACT_S + contact_start(time, force)
+    series = setup.create().run(time, displacement, force)
+
+    def held(parameters: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        return hold_forward_errors(time, smooth, velocity, force, parameters, start_s=start)[1]
+
+    errors, batch = held(series.parameters), held(floor.parameters)
+    causal = held(causal_fit(time, smooth, velocity, force, start_s=start))
+    last = series.parameters[-1]
+    return {
+        "recording": recording.name,
+        "ratio": _rms(errors) / _rms(batch),
+        "ratio_causal": _rms(causal) / _rms(batch),
+        "ratio_median": float(np.median(errors) / np.median(batch)),
+        "floor_n": _rms(batch),
+        "parameters": last.tolist(),
+        "deviations": series.parameters_std[-1].tolist(),
+        "identifiability": series.identifiability[-1].tolist(),
+        "batch": linear.parameters.tolist(),
+        "k_off": float(last[0] / linear.parameters[0] - 1.0),
+        "n_off": float(last[2] / linear.parameters[2] - 1.0),
+        "changes": float(np.count_nonzero(series.change_detected)),
+        "mismatch": float(np.mean(series.model_mismatch)),
+        "force_noise_std": float(series.force_noise_std[-1]),
+        "nis": float(np.nanmean(series.nis[time > time[0] + 1.0])),
+    }
+
+
+def _rms(values: np.ndarray[Any, Any]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def channel_run(task: tuple[Setup, Scenario | Recording, str | None]) -> dict[str, Any]:
+    """Channel diagnosis beside what the filter makes of the same signals (issue item 6)."""
+    setup, source, folder = task
+    row: dict[str, Any] = {"name": source.name}
+    if isinstance(source, Scenario):
+        contact = simulate(source, 100_000)
+        time, displacement, force = contact.time_s, contact.displacement_mm, contact.force_n
+        row["delay_s_true"] = source.force_delay_s
+        row["zero_n_true"] = source.force_zero_n
+        row["contact_mm_true"] = source.contact_position_mm
+        row["true"] = source.tissue.as_array().tolist()
+    else:
+        if folder is None:
+            raise ValueError(f"the recording {source.name} needs the folder of the recordings")
+        time, displacement, force = load(Path(folder), source)
+    found = diagnose_channels(time, displacement, force)
+    series = setup.create().run(time, displacement, force)
+    return row | {
+        "delay_s": found.delay_s,
+        "delay_s_std": found.delay_std_s,
+        "zero_n": found.zero_n,
+        "zero_n_std": found.zero_std_n,
+        "contact_mm": found.contact_mm,
+        "contact_mm_std": found.contact_std_mm,
+        "clear": list(found.clear_faults),
+        "residual_rms_n": found.residual_rms_n,
+        "residual_rms_without_n": found.residual_rms_without_n,
+        "parameters": found.parameters.tolist(),
+        "filter_parameters": series.parameters[-1].tolist(),
+        "changes": float(np.count_nonzero(series.change_detected)),
+        "mismatch": float(np.mean(series.model_mismatch)),
+    }

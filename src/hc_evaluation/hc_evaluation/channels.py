@@ -1,0 +1,179 @@
+"""Faults between the two channels: time shift, zero of the force, contact position.
+
+A force that lags the displacement looks like damping, a wrong zero or contact position like other
+exponents; none of the three shows in the residual of a single slow sine. Where the motion is rich
+enough they can be told from K, B, n and p: this module fits all seven to a whole recording by
+least squares, F(t) = F_hc(d(t - delay) - contact, v(t - delay)) + zero, and says how sure it is.
+The four faults' priors (delay 50 ms, zero 5 % of the largest force, contact 10 % of the stroke,
+p 1 +- 0.1) only matter where the recording does not tell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from hc_evaluation.accuracy.scenarios import hunt_crossley_force
+from hc_evaluation.metrics import smooth_motion
+
+FloatArray = NDArray[np.float64]
+
+DELAY_PRIOR_S = 0.05
+ZERO_PRIOR_SHARE = 0.05
+CONTACT_PRIOR_SHARE = 0.1
+EXPONENT_PRIOR = 0.1
+DELAY_STARTS_S = (0.0, 0.01, -0.01, 0.03, -0.03, 0.06, -0.06)
+CLEAR = 3.0  # a fault beyond so many standard deviations is called one
+
+
+@dataclass(frozen=True)
+class ChannelDiagnosis:
+    """What was found between the channels.
+
+    Attributes:
+        parameters: K, B, n, p with the faults taken out, shape (4,).
+        delay_s: Time by which the force lags the displacement.
+        zero_n: Zero of the force.
+        contact_mm: Displacement reading at contact.
+        delay_std_s: Standard deviation of the delay.
+        zero_std_n: Standard deviation of the zero.
+        contact_std_mm: Standard deviation of the contact position.
+        residual_rms_n: Force residual with the faults taken out.
+        residual_rms_without_n: Force residual of the contact law alone.
+    """
+
+    parameters: FloatArray
+    delay_s: float
+    zero_n: float
+    contact_mm: float
+    delay_std_s: float
+    zero_std_n: float
+    contact_std_mm: float
+    residual_rms_n: float
+    residual_rms_without_n: float
+
+    @property
+    def clear_faults(self) -> tuple[str, ...]:
+        """Names of the faults that stand out of their uncertainty."""
+        found = []
+        if abs(self.delay_s) > CLEAR * self.delay_std_s:
+            found.append("delay")
+        if abs(self.zero_n) > CLEAR * self.zero_std_n:
+            found.append("zero")
+        if abs(self.contact_mm) > CLEAR * self.contact_std_mm:
+            found.append("contact")
+        return tuple(found)
+
+
+def diagnose_channels(
+    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
+) -> ChannelDiagnosis:
+    """Look for a time shift, a force zero and a contact position in a recording.
+
+    Args:
+        time_s: Evenly spaced instants, shape (N,).
+        displacement_mm: Displacement readings, shape (N,).
+        force_n: Force readings, shape (N,).
+
+    Returns:
+        The faults with standard deviations that allow for the colour of the residual.
+
+    Raises:
+        ValueError: fewer than 50 samples, or no force to fit.
+    """
+    if time_s.size < 50 or float(np.ptp(force_n)) <= 0.0:
+        raise ValueError(
+            f"{time_s.size} samples with a force span of {float(np.ptp(force_n)):g} N: the "
+            "channels can be compared from 50 samples with a changing force on"
+        )
+    step = float(np.median(np.diff(time_s)))
+    displacement, _ = smooth_motion(displacement_mm, 1.0 / step)
+    motion = CubicSpline(time_s, displacement)
+    velocity = motion.derivative()
+    stroke = float(np.ptp(displacement))
+    prior_std = np.array(
+        [
+            EXPONENT_PRIOR,
+            DELAY_PRIOR_S,
+            ZERO_PRIOR_SHARE * float(np.max(np.abs(force_n))),
+            CONTACT_PRIOR_SHARE * stroke,
+        ]
+    )
+    margin = max(2, round(3.0 * DELAY_PRIOR_S / step))
+    inside = slice(margin, time_s.size - margin) if time_s.size > 4 * margin else slice(None)
+    times, measured = time_s[inside], force_n[inside]
+    noise = float(np.sqrt(np.mean(np.diff(force_n, 5) ** 2) / 252.0)) + 1e-9
+
+    def parameters_of(x: FloatArray) -> FloatArray:
+        return np.array([np.exp(x[0]), np.exp(x[1]), x[2], x[3]])
+
+    def misfit(x: FloatArray) -> FloatArray:
+        at = times - x[4]
+        model = hunt_crossley_force(motion(at) - x[6], velocity(at), parameters_of(x))
+        result: FloatArray = model + x[5] - measured
+        return result
+
+    def residual(x: FloatArray) -> FloatArray:
+        deviation = (x[3:] - np.array([1.0, 0.0, 0.0, 0.0])) / prior_std
+        result: FloatArray = np.concatenate((misfit(x) / noise, deviation))
+        return result
+
+    scale = np.concatenate(([1.0, 1.0, 0.3], prior_std))
+    first = np.log(max(float(np.max(force_n)), 1e-9) / max(float(np.max(displacement)), 0.1) ** 1.5)
+    largest_delay = 2.0 * DELAY_PRIOR_S
+    lower = np.array([-20.0, -20.0, 0.5, 0.4, -largest_delay, -np.inf, -np.inf])
+    upper = np.array([12.0, 10.0, 5.0, 2.0, largest_delay, np.inf, np.inf])
+    best = None
+    for delay in DELAY_STARTS_S:
+        start = np.array([first, first - 3.0, 1.5, 1.0, delay, 0.0, 0.0])
+        start = np.clip(start, lower + 1e-6, upper - 1e-6)
+        solution = least_squares(residual, start, bounds=(lower, upper), x_scale=scale)
+        if best is None or solution.cost < best.cost:
+            best = solution
+    assert best is not None
+    fitted = misfit(best.x)
+    jacobian: FloatArray = np.asarray(best.jac)
+    spread = max(1.0, float(np.mean((fitted / noise) ** 2))) * _colour(fitted)
+    weights = np.ones(jacobian.shape[0])
+    weights[: fitted.size] = 1.0 / spread
+    information = (jacobian * weights[:, None]).T @ jacobian
+    deviations = np.sqrt(np.diag(np.linalg.pinv(information)))
+
+    def misfit_alone(x: FloatArray) -> FloatArray:
+        return misfit(np.concatenate((x, [0.0, 0.0, 0.0]))) / noise
+
+    alone = least_squares(
+        misfit_alone,
+        best.x[:4],
+        bounds=(lower[:4], upper[:4]),
+        x_scale=scale[:4],
+    )
+    return ChannelDiagnosis(
+        parameters=parameters_of(best.x),
+        delay_s=float(best.x[4]),
+        zero_n=float(best.x[5]),
+        contact_mm=float(best.x[6]),
+        delay_std_s=float(deviations[4]),
+        zero_std_n=float(deviations[5]),
+        contact_std_mm=float(deviations[6]),
+        residual_rms_n=float(np.sqrt(np.mean(fitted**2))),
+        residual_rms_without_n=float(np.sqrt(2.0 * alone.cost / fitted.size)) * noise,
+    )
+
+
+def _colour(residual: FloatArray) -> float:
+    """How many residuals count as one: 1 + 2 sum of the autocorrelation up to its first zero."""
+    centred = residual - np.mean(residual)
+    size = 1 << int(2 * centred.size - 1).bit_length()
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    correlation = np.fft.irfft(spectrum, size)[: centred.size // 2]
+    if correlation[0] <= 0.0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    negative = np.flatnonzero(correlation <= 0.0)
+    end = int(negative[0]) if negative.size else correlation.size
+    return float(1.0 + 2.0 * np.sum(correlation[1:end]))
