@@ -275,7 +275,8 @@ def _resident_mb(pid: int) -> float:
 def _judge(bag: Path, state: RunState) -> tuple[int, int, int]:
     """Return samples published, samples without estimate, and invalid estimates of a bag."""
     table = read_recording(bag).estimates
-    samples = state.samples if state.samples is not None else len(table)
+    # What the rig said last may be older than its last samples: they count from 0.
+    samples = max(state.samples or 0, int(table["sequence"].max()) + 1 if len(table) else 0)
     lost = samples - len(np.unique(table["sequence"]))
     parameters = np.stack([table[name] for name in _PARAMETERS], axis=1)
     covariance = table["covariance"].reshape(-1, 4, 4)
