@@ -10,6 +10,9 @@ import pytest
 from scipy import stats
 
 from hc_sim_rig import Rig, RigSeries, ScenarioError, available_scenarios, load_scenario
+from hc_sim_rig.drives import Slave, Stage
+from hc_sim_rig.motions import Sine, Waypoints
+from hc_sim_rig.tissues import NoTissue
 
 
 def flat(series: RigSeries) -> np.ndarray:
@@ -192,3 +195,49 @@ def test_warm_up_changes_nothing() -> None:
     rig.warm_up()
     assert rig.sequence == 0
     assert flat(rig.run(0.1)).tobytes() == flat(other.run(0.1)).tobytes()
+
+
+def test_the_servo_keeps_its_limits_and_follows() -> None:
+    scenario = load_scenario("step_hold")
+    stage = dataclasses.replace(
+        scenario.drive,
+        dynamics="servo",
+        bandwidth_hz=20.0,
+        velocity_limit_mm_s=5.0,
+        acceleration_limit_mm_s2=200.0,
+    )
+    series = Rig(dataclasses.replace(scenario, drive=stage)).run()
+    v = series.slave.velocity_mm_s
+    assert 4.9 < v.max() <= 5.0 + 1e-6  # the motion asks for 16.7
+    assert np.abs(np.diff(v)).max() <= 200.0 * 0.001 + 1e-9
+    np.testing.assert_allclose(series.slave.position_mm[895], 0.5, atol=1e-6)
+    np.testing.assert_allclose(series.slave.position_mm[1795], 1.5, atol=1e-4)
+    assert series.slave.position_mm.max() < 3.51  # no overshoot to speak of
+    slope = np.gradient(series.slave.position_mm, 0.001)
+    np.testing.assert_allclose(slope[1:-1], v[1:-1], atol=0.2)
+
+
+def test_the_servo_follows_a_sine_as_its_transfer_function_says() -> None:
+    scenario = load_scenario("step_hold")
+    sines = (Sine(amplitude=1.0, frequency_hz=8.0),)
+    motion = Waypoints(kind="waypoints", points=((0.0, 2.0),), sines=sines)
+    stage = Stage(kind="stage", motion=motion, dynamics="servo", bandwidth_hz=10.0)
+    series = Rig(dataclasses.replace(scenario, drive=stage)).run(3.0)
+    w, s = 2.0 * math.pi * 10.0, 2j * math.pi * 8.0
+    response = (2.0 * w * s + w * w) / (s + w) ** 2  # both poles at w, velocity fed forward
+    expected = 2.0 + np.imag(response * np.exp(s * series.time_s))
+    settled = series.time_s > 1.0
+    np.testing.assert_allclose(series.slave.position_mm[settled], expected[settled], atol=1e-5)
+
+
+def test_process_noise_kicks_the_velocity_as_ordered() -> None:
+    scenario = load_scenario("teleoperation")
+    drive = dataclasses.replace(
+        scenario.drive, control="none", slave=Slave(damping=0.0, spring=0.0)
+    )
+    free = dataclasses.replace(scenario, drive=drive, tissue=NoTissue(kind="none"))
+    kicks = np.diff(Rig(free, seed=4).run(20.0).slave.velocity_mm_s)
+    # paper C: gamma with mean 0.01 and variance 0.002 in cm/s, alpha 0.05
+    assert kicks.min() >= -1e-9
+    assert kicks.mean() == pytest.approx(0.1, abs=5 * math.sqrt(0.2 / len(kicks)))
+    assert kicks.var() == pytest.approx(0.2, rel=0.15)

@@ -40,7 +40,8 @@ from hc_msgs_py.topics import (
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_sim_rig.drives import Teleoperation
 from hc_sim_rig.pacing import DeadlineThread
-from hc_sim_rig.rig import Rig
+from hc_sim_rig.remote_side_node import RemoteSide
+from hc_sim_rig.rig import Rig, RigSample
 from hc_sim_rig.scenario import load_scenario
 from hc_sim_rig.schema import ScenarioError
 from hc_sim_rig.settings import SETTINGS
@@ -61,7 +62,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """
         super().__init__(NODE_INDENTER)
         self._declare_start()
-        self._rig = Rig(self._scenario, self._seed)
+        self._rig = Rig(self._scenario, self._seed, self._side)
         self._rig.warm_up()
         self._declare_settings()
         self._sample = self.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
@@ -82,6 +83,9 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if self._time != "system":
             lockstep = self._time == "lockstep"
             self._simulated = SimulatedTime(self, self._rig.rate_hz, lockstep, self._timeout_s)
+        self._remote = None
+        if self._side != "both":
+            self._remote = RemoteSide(self, self._rig, self._remote_topic)
         self._sampler = DeadlineThread(
             self._rig.rate_hz * self._rate,
             self._publish,
@@ -118,6 +122,23 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "start_paused",
             False,
             "take the first sample only when ~/run is called with true",
+            read_only=True,
+        )
+        self._side = declare(
+            self,
+            "side",
+            "both",
+            "both: master, channel and slave are simulated here; master or slave: only that one, "
+            "the other is a node on another host and the network is the channel",
+            choices=("both", "master", "slave"),
+            read_only=True,
+        )
+        self._remote_topic = declare(
+            self,
+            "remote_topic",
+            "",
+            "where the other side publishes: the slave's wrench for a master, the master's joint "
+            "states for a slave; empty: /slave/indenter/wrench, /master/indenter/joint_states",
             read_only=True,
         )
         self._time = declare(
@@ -243,6 +264,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             for publisher, (topic, expected) in zip(publishers, self._expected.items(), strict=True)
         }
         waiting = [] if self._simulated is None else self._simulated.missing()
+        if self._remote is not None:
+            waiting += self._remote.missing()
         return waiting + [
             f"{topic} has {found} of {expected} subscribers"
             for topic, (found, expected) in counts.items()
@@ -262,6 +285,17 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if self._simulated is not None:
             stamp_ns = self._simulated.move_to(self._rig.sequence)
         sample = self._rig.step()
+        if self._side != "master":  # the sensors are at the slave
+            self._publish_sensors(stamp_ns, sample)
+        if self._listeners[2]:
+            self._publish_joints(stamp_ns, sample)
+        self._published += 1
+        if self._simulated is not None:
+            self._simulated.wait()
+        return True
+
+    def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
+        """Publish what the sensors read, and the truth behind it."""
         fill_sample(
             self._sample_message,
             stamp_ns,
@@ -270,24 +304,22 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             sample.force_n,
         )
         self._sample.publish(self._sample_message)
-        truth_wanted, wrench_wanted, joints_wanted = self._listeners
+        truth_wanted, wrench_wanted, _ = self._listeners
         if truth_wanted:
             fill_truth(self._truth_message, stamp_ns, sample.sequence, *sample.truth)
             self._truth.publish(self._truth_message)
         if wrench_wanted:
             fill_force(self._wrench_message, stamp_ns, sample.force_n)
             self._wrench.publish(self._wrench_message)
-        if joints_wanted:
-            master, slave, message = sample.master, sample.slave, self._joints_message
-            set_stamp(message.header.stamp, stamp_ns)
-            message.position = [master[0] / METRE_IN_MM, slave[0] / METRE_IN_MM]
-            message.velocity = [master[1] / METRE_IN_MM, slave[1] / METRE_IN_MM]
-            message.effort = [master[2], slave[2]]
-            self._joints.publish(message)
-        self._published += 1
-        if self._simulated is not None:
-            self._simulated.wait()
-        return True
+
+    def _publish_joints(self, stamp_ns: int, sample: RigSample) -> None:
+        """Publish both joints; of a side that is on another host, what this one knows."""
+        master, slave, message = sample.master, sample.slave, self._joints_message
+        set_stamp(message.header.stamp, stamp_ns)
+        message.position = [master[0] / METRE_IN_MM, slave[0] / METRE_IN_MM]
+        message.velocity = [master[1] / METRE_IN_MM, slave[1] / METRE_IN_MM]
+        message.effort = [master[2], slave[2]]
+        self._joints.publish(message)
 
     def _status(self) -> Status:
         """Return what /diagnostics says."""
@@ -308,7 +340,10 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         }
         if self._simulated is not None:
             values["lockstep_timeouts"] = self._simulated.timeouts
-        if isinstance(self._rig.scenario.drive, Teleoperation):
+        if self._remote is not None:
+            values["remote_received"] = self._remote.received
+            values["remote_overtaken"] = self._remote.overtaken
+        elif isinstance(self._rig.scenario.drive, Teleoperation):
             for name, link in zip(("forward", "backward"), self._rig.link_reports(), strict=True):
                 values[f"{name}_lost"] = link.lost
                 values[f"{name}_overtaken"] = link.overtaken
