@@ -13,6 +13,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.linear_algebra import cholesky
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER
@@ -21,6 +22,8 @@ from hc_estimator.state_space import registry as state_space
 # Once the gate has opened, so many samples in a row must lie inside before it closes: a change
 # that takes a few samples must not be met by refusal after refusal.
 OPEN_SAMPLES = 30
+# Standard deviations of the predicted displacement from which on free motion is certain.
+FREE_DEVIATIONS = 3.0
 
 
 @compiled
@@ -154,7 +157,14 @@ def gate(settings: Any, memory: Any) -> int:
 
 
 @compiled
-def correct(memory: Any) -> None:
+def out_of_contact(memory: Any) -> bool:
+    """True if the predicted displacement is free motion beyond doubt."""
+    spread = FREE_DEVIATIONS * math.sqrt(memory.predicted_covariance[0, 0])
+    return bool(memory.predicted_state[0] + spread <= 0.0)
+
+
+@compiled
+def correct(settings: Any, memory: Any) -> None:
     """Gain, updated state (paper A, Eq. 13 and 14) and covariance in the whitened Joseph form."""
     factor, gain, half = memory.factor, memory.gain, memory.half
     for k in range(2):
@@ -169,6 +179,14 @@ def correct(memory: Any) -> None:
             for j in range(i + 1):
                 total += factor[i, j] * half[j, k]
             gain[i, k] = total
+    if out_of_contact(memory):
+        # The air says nothing of the tissue. Without this the parameters would go on following
+        # the displacement through what is left of their correlation with the motion. The Joseph
+        # form holds for any gain.
+        last = 6 if has_lagged_velocity(settings.contact_model) else 7
+        for i in range(3, last):
+            gain[i, 0] = 0.0
+            gain[i, 1] = 0.0
     for i in range(7):
         memory.updated_state[i] = (
             memory.predicted_state[i]

@@ -368,8 +368,10 @@ class Estimator:
         return particles
 
     def _write_settings(self, values: Mapping[str, ParameterValue]) -> None:
-        for name, value in values.items():
-            self._settings[name] = _ALL_SPECIFICATIONS[name].encoded(value)
+        for specification in self._specifications:
+            if specification.name in values:
+                encoded = specification.encoded(values[specification.name])
+                self._settings[specification.name] = encoded
 
 
 def create_estimator(

@@ -7,15 +7,17 @@ and the flags. Nothing here runs for a refused sample.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
-from hc_estimator.adaptation import change_detection, difference_noise, tempering
+from hc_estimator.adaptation import change_detection, difference_noise, tempering, variational_bayes
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.specification import ParameterSpecification
 
 FIXED = 0  # position in the choices of noise_adaptation
 DIFFERENCES = 1
+VARIATIONAL_BAYES = 2
 
 NOISE_SPECIFICATIONS = (
     ParameterSpecification(
@@ -49,14 +51,27 @@ NOISE_ADAPTATION = ParameterSpecification(
     runtime=False,
 )
 
+NOISE_ADAPTATION_WITH_BAYES = dataclasses.replace(
+    NOISE_ADAPTATION,
+    description="Where the sensor noise comes from: the given values, the differences of the raw "
+    "readings, or the innovations by variational Bayes.",
+    choices=(*NOISE_ADAPTATION.choices, "variational_bayes"),
+)
+
 SPECIFICATIONS = (
     *NOISE_SPECIFICATIONS,
-    NOISE_ADAPTATION,
+    NOISE_ADAPTATION_WITH_BAYES,
     *tempering.SPECIFICATIONS,
     *difference_noise.SPECIFICATIONS,
+    *variational_bayes.SPECIFICATIONS,
     *change_detection.SPECIFICATIONS,
 )
-FIELDS = tempering.FIELDS + difference_noise.FIELDS + change_detection.FIELDS
+FIELDS = (
+    *tempering.FIELDS,
+    *difference_noise.FIELDS,
+    *variational_bayes.FIELDS,
+    *change_detection.FIELDS,
+)
 
 
 @compiled
@@ -73,6 +88,7 @@ def set_noise(settings: Any, memory: Any) -> None:
     """Take the noise levels of the settings (at the start, and when they were reconfigured)."""
     memory.noise[0] = settings.displacement_noise_std**2
     memory.noise[1] = settings.force_noise_std**2
+    variational_bayes.restart(memory)
 
 
 @compiled
@@ -101,6 +117,8 @@ def learn_noise(settings: Any, memory: Any) -> None:
     """The part of `learn` that concerns the sensors' noise alone."""
     if settings.noise_adaptation == DIFFERENCES:
         difference_noise.learn(settings, memory)
+    elif settings.noise_adaptation == VARIATIONAL_BAYES and tempering.is_over(settings, memory):
+        variational_bayes.learn(settings, memory)
 
 
 @compiled

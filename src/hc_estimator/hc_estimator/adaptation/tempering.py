@@ -45,7 +45,13 @@ def tempering_factor(settings: Any, memory: Any) -> float:
     if settings.tempering_amplitude == 0.0:
         return 1.0
     decay = math.exp(-memory.tempering_count / settings.tempering_samples)
-    return 1.0 + settings.tempering_amplitude * decay  # type: ignore[no-any-return]
+    return float(1.0 + settings.tempering_amplitude * decay)
+
+
+@compiled
+def is_over(settings: Any, memory: Any) -> bool:
+    """True once the factor is below 2: from then on the innovations tell the noise."""
+    return bool(tempering_factor(settings, memory) < 2.0)
 
 
 @compiled

@@ -33,8 +33,6 @@ RAUKF_SPECIFICATIONS = (
     *change_detection.SPECIFICATIONS,
 )
 
-UNTEMPERED = 2.0  # factor of the force variance below which tempering counts as over
-
 
 @compiled
 def _use(settings: Any, memory: Any, time: float) -> int:
@@ -47,17 +45,18 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         return NUMERICAL
     covariance_matching.match_measurement_noise(settings, memory)
     memory.measurement_noise[0] = memory.next_noise[0]
-    factor = tempering.tempering_factor(settings, memory)
-    memory.measurement_noise[1] = memory.next_noise[1] * factor
+    memory.measurement_noise[1] = memory.next_noise[1] * tempering.tempering_factor(
+        settings, memory
+    )
     if not innovate(memory):
         return NUMERICAL
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    correct(memory)
+    correct(settings, memory)
     decision = commit(settings, memory, time)
     if decision == ACCEPTED:
-        if factor < UNTEMPERED:  # before that the innovations tell the first guess, not the noise
+        if tempering.is_over(settings, memory):
             covariance_matching.learn(settings, memory)
         memory.change_detected = 0
         if memory.state[0] > 0.0:

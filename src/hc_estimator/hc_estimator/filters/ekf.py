@@ -34,7 +34,7 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    correct(memory)
+    correct(settings, memory)
     decision = commit(settings, memory, time)
     if decision == ACCEPTED:
         policy.learn(settings, memory)

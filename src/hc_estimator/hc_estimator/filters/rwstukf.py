@@ -49,11 +49,11 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         strong_tracking.scale_covariance(settings, memory, factor)
         if not (measure_unscented(settings, memory) and innovate(memory)):
             return NUMERICAL
-        correct(memory)
+        correct(settings, memory)
         memory.innovation[0], memory.innovation[1] = innovation, other
         memory.predicted_measurement[1], memory.nis = force, nis
     else:
-        correct(memory)
+        correct(settings, memory)
     decision = commit(settings, memory, time)
     if decision == ACCEPTED:
         strong_tracking.remember(settings, memory)

@@ -1,0 +1,63 @@
+"""Sensor noise by variational Bayes: an inverse gamma distribution of each variance.
+
+Saerkkae and Nummenmaa (2009), with one fixed-point iteration per sample: what is left of the
+innovation after the update, and the uncertainty of the state behind it, tell the noise. Unlike
+paper B's covariance matching it cannot come out negative. Old samples are forgotten exponentially.
+Model error counts as noise here, which `difference_noise` does not see.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.compilation import compiled
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "bayes_memory",
+        "float",
+        200.0,
+        "Samples over which variational Bayes averages the noise.",
+        minimum=5.0,
+        maximum=1e7,
+    ),
+)
+
+FIELDS = (
+    ("bayes_shape", np.float64, (2,)),  # alpha of the inverse gamma distributions
+    ("bayes_scale", np.float64, (2,)),  # beta
+)
+
+FIRST_SHAPE = 2.5  # weight of the given noise: that of five samples
+
+
+@compiled
+def restart(memory: Any) -> None:
+    """Start from the noise in memory.noise."""
+    for i in range(2):
+        memory.bayes_shape[i] = FIRST_SHAPE
+        memory.bayes_scale[i] = FIRST_SHAPE * memory.noise[i]
+
+
+@compiled
+def learn(settings: Any, memory: Any) -> None:
+    """Take an accepted sample's innovation into the noise memory.noise.
+
+    With R the noise used, S the innovation covariance and Z the innovation, the residual after
+    the update is R S^-1 Z and the measurement's posterior covariance R - R S^-1 R.
+    """
+    keep = 1.0 - 1.0 / settings.bayes_memory
+    for i in range(2):
+        noise = memory.measurement_noise[i]
+        residual = 0.0
+        for k in range(2):
+            residual += noise * memory.inverse[i, k] * memory.innovation[k]
+        uncertain = noise - noise * memory.inverse[i, i] * noise
+        memory.bayes_shape[i] = keep * memory.bayes_shape[i] + 0.5
+        memory.bayes_scale[i] = keep * memory.bayes_scale[i] + 0.5 * (
+            residual * residual + uncertain
+        )
+        memory.noise[i] = memory.bayes_scale[i] / memory.bayes_shape[i]
