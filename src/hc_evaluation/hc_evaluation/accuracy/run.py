@@ -156,7 +156,8 @@ def run_accuracy(
                 if progress is not None:
                     progress(name, done, total)
 
-            result["experiments"][name] = _RUNNERS[name](pool, estimator, count, report)
+            experiment = _RUNNERS[name](pool, estimator, count, report)
+            result["experiments"][name] = {"summary": SUMMARIES[name], **experiment}
     result["seconds"] = time.perf_counter() - started
     return result
 

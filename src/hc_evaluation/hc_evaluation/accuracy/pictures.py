@@ -1,0 +1,178 @@
+"""Pictures of the accuracy experiments for the documents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hc_evaluation import metrics
+from hc_evaluation.accuracy import catalogue
+from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.accuracy.recordings import (
+    RECORDINGS,
+    batch_fit,
+    contact_start,
+    data_folder,
+    load,
+    smoothed,
+)
+from hc_evaluation.accuracy.scenarios import simulate
+
+BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "0.4"
+LABELS = ("K  N/mmⁿ", "B", "n", "p")
+mpl.use("Agg")
+
+
+def _finish(figure: Figure, path: Path) -> Path:
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def picture_consistency(result: Mapping[str, Any], folder: Path) -> Path:
+    """Errors over the bound, NEES and NIS of every simulated tissue, with the ranges asked for."""
+    rows = result["experiments"]["tissues"]["rows"]
+    names = [row["scenario"] for row in rows]
+    places = np.arange(len(names))
+    figure = Figure(figsize=(9.5, 5.2), layout="constrained")
+    axes = figure.subplots(1, 3, sharey=True, width_ratios=(1.6, 1, 1))
+    for i, (letter, colour) in enumerate(
+        zip(("K", "B", "n", "p"), (BLUE, ORANGE, GREEN, GREY), strict=True)
+    ):
+        values = [row["ratio"][i] for row in rows]
+        axes[0].plot(values, places + 0.16 * (i - 1.5), "o", color=colour, label=letter)
+    axes[0].axvspan(0.0, 1.5, color=GREEN, alpha=0.1)
+    axes[0].axvline(1.0, color=GREY, lw=0.8)
+    axes[0].set(xlabel="RMS error / Cramér-Rao bound", xlim=(0, 2), yticks=places)
+    axes[0].set_yticklabels(names)
+    axes[0].invert_yaxis()
+    axes[0].legend(loc="lower right", ncols=2)
+    for axis, key, low, ideal, high in (
+        (axes[1], "nees", 2.5, 4.0, 6.0),
+        (axes[2], "nis", 1.6, 2.0, 2.4),
+    ):
+        axis.axvspan(low, high, color=GREEN, alpha=0.1)
+        axis.axvline(ideal, color=GREY, lw=0.8)
+        axis.plot([row[key] for row in rows], places, "o", color=BLUE)
+        axis.set(xlabel=f"mean {key.upper()}")
+    axes[1].set_xlim(0, 8)
+    axes[2].set_xlim(1.2, 2.8)
+    for axis in axes:
+        axis.grid(axis="x", alpha=0.3)
+    return _finish(figure, folder / "accuracy_consistency.png")
+
+
+def _band(axis: Axes, time: Any, value: Any, deviation: Any, true: Any) -> None:
+    axis.fill_between(
+        time, value - 2.0 * deviation, value + 2.0 * deviation, color=BLUE, alpha=0.25, lw=0
+    )
+    axis.plot(time, value, color=BLUE, label="estimate ± 2 std")
+    axis.plot(time, true, color=ORANGE, ls="--", label="truth")
+
+
+def picture_change(setup: Setup, folder: Path) -> Path:
+    """Parameters and NIS while the force noise jumps fourfold, and later the tissue changes."""
+    scenario = replace(
+        catalogue.CHANGES[0],
+        changes=((8.0, catalogue.CHANGES[0].changes[0][1]),),
+        noise_jumps=((4.0, 1.0, 4.0),),
+        duration_s=12.0,
+    )
+    contact = simulate(scenario, 100_000)
+    series = setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
+    time = contact.time_s
+    figure = Figure(figsize=(9.5, 8.5), layout="constrained")
+    axes = figure.subplots(6, 1, sharex=True)
+    axes[0].plot(time, contact.force_n, color=GREY, lw=0.6)
+    axes[0].set_ylabel("force N")
+    limits = ((0.0, 0.8), (0.0, 0.12), (1.2, 2.2), (0.85, 1.25))
+    for i in range(4):
+        _band(
+            axes[1 + i],
+            time,
+            series.parameters[:, i],
+            series.parameters_std[:, i],
+            contact.parameters[:, i],
+        )
+        axes[1 + i].set(ylabel=LABELS[i], ylim=limits[i])
+    axes[1].legend(loc="upper left", ncols=2)
+    kernel = np.ones(200) / 200.0
+    axes[5].plot(time, np.convolve(series.nis, kernel, "same"), color=BLUE)
+    axes[5].axhspan(1.6, 2.4, color=GREEN, alpha=0.15)
+    axes[5].set(ylabel="NIS, 0.2 s mean", ylim=(0, 6), xlabel="time s")
+    for axis in axes:
+        axis.axvline(4.0, color=GREY, ls=":")
+        axis.axvline(8.0, color=GREY, ls=":")
+        for instant in time[series.change_detected]:
+            axis.axvline(instant, color=ORANGE, lw=0.8)
+        axis.grid(alpha=0.3)
+    axes[0].set_title("force noise x 4 at 4 s; other tissue at 8 s (orange line: change called)")
+    return _finish(figure, folder / "accuracy_change.png")
+
+
+def picture_recordings(setup: Setup, folder: Path) -> Path | None:
+    """Held-forward force error over time on the palpation recordings; None without them."""
+    data = data_folder()
+    if data is None:
+        return None
+    chosen = [r for r in RECORDINGS if r.palpation and r.model_fits]
+    figure = Figure(figsize=(9.5, 9.0), layout="constrained")
+    axes = figure.subplots(len(chosen), 2, sharex="col")
+    for (left, right), recording in zip(axes, chosen, strict=True):
+        time, displacement, force = load(data, recording)
+        smooth, velocity = smoothed(time, displacement)
+        fit = batch_fit(smooth, velocity, force)
+        series = setup.create().run(time, displacement, force)
+        start = 1.5 + contact_start(time, force)
+        origins, errors = metrics.hold_forward_errors(
+            time, smooth, velocity, force, series.parameters, start_s=start
+        )
+        _, floor = metrics.hold_forward_errors(
+            time, smooth, velocity, force, fit.parameters, start_s=start
+        )
+        left.plot(origins, errors, color=BLUE, label="estimate held")
+        left.plot(origins, floor, color=ORANGE, ls="--", label="least squares over all")
+        left.plot(time, series.force_noise_std, color=GREY, lw=0.8, label="noise and model error")
+        left.set(ylim=(0, max(3.0 * float(np.median(errors)), 0.1)), ylabel="N")
+        left.set_title(recording.name, fontsize=10)
+        _band(
+            right,
+            time,
+            series.parameters[:, 0],
+            series.parameters_std[:, 0],
+            np.full(time.size, fit.parameters[0]),
+        )
+        right.set(ylabel="K  N/mmⁿ", ylim=(0, 2.0 * fit.parameters[0]))
+        for axis in (left, right):
+            axis.grid(alpha=0.3)
+    axes[0][0].legend(loc="upper right", fontsize=8)
+    axes[-1][0].set_xlabel("time s, error over the next 0.5 s")
+    axes[-1][1].set_xlabel("time s")
+    return _finish(figure, folder / "accuracy_recordings.png")
+
+
+def write_pictures(result: Mapping[str, Any], folder: Path) -> list[Path]:
+    """Write all pictures that the result and the recordings allow.
+
+    Args:
+        result: what `run.run_accuracy` returned.
+        folder: folder for the PNG files; must exist.
+
+    Returns:
+        Files written.
+    """
+    setup = Setup(result["filter"], result["parameters"])
+    written = []
+    if result["experiments"].get("tissues", {}).get("rows"):
+        written.append(picture_consistency(result, folder))
+    written.append(picture_change(setup, folder))
+    recordings = picture_recordings(setup, folder)
+    if recordings is not None:
+        written.append(recordings)
+    return written

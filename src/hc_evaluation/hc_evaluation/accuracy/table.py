@@ -1,0 +1,259 @@
+"""Tables of the accuracy experiments, as text for a terminal and as Markdown for the documents."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+Row = Mapping[str, Any]
+Column = tuple[str, Callable[[Row], str]]
+
+
+def _number(value: float | None, digits: int = 3) -> str:
+    if value is None:
+        return ""
+    if math.isnan(value):
+        return "-"
+    if math.isinf(value):
+        return "never"
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 1e5 or abs(value) < 1e-4:
+        return f"{value:.1e}"
+    decimals = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{min(decimals, 6)}f}"
+
+
+def _plain(key: str, digits: int = 3) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        value = row.get(key)
+        if isinstance(value, str):
+            return value
+        return _number(None if value is None else float(value), digits)
+
+    return text
+
+
+def _list(key: str, scale: float = 1.0, digits: int = 2) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        return " ".join(_number(scale * float(v), digits) for v in row[key])
+
+    return text
+
+
+def _share(key: str) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        return f"{100.0 * float(row[key]):.1f} %"
+
+    return text
+
+
+def _pair(key: str, digits: int = 3) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        return f"{_number(float(row[key]), digits)} ± {_number(float(row[key + '_std']), 1)}"
+
+    return text
+
+
+def _words(key: str) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        return ", ".join(row[key]) or "none"
+
+    return text
+
+
+COLUMNS: dict[str, tuple[Column, ...]] = {
+    "tissues": (
+        ("scenario", _plain("scenario")),
+        ("RMS error % of K B, 1e-2 of n p", _list("rms_error", 100.0)),
+        ("over bound", _list("ratio")),
+        ("NEES", _plain("nees")),
+        ("NIS", _plain("nis")),
+        ("within 5 %", _share("within")),
+        ("false alarms", _plain("changes")),
+        ("force error N", _plain("force_rms", 2)),
+    ),
+    "changes": (
+        ("scenario", _plain("scenario")),
+        ("5 % after s", _plain("settling_s")),
+        ("9 of 10 after s", _plain("settling_90_s")),
+        ("bound s", _plain("bound_s")),
+        ("error after 2 s", _share("error_after_2s")),
+        ("called after s", _plain("delay_s")),
+        ("missed", _plain("missed")),
+        ("called before", _plain("early_calls")),
+    ),
+    "noise": (
+        ("scenario", _plain("scenario")),
+        ("NIS before", _plain("nis_before")),
+        ("NIS after", _plain("nis_after")),
+        ("worst error, median", _share("worst_error")),
+        ("worst error, largest", _share("worst_error_max")),
+        ("called a change", _plain("changes")),
+    ),
+    "recordings": (
+        ("recording", _plain("recording")),
+        ("hold-forward / floor", _plain("ratio")),
+        ("least squares so far / floor", _plain("ratio_causal")),
+        ("floor N", _plain("floor_n")),
+        ("K B n p", _list("parameters", digits=3)),
+        ("K off", _share("k_off")),
+        ("n off", _share("n_off")),
+        ("identifiability", _list("identifiability")),
+        ("changes", _plain("changes")),
+        ("mismatch told", _share("mismatch")),
+    ),
+    "excitation": (
+        ("motion", _plain("scenario")),
+        ("error of ln K, ln B, n, p", _list("error")),
+        ("its deviation", _list("deviation")),
+        ("identifiability", _list("identifiability")),
+        ("NEES", _plain("nees")),
+        ("changes", _plain("changes")),
+        ("drift when free", _plain("free_drift")),
+    ),
+    "channels": (
+        ("signals", _plain("name")),
+        ("force late by s", _pair("delay_s")),
+        ("force zero N", _pair("zero_n")),
+        ("contact mm", _pair("contact_mm")),
+        ("clear", _words("clear")),
+        ("residual N", _plain("residual_rms_n")),
+        ("without N", _plain("residual_rms_without_n")),
+        ("K B n p then", _list("parameters", digits=3)),
+        ("K B n p of the filter", _list("filter_parameters", digits=3)),
+        ("mismatch told", _share("mismatch")),
+    ),
+    "defaults": (
+        ("variation", _plain("variation")),
+        ("worst over bound", _plain("ratio")),
+        ("NEES from", _plain("nees_low")),
+        ("to", _plain("nees_high")),
+        ("NIS from", _plain("nis_low")),
+        ("to", _plain("nis_high")),
+        ("false alarms", _plain("false_alarms")),
+        ("5 % after s", _plain("settling_s")),
+        ("NEES, weak motion", _plain("weak_nees")),
+        ("recordings", _plain("recordings")),
+        ("changes there", _plain("recorded_changes")),
+    ),
+    "filters": (
+        ("filter", _plain("filter")),
+        ("scenario", _plain("scenario")),
+        ("median error % of K B n p", _list("median_error", 100.0)),
+        ("force error N", _plain("force_rms", 2)),
+        ("NEES", _plain("nees", 2)),
+        ("NIS", _plain("nis", 2)),
+    ),
+}
+TARGET_COLUMNS: tuple[Column, ...] = (
+    ("target", _plain("name")),
+    ("value", _plain("value")),
+    ("from", _plain("low")),
+    ("to", _plain("high")),
+    ("met", lambda row: "yes" if row["met"] else "NO"),
+)
+
+
+def _cells(columns: Sequence[Column], rows: Sequence[Row]) -> list[list[str]]:
+    table = [[name for name, _ in columns]]
+    table += [[text(row) for _, text in columns] for row in rows]
+    return table
+
+
+def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip()
+        for line in table
+    ]
+    return [lines[0], "  ".join("-" * width for width in widths), *lines[1:]]
+
+
+def text_table(result: Mapping[str, Any]) -> str:
+    """Everything that `run_accuracy` found, for a terminal.
+
+    Args:
+        result: what `run.run_accuracy` returned.
+
+    Returns:
+        Text of several lines.
+    """
+    lines = []
+    met = asked = 0
+    for name, experiment in result["experiments"].items():
+        lines.append(f"{name}: {experiment['summary']}")
+        if "skipped" in experiment:
+            lines += [f"  skipped: {experiment['skipped']}", ""]
+            continue
+        lines += ["  " + line for line in _aligned(_cells(COLUMNS[name], experiment["rows"]))]
+        targets = experiment["targets"]
+        if targets:
+            lines.append("")
+            lines += ["  " + line for line in _aligned(_cells(TARGET_COLUMNS, targets))]
+        lines.append("")
+        met += sum(t["met"] for t in targets)
+        asked += len(targets)
+    lines.append(
+        f"{result['filter']}, {result['seeds']} seeds from {result['first_seed']}: "
+        f"{met} of {asked} targets met, {result['seconds']:.0f} s"
+    )
+    return "\n".join(lines)
+
+
+def markdown_table(name: str, experiment: Mapping[str, Any]) -> str:
+    """One experiment as a Markdown table, its targets below.
+
+    Args:
+        name: the experiment.
+        experiment: its part of what `run.run_accuracy` returned.
+
+    Returns:
+        Markdown; a sentence where it was skipped.
+    """
+    if "skipped" in experiment:
+        return f"Skipped: {experiment['skipped']}."
+    parts = [_markdown(_cells(COLUMNS[name], experiment["rows"]))]
+    if experiment["targets"]:
+        parts.append(_markdown(_cells(TARGET_COLUMNS, experiment["targets"])))
+    return "\n\n".join(parts)
+
+
+def _markdown(table: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(line) + " |" for line in table]
+    return "\n".join([lines[0], "|" + " --- |" * len(table[0]), *lines[1:]])
+
+
+def write_tables(result: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+    """Replace the tables in a Markdown document by newly measured ones.
+
+    A table stands between the lines `<!-- accuracy NAME -->` and `<!-- end -->`.
+
+    Args:
+        result: what `run.run_accuracy` returned.
+        path: the document; written in place.
+
+    Returns:
+        Names of the experiments whose tables were replaced.
+
+    Raises:
+        ValueError: a table's end is missing.
+    """
+    lines = path.read_text(encoding="utf-8").split("\n")
+    replaced = []
+    for name, experiment in result["experiments"].items():
+        start = f"<!-- accuracy {name} -->"
+        if start not in lines:
+            continue
+        first = lines.index(start)
+        if "<!-- end -->" not in lines[first:]:
+            raise ValueError(f"{path}: no line <!-- end --> after {start}")
+        last = lines.index("<!-- end -->", first)
+        said = f"{result['seeds']} seeds from {result['first_seed']}."
+        table = markdown_table(name, experiment)
+        lines[first : last + 1] = [start, f"{said}\n", *table.split("\n"), "<!-- end -->"]
+        replaced.append(name)
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return tuple(replaced)
