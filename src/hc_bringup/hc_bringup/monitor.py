@@ -20,6 +20,8 @@ from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
 
 NODE_NAME = "hc_monitor"
+NOT_STARTED = "not started"
+"""What missing() says of a node that does not offer ~/ready yet."""
 SERVICE_TIMEOUT_S = 5.0
 
 
@@ -69,11 +71,11 @@ class Monitor:
     def missing(self, node_name: str) -> str | None:
         """Ask a node's ~/ready; return None if it is ready, else what is missing.
 
-        The answer of a node that is not there yet is "not started".
+        The answer for a node that is not there yet is NOT_STARTED.
         """
         response = self._call(Trigger, node_name, "ready", Trigger.Request(), timeout_s=1.0)
         if response is None:
-            return "not started"
+            return NOT_STARTED
         return None if response.success else str(response.message)
 
     def set_running(self, node_name: str, running: bool) -> str | None:

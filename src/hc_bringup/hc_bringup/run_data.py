@@ -12,7 +12,8 @@ from hc_estimator import PARAMETER_NAMES
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import records
-from hc_logger.recording import Recording, only_topic
+from hc_logger.recorded import only_topic
+from hc_logger.recording import Recording
 from hc_msgs_py.topics import TRUTH
 
 _TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"

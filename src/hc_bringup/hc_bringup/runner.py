@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 from hc_bringup.errors import UserError
-from hc_bringup.monitor import Monitor
+from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit
 from hc_bringup.shared_memory import remove_orphans
@@ -98,10 +98,9 @@ class Runner:
 
     def _start(self, folder: Path, monitor: Monitor, state: RunState) -> None:
         self._processes = [NodeProcess(node, folder) for node in self._plan.nodes]
-        for process in self._processes:
-            self._wait_until_ready(process, monitor, state)
-            if self._signal is not None:
-                return
+        self._wait_until_ready(monitor, state)
+        if self._signal is not None:
+            return
         for process in self._processes:
             if process.plan.source:
                 problem = monitor.set_running(process.name, True)
@@ -109,28 +108,40 @@ class Runner:
                     self._check_alive(state)
                     raise UserError(f"node {process.name} cannot start the samples: {problem}")
 
-    def _wait_until_ready(self, process: NodeProcess, monitor: Monitor, state: RunState) -> None:
+    def _wait_until_ready(self, monitor: Monitor, state: RunState) -> None:
+        """Ask every node's ~/ready until all have started and found their partners.
+
+        The time to find each other counts from when the last one has started, because a node
+        that compiles its estimator keeps the others waiting.
+        """
         started = time.monotonic()
-        answered_at: float | None = None
+        all_started_at: float | None = None
         while self._signal is None:
             self._check_alive(state)
-            missing = monitor.missing(process.name)
-            if missing is None:
+            missing = {
+                process.name: problem
+                for process in self._processes
+                if (problem := monitor.missing(process.name)) is not None
+            }
+            if not missing:
                 return
             now = time.monotonic()
-            if missing != "not started" and answered_at is None:
-                answered_at = now
-            state.phase = f"waiting for {process.name}: {missing}"
+            waiting = [name for name, problem in missing.items() if problem == NOT_STARTED]
+            if waiting:
+                state.phase = f"starting {', '.join(waiting)}"
+                if now - started > START_TIMEOUT_S:
+                    raise UserError(
+                        f"node {waiting[0]} offers no ~/ready service after {START_TIMEOUT_S:.0f} s"
+                    )
+            else:
+                all_started_at = all_started_at or now
+                name, problem = next(iter(missing.items()))
+                state.phase = f"waiting for {name}: {problem}"
+                if now - all_started_at > MATCH_TIMEOUT_S:
+                    raise UserError(
+                        f"node {name} does not get ready within {MATCH_TIMEOUT_S:.0f} s: {problem}"
+                    )
             self._show(state)
-            if answered_at is not None and now - answered_at > MATCH_TIMEOUT_S:
-                raise UserError(
-                    f"node {process.name} does not get ready within {MATCH_TIMEOUT_S:.0f} s: "
-                    f"{missing}"
-                )
-            if now - started > START_TIMEOUT_S:
-                raise UserError(
-                    f"node {process.name} offers no ~/ready service after {START_TIMEOUT_S:.0f} s"
-                )
             monitor.spin(0.02)
 
     def _watch(self, monitor: Monitor, state: RunState) -> None:

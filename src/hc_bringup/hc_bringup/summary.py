@@ -27,7 +27,8 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
     statistics = state.statistics
     latency = statistics.latency
     samples, lost = state.samples, statistics.lost
-    if samples is None:  # the source did not say: all that is known are the sequence numbers
+    if samples is None or samples < statistics.estimates:
+        # The source did not say its last count: all that is known are the sequence numbers.
         samples = statistics.estimates + lost
     else:
         lost = max(0, samples - statistics.estimates)

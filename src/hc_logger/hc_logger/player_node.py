@@ -255,7 +255,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """End the playing and close the bag."""
         self._controls.close()
         self._playback.stop()
-        self._diagnostics.publish()
+        self._diagnostics.publish_last()
         self._reader.close()
 
 

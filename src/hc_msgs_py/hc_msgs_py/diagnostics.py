@@ -8,12 +8,15 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from hc_msgs_py.qos import DIAGNOSTICS_QOS
 from hc_msgs_py.topics import DIAGNOSTICS
 
 PERIOD_S = 1.0
+LAST_DELIVERY = Duration(seconds=1.0)
+"""How long the last status may take to arrive."""
 
 
 class Level(IntEnum):
@@ -52,6 +55,11 @@ class DiagnosticsPublisher:
         self._timer = node.create_timer(
             PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+
+    def publish_last(self) -> None:
+        """Publish the final status and wait until it has arrived, before the node is destroyed."""
+        self.publish()
+        self._publisher.wait_for_all_acked(LAST_DELIVERY)
 
     def publish(self) -> None:
         """Collect and publish the status now (the timer does so every second)."""

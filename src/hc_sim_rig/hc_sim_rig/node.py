@@ -373,7 +373,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if self._simulated is not None:
             self._simulated.close()
         self._sampler.stop()
-        self._diagnostics.publish()
+        self._diagnostics.publish_last()
 
 
 def main() -> int:
