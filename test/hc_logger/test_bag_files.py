@@ -183,15 +183,15 @@ def test_info_counts_gaps_and_losses(tmp_path: Path, sample_messages: Any, start
 
 
 def test_memory_does_not_grow_with_the_bag(make_bag: MakeBag) -> None:
-    """Streaming through 20 MB of messages holds only chunks."""
+    """Streaming through 6 MB of messages holds only chunks."""
     import tracemalloc
 
-    path = make_bag(count=200_000)
+    path = make_bag(count=60_000)
     with BagReader(path) as reader:
         next(reader.messages())
         tracemalloc.start()
         count = sum(1 for _ in reader.messages())
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert count == 220_000
-    assert peak < 5_000_000
+    assert count == 66_000
+    assert peak < 4_000_000

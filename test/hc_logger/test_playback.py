@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import threading
 import time
 from collections.abc import Callable
@@ -140,9 +142,26 @@ def test_damage_on_the_way_is_skipped(make_bag: MakeBag) -> None:
 
 
 def test_key_names() -> None:
-    assert key_names(b" \x1b[A\x1b[Bq\x1bOC\x1b[D") == ["space", "up", "down", "q", "right", "left"]
-    assert key_names(b"\x1b[5~") == []
-    assert key_names(b"") == []
+    names = ["space", "up", "down", "q", "right", "left"]
+    assert key_names(b" \x1b[A\x1b[Bq\x1bOC\x1b[D") == (names, b"")
+    assert key_names(b"\x1b[5~") == ([], b"")
+    assert key_names(b"a\x1b[") == (["a"], b"\x1b[")
+    assert key_names(b"") == ([], b"")
+
+
+def test_an_arrow_key_may_come_in_pieces() -> None:
+    controller, terminal = pty.openpty()
+    try:
+        with Keyboard(terminal) as keyboard:
+            names = []
+            for byte in b"\x1b[A ":
+                os.write(controller, bytes([byte]))
+                names += keyboard.read(1.0)
+            assert names == ["up", "space"]
+            assert keyboard.read(0.01) == []
+    finally:
+        os.close(controller)
+        os.close(terminal)
 
 
 def test_no_terminal_is_said(tmp_path: Path) -> None:

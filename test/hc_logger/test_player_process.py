@@ -41,6 +41,7 @@ def test_a_bag_comes_out_as_it_was_recorded(
         exit_when_done=True,
         expected_sample_subscribers=1,
         topics="['indenter/*']",
+        rate=3.0,
     )
     assert graph.spin_until(lambda: node.process.poll() is not None)
     assert node.wait() == 0, node.error
@@ -150,8 +151,9 @@ def test_step_burst_and_seek(start_node: Start, graph: Any, make_bag: MakeBag) -
         start_paused=True,
         topics="['indenter/*']",
         burst_count=25,
+        expected_sample_subscribers=1,
     )
-    graph.call(Trigger, "/player/ready")
+    assert graph.spin_until(lambda: graph.call(Trigger, "/player/ready").success)
     assert graph.spin_until(
         lambda: values(graph)["message"] == "waits for ~/run or its subscribers"
     )
@@ -170,7 +172,6 @@ def test_step_burst_and_seek(start_node: Start, graph: Any, make_bag: MakeBag) -
     assert set_parameter(graph, "rate", 10.0).successful
     assert graph.call(Trigger, "/player/toggle_paused").message.startswith("plays from 1.000 s")
     assert settled(28 + 2000)[28:] == list(range(1000, 3000))
-    assert values(graph)["message"] == "finished"
     # from the end back to where one likes
     assert set_parameter(graph, "position", 2.5).successful
     assert settled(28 + 2500)[2028:] == list(range(2500, 3000))
@@ -219,8 +220,10 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
     import sys
     import termios
 
+    from std_srvs.srv import Trigger
+
     got = listen(graph)
-    path = make_bag(count=3000)
+    path = make_bag(count=800)
     controller, terminal = pty.openpty()
     before = termios.tcgetattr(terminal)
     command = [sys.executable, "-m", PLAYER, "--ros-args"]
@@ -248,7 +251,7 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         preexec_fn=take_terminal,
     )
     try:
-        assert graph.spin_until(lambda: graph.count_publishers("/indenter/sample") == 1)
+        assert graph.spin_until(lambda: graph.call(Trigger, "/player/ready").success)
         assert graph.spin_until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)
         graph.spin_until(lambda: False, timeout=0.3)
         os.write(controller, b"\x1b[C")
@@ -256,7 +259,7 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         os.write(controller, b"\x1b[A\x1b[A\x1b[A\x1b[Bx ")
         assert graph.spin_until(lambda: process.poll() is not None)
         assert process.wait(5) == 0
-        assert len(got) == 3000
+        assert len(got) == 800
         assert termios.tcgetattr(terminal) == before
         text = process.stderr.read()
         for line in ("rate 1.1", "rate 1.21", "rate 1.33", "plays one message", "plays from"):

@@ -94,49 +94,65 @@ def test_recorders_killed_at_random_moments(
         check_killed(bag, killed[bag])
 
 
-def test_sessions_killed_at_random_moments_at_4_khz(tmp_path: Path) -> None:
-    """What the recorder keeps, without ROS around it, twenty times."""
-    script = """
-import sys, time
-from hc_logger.layout import encode
+SESSIONS = """
+import os, sys, time
+import numpy as np
 from hc_logger.definitions import installed_definition
+from hc_logger.layout import encode
 from hc_logger.session import RecordingSession
 from hc_logger.writer import BagWriter
-import numpy as np
 numbers = np.arange(8000)
 rows = encode(installed_definition("hc_msgs/msg/IndenterSample"), "tip", sequence=numbers)
 rows = [row.tobytes() for row in rows]
-session = RecordingSession(BagWriter(sys.argv[1]), fsync_interval_s=0.2)
-names = ("indenter/sample", "b", "c", "d")
-topics = [session.add_topic(name, "hc_msgs/msg/IndenterSample", []) for name in names]
-print("ready", flush=True)
-start = time.monotonic()
-for number, row in enumerate(rows):
-    while (wait := start + number * 1e-3 - time.monotonic()) > 0:
-        time.sleep(wait)
-    for topic in topics:
-        session.add(topic, time.time_ns(), row, 0, number)
-    session.flush_if_due()
+
+def record(path):
+    session = RecordingSession(BagWriter(path), fsync_interval_s=0.2)
+    names = ("indenter/sample", "b", "c", "d")
+    topics = [session.add_topic(name, "hc_msgs/msg/IndenterSample", []) for name in names]
+    start = time.monotonic()
+    for number, row in enumerate(rows):
+        while (wait := start + number * 1e-3 - time.monotonic()) > 0:
+            time.sleep(wait)
+        for topic in topics:
+            session.add(topic, time.time_ns(), row, 0, number)
+        session.flush_if_due()
+
+for line in sys.stdin:
+    child = os.fork()
+    if child == 0:
+        record(line.strip())
+    print(child, flush=True)
 """
+
+
+def test_sessions_killed_at_random_moments_at_4_khz(tmp_path: Path) -> None:
+    """What the recorder keeps, without ROS around it: twenty processes."""
     rng = random.Random(4)
-    for batch in range(5):
-        bags = [tmp_path / f"bag{batch}_{i}" for i in range(4)]
-        processes = [
-            subprocess.Popen(
-                [sys.executable, "-c", script, str(bag)], stdout=subprocess.PIPE, text=True
-            )
-            for bag in bags
-        ]
-        for process in processes:
-            assert process.stdout is not None
-            assert process.stdout.readline() == "ready\n"
-        time.sleep(0.35)
-        for process, bag in zip(processes, bags, strict=True):
-            time.sleep(rng.uniform(0.0, 0.1))
-            killed = time.time_ns()
-            process.kill()
-            process.communicate(timeout=10)
-            check_killed(bag, killed)
+    parent = subprocess.Popen(
+        [sys.executable, "-c", SESSIONS],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        bufsize=1,
+    )
+    assert parent.stdin is not None
+    assert parent.stdout is not None
+    with parent:
+        for batch in range(5):
+            children = {}
+            for i in range(4):
+                bag = tmp_path / f"bag{batch}_{i}"
+                parent.stdin.write(f"{bag}\n")
+                children[bag] = int(parent.stdout.readline())
+            time.sleep(0.35)
+            for bag, child in children.items():
+                time.sleep(rng.uniform(0.0, 0.1))
+                killed = time.time_ns()
+                os.kill(child, signal.SIGKILL)
+                time.sleep(0.02)
+                check_killed(bag, killed)
+        parent.stdin.close()
+        assert parent.wait(10) == 0
 
 
 @pytest.fixture

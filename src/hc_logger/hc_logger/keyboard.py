@@ -23,10 +23,13 @@ _SEQUENCES = {
 """Arrow keys in normal and in application mode."""
 
 
-def key_names(data: bytes) -> list[str]:
+def key_names(data: bytes) -> tuple[list[str], bytes]:
     """Return the names of the keys in what a terminal sent: space, up, down, left, right.
 
     Other keys give their character; other escape sequences are left out.
+
+    Returns:
+        The names, and what may be the beginning of an arrow key whose rest has yet to come.
     """
     names = []
     while data:
@@ -36,11 +39,13 @@ def key_names(data: bytes) -> list[str]:
                 data = data[len(sequence) :]
                 break
         else:
+            if data in (b"\x1b", b"\x1b[", b"\x1bO"):
+                return names, data
             if data[0] == 0x1B:
-                break  # some other sequence: what follows belongs to it
+                return names, b""  # some other sequence: what follows belongs to it
             names.append(chr(data[0]))
             data = data[1:]
-    return names
+    return names, b""
 
 
 class Keyboard:
@@ -53,13 +58,18 @@ class Keyboard:
             descriptor: its file descriptor; None for standard input.
 
         Raises:
-            ValueError: if it is no terminal or belongs to a process in the foreground.
+            ValueError: if it is no terminal, or that of another process in the foreground.
         """
         self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
         if not os.isatty(self._descriptor):
             raise ValueError("standard input is not a terminal: there is no keyboard")
-        if os.tcgetpgrp(self._descriptor) != os.getpgrp():
+        try:
+            foreground = os.tcgetpgrp(self._descriptor)
+        except OSError:  # not the controlling terminal: nobody else reads from it
+            foreground = os.getpgrp()
+        if foreground != os.getpgrp():
             raise ValueError("the terminal belongs to another process: there is no keyboard")
+        self._begun = b""
 
     def __enter__(self) -> Keyboard:
         self._before = termios.tcgetattr(self._descriptor)
@@ -89,4 +99,5 @@ class Keyboard:
             raise EOFError("the terminal has gone") from error
         if not data:
             raise EOFError("the terminal has gone")
-        return key_names(data)
+        names, self._begun = key_names(self._begun + data)
+        return names
