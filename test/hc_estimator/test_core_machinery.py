@@ -1,0 +1,234 @@
+"""Random numbers, resampling, the compilation cache and the specifications."""
+
+import math
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+import hc_estimator as hc
+from hc_estimator import random_numbers, resampling
+from hc_estimator.compilation import compiled
+from hc_estimator.estimator import MEMORY, SETTINGS
+from hc_estimator.linear_algebra import cholesky
+
+
+@compiled
+def draw(settings_array, memory_array, kind, shape, out):
+    settings, memory = settings_array[0], memory_array[0]
+    for k in range(out.size):
+        if kind == 0:
+            out[k] = random_numbers.uniform(settings, memory)
+        elif kind == 1:
+            out[k] = random_numbers.normal(settings, memory)
+        elif kind == 2:
+            out[k] = random_numbers.exponential(settings, memory)
+        else:
+            out[k] = random_numbers.gamma(settings, memory, shape)
+
+
+def numbers(kind, count=20000, seed=1, shape=1.0):
+    settings, memory, out = np.zeros(1, SETTINGS), np.zeros(1, MEMORY), np.empty(count)
+    settings["seed"] = seed
+    draw(settings, memory, kind, shape, out)
+    return out
+
+
+@pytest.mark.parametrize(
+    ("kind", "shape", "distribution"),
+    [
+        (0, 1.0, stats.uniform()),
+        (1, 1.0, stats.norm()),
+        (2, 1.0, stats.expon()),
+        (3, 0.05, stats.gamma(0.05)),
+        (3, 3.0, stats.gamma(3.0)),
+    ],
+)
+def test_random_numbers_have_their_distribution(kind, shape, distribution):
+    sample = numbers(kind, shape=shape)
+    assert stats.kstest(sample, distribution.cdf).pvalue > 1e-3
+    assert abs(np.corrcoef(sample[1:], sample[:-1])[0, 1]) < 0.03
+    np.testing.assert_array_equal(sample, numbers(kind, shape=shape))
+    assert not np.array_equal(sample, numbers(kind, shape=shape, seed=2))
+
+
+def test_uniform_numbers_are_never_0_or_1():
+    sample = numbers(0, 200_000)
+    assert sample.min() > 0
+    assert sample.max() < 1
+
+
+def weighted(log_weights, before=None):
+    particles = np.zeros((len(log_weights), 3))
+    particles[:, 0] = np.arange(len(log_weights))
+    particles[:, 1] = -math.log(len(log_weights)) if before is None else before
+    particles[:, 2] = log_weights
+    return particles
+
+
+def test_weights_far_below_the_smallest_double_are_normalised():
+    particles = weighted([-1e5, -1e5 - math.log(3), -math.inf, math.nan])
+    assert resampling.normalise(particles)
+    np.testing.assert_allclose(np.exp(particles[:, 2]), [0.75, 0.25, 0, 0])
+    assert not resampling.normalise(weighted([-math.inf, -math.inf]))
+
+
+def test_systematic_resampling_draws_each_particle_in_proportion():
+    """Each particle is drawn floor or ceil of count times weight, on average exactly that."""
+    weights = np.array([0.05, 0.3, 0.001, 0.449, 0.2])
+    settings, memory = np.zeros(1, SETTINGS), np.zeros(1, MEMORY)
+    counts = np.zeros(5)
+    runs = 400
+    for _ in range(runs):
+        particles = weighted(np.log(weights))
+        resampling.resample(settings[0], memory[0], particles, np.empty_like(particles))
+        drawn = np.bincount(particles[:, 0].astype(int), minlength=5)
+        assert np.all(np.abs(drawn - 5 * weights) < 1)
+        counts += drawn
+        np.testing.assert_allclose(particles[:, 2], -math.log(5))
+    np.testing.assert_allclose(counts / runs, 5 * weights, atol=0.1)
+
+
+def test_effective_sample_size():
+    assert resampling.effective_sample_size(weighted(np.log([0.25] * 4))) == pytest.approx(4)
+    assert resampling.effective_sample_size(weighted([0.0, -math.inf])) == pytest.approx(1)
+
+
+@given(st.lists(st.floats(-1e8, 0.0), min_size=2, max_size=30), st.floats(0.05, 0.95))
+@settings(max_examples=100, deadline=None)
+def test_flattening_keeps_the_share_that_it_promises(log_likelihoods, share):
+    count = len(log_likelihoods)
+    particles = weighted(np.array(log_likelihoods) - math.log(count))
+    power = resampling.flatten(particles, share)
+    assert 0 <= power <= 1
+    assert np.exp(particles[:, 2]).sum() == pytest.approx(1)
+    assert resampling.effective_sample_size(particles) >= share * count * 0.999
+    order = np.argsort(log_likelihoods)
+    assert (np.diff(particles[order, 2]) >= -1e-12).all()
+
+
+@given(st.integers(1, 7), st.integers(0, 2**31), st.integers(0, 2))
+@settings(max_examples=60, deadline=None)
+def test_cholesky_of_semidefinite_matrices(size, seed, deficient):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((size, max(size - deficient, 0)))
+    root *= 10.0 ** rng.uniform(-6, 6, (size, 1))
+    matrix = root @ root.T
+    factor = np.full((size, size), np.nan)
+    assert cholesky(matrix, factor)
+    scale = np.sqrt(np.diag(matrix)) + 1e-300
+    np.testing.assert_allclose(
+        factor @ factor.T / scale / scale[:, None], matrix / scale / scale[:, None], atol=1e-6
+    )
+    assert not np.triu(factor, 1).any()
+
+
+def test_cholesky_refuses_what_is_not_a_covariance():
+    factor = np.empty((2, 2))
+    assert not cholesky(np.array([[1.0, 0.0], [0.0, -1.0]]), factor)
+    assert not cholesky(np.array([[1.0, 2.0], [2.0, 1.0]]), factor)
+    assert not cholesky(np.array([[1.0, 0.0], [0.0, math.nan]]), factor)
+    assert not cholesky(np.array([[math.inf, 0.0], [0.0, 1.0]]), factor)
+
+
+def python(code, **environment):
+    result = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert result.returncode == 0, result.stderr
+    return result.stdout.split()
+
+
+def test_import_compiles_nothing_and_needs_no_ros():
+    code = """
+        import sys
+        import hc_estimator as hc
+        from hc_estimator.filters.registry import FILTERS
+        print(sum(len(f.run.signatures) for f in FILTERS.values()), "rclpy" in sys.modules)
+    """
+    assert python(code) == ["0", "False"]
+
+
+PACKAGE = {
+    "__init__.py": "",
+    "compilation.py": Path(hc.__file__).with_name("compilation.py").read_text(),
+    "inner.py": """
+from {name}.compilation import compiled
+
+@compiled
+def inner(x):
+    return x + 1.0
+""",
+    "outer.py": """
+from {name}.compilation import compiled
+from {name}.inner import inner
+
+@compiled
+def outer(x):
+    return 2.0 * inner(x)
+""",
+}
+
+
+def test_cache_serves_the_next_process_and_never_goes_stale(tmp_path):
+    """Numba alone would go on serving `outer` with the old `inner` inside."""
+    folder = tmp_path / "made_up"
+    folder.mkdir()
+    for name, text in PACKAGE.items():
+        (folder / name).write_text(text.replace("{name}", "made_up"))
+    code = """
+        from made_up.outer import outer
+        print(outer(1.0), sum(outer.stats.cache_hits.values()))
+    """
+    where = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    assert python(code, **where) == ["4.0", "0"]
+    assert python(code, **where) == ["4.0", "1"]
+    inner = folder / "inner.py"
+    inner.write_text(inner.read_text().replace("x + 1.0", "x + 10.0"))
+    assert python(code, **where) == ["22.0", "0"]
+
+
+def test_warm_up_leaves_no_trace():
+    estimator = hc.create_estimator("rwstukf")
+    before = estimator.state()
+    estimator.warm_up()
+    assert estimator.state() == before
+    assert len(estimator._run.signatures) == 1
+
+
+def test_state_spaces_and_contact_models_of_a_filter():
+    assert hc.available_state_spaces("rls") == ("kinematic",)
+    assert hc.available_contact_models("rls") == ("hunt_crossley",)
+    assert set(hc.available_state_spaces("ukf")) == set(hc.available_state_spaces())
+    with pytest.raises(ValueError, match="state_space = 'paper' does not go with filter 'rls'"):
+        hc.create_estimator("rls", state_space="paper")
+    with pytest.raises(ValueError, match="contact_model = 'kelvin_voigt' does not go with"):
+        hc.create_estimator("rls", contact_model="kelvin_voigt")
+    with pytest.raises(ValueError, match="filter = 'kf' is not one of"):
+        hc.available_state_spaces("kf")
+    for name in hc.available_filters():
+        assert hc.filter_summary(name)
+
+
+def test_numbers_of_other_types_are_taken():
+    estimator = hc.create_estimator("ukf", force_limit=np.float32(50), outlier_limit=4.0)
+    assert estimator.configuration["force_limit"] == 50.0
+    assert estimator.configuration["outlier_limit"] == 4
+    assert isinstance(estimator.configuration["outlier_limit"], int)
+    with pytest.raises(ValueError, match=r"outlier_limit = 4\.5 is not an integer"):
+        hc.create_estimator("ukf", outlier_limit=4.5)
+    with pytest.raises(ValueError, match="noise_adaptation = 'often' is not one of fixed"):
+        hc.create_estimator("ukf", noise_adaptation="often")
+    with pytest.raises(ValueError, match="limit_parameters = 1 is not true or false"):
+        hc.create_estimator("ukf", state_space="paper", limit_parameters=1)
