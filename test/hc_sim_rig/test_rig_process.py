@@ -167,7 +167,9 @@ def test_it_stops_publishing_at_the_end_and_may_end_itself(start_rig: Any, tmp_p
 
 
 def test_simulated_time_runs_at_its_pace(start_rig: Any) -> None:
-    rig, listener = start_rig(scenario="multisine", time="simulated", rate=4.0, start_paused=True)
+    rig, listener = start_rig(
+        scenario="multisine", time="simulated", rate=4.0, start_paused=True, use_sim_time=True
+    )
     found = listener.collect(
         IndenterSample,
         "indenter/sample",
@@ -231,6 +233,7 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
         ({"seed": -3}, ["seed", "-3"]),
         ({"stiffness": -1.0}, ["stiffness", "-1"]),
         ({"rate": 2.0}, ["rate", "simulated"]),
+        ({"use_sim_time": True}, ["use_sim_time", "simulated"]),
         ({"time": "lunar"}, ["time", "lunar", "lockstep"]),
     ],
 )

@@ -1,7 +1,7 @@
 """The decorator that compiles the rig's kernels, with a disk cache that cannot go stale.
 
-The kernels here call the contact law of hc_estimator, so their cache carries a stamp of the
-sources of both packages (why a stamp is needed at all: hc_estimator.compilation).
+The kernels here call the contact law of hc_estimator, so their cache carries a stamp of its
+sources too (why a stamp is needed at all: hc_estimator.compilation).
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 @functools.cache
 def _source_stamp() -> tuple[tuple[str, float, int], ...]:
-    """Name, modification time and size of every source file of this package and the estimator."""
+    """Name, modification time and size of every source file that a kernel here may come from."""
+    estimator = Path(hc_estimator.compilation.__file__)
+    paths = [estimator, *Path(hc_estimator.contact.__file__).parent.rglob("*.py")]
+    paths += Path(__file__).parent.rglob("*.py")
     stamps = []
-    for root in (Path(__file__).parent, Path(hc_estimator.__file__).parent):
-        for path in sorted(root.rglob("*.py")):
-            status = path.stat()
-            name = path.relative_to(root.parent).as_posix()
-            stamps.append((name, status.st_mtime, status.st_size))
+    for path in sorted(paths):
+        status = path.stat()
+        stamps.append((path.name, status.st_mtime, status.st_size))
     return tuple(stamps)
 
 

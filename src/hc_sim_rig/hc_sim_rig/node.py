@@ -7,6 +7,7 @@ thread's (pacing.py).
 from __future__ import annotations
 
 import sys
+import time
 from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
@@ -89,7 +90,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._sampler = DeadlineThread(
             self._rig.rate_hz * self._rate,
             self._publish,
-            lambda: self.get_clock().now().nanoseconds,
+            time.time_ns,  # the node's clock, unless that is the simulated one made here
         )
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._missing)
@@ -164,6 +165,11 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             raise ValueError(
                 f"parameter rate is {self._rate:g}, must be 1 while time is system "
                 "(time: simulated runs at another pace)"
+            )
+        if self._time == "system" and self.get_parameter("use_sim_time").value:
+            raise ValueError(
+                "parameter use_sim_time is true while time is system: the rig makes time itself "
+                "(time: simulated publishes /clock)"
             )
         self._timeout_s = declare(
             self,

@@ -6,12 +6,14 @@ Used by node.py when its parameter `time` is not `system`. Other nodes follow wi
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any
 
 from hc_msgs.msg import HuntCrossleyEstimate
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rosgraph_msgs.msg import Clock
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from hc_msgs_py.qos import ESTIMATE_QOS
 from hc_msgs_py.topics import ESTIMATE
@@ -37,9 +39,10 @@ class SimulatedTime:
         self._period_ns = NANOSECONDS / rate_hz
         self._timeout_s = timeout_s
         self._tick = 1 if lockstep else max(1, round(rate_hz / CLOCK_HZ))
-        self._origin_ns = node.get_clock().now().nanoseconds
-        self._message = Clock()
-        self._publisher = node.create_publisher(Clock, "/clock", CLOCK_QOS)
+        # Not the node's own clock, which may be the one that is made here.
+        self._origin_ns = time.time_ns()
+        self._message = ClockMessage()
+        self._publisher = node.create_publisher(ClockMessage, "/clock", CLOCK_QOS)
         self._answer = threading.Event()
         self._awaited = -1
         self._alone = False  # the last answer did not come: wait only while somebody could answer
@@ -50,7 +53,8 @@ class SimulatedTime:
             self._subscription = node.create_subscription(
                 HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
             )
-        self._waiting = node.create_timer(0.1, self._publish_origin)
+        wall = Clock(clock_type=ClockType.STEADY_TIME)
+        self._waiting = node.create_timer(0.1, self._publish_origin, clock=wall)
 
     def _publish_origin(self) -> None:
         """Show the time at which everything begins until the first sample is taken."""
