@@ -23,7 +23,7 @@ from hc_logger.reader import BagReader
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.recording import read_recording
 from hc_logger.recover import recover_bag
-from hc_logger.session import RecordingSession
+from hc_logger.session import RecordingSession, TopicCount
 from hc_logger.writer import BagWriter
 
 RECORDER = "hc_logger.recorder_node"
@@ -99,7 +99,7 @@ import os, sys, time
 import numpy as np
 from hc_logger.definitions import installed_definition
 from hc_logger.layout import encode
-from hc_logger.session import RecordingSession
+from hc_logger.session import RecordingSession, TopicCount
 from hc_logger.writer import BagWriter
 numbers = np.arange(8000)
 rows = encode(installed_definition("hc_msgs/msg/IndenterSample"), "tip", sequence=numbers)
@@ -209,7 +209,7 @@ def test_a_file_size_limit_is_a_full_disk_too(tmp_path: Path, sample_messages: A
 import resource, signal, sys, time
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-from hc_logger.session import RecordingSession
+from hc_logger.session import RecordingSession, TopicCount
 from hc_logger.writer import BagWriter
 import os
 session = RecordingSession(BagWriter(sys.argv[1], chunk_bytes=16384), fsync_interval_s=0.05)
@@ -341,3 +341,17 @@ def test_a_flood_does_not_eat_memory(start_node: Start, graph: Any, tmp_path: Pa
 def resident_mb(pid: int) -> float:
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def test_only_gaps_of_one_publisher_are_losses() -> None:
+    def dropped(sequences: list[int | None]) -> int:
+        count = TopicCount()
+        for sequence in sequences:
+            count.note(sequence)
+        return count.dropped
+
+    assert dropped([5, 6, 7, 10, 11]) == 2
+    assert dropped([900, 901, 1, 2, 3, 5]) == 1  # started again
+    assert dropped([900, 1, 901, 2, 902, 3]) == 0  # a second one that was not noticed yet
+    assert dropped([900, None, None, 1200, 1201]) == 0  # and one that was
+    assert dropped([1, 5_000_000, 5_000_001]) == 0

@@ -19,7 +19,8 @@ from hc_logger.layout import record_dtype
 from hc_logger.mcap_chunk import Messages
 
 GAP_FACTOR = 5.0
-"""An interval of more than so many times the median is called a gap."""
+"""An interval of more than so many times the usual one is called a gap. Usual is the median or the
+mean, whichever is larger: where messages come in bunches the median says nothing."""
 _BINS_PER_OCTAVE = 16
 _BINS = 64 * _BINS_PER_OCTAVE
 _SEQUENCE_FIELD = "sequence"
@@ -37,7 +38,7 @@ class TopicInfo:
         rate_hz: (count - 1) / (last - first log time); None with fewer than two messages.
         median_interval_s: between log times, to 5 %; None with fewer than two messages.
         longest_interval_s: largest interval between log times.
-        gaps: intervals longer than five times the median.
+        gaps: intervals longer than five times the median or mean, whichever is larger.
         lost: numbers missing in the messages' own field `sequence`; None if they have none.
         repeated_or_backward: messages whose sequence does not grow; None as above.
     """
@@ -200,7 +201,9 @@ def _topic(reader: Bag, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
         middle = np.searchsorted(np.cumsum(one.histogram), one.histogram.sum() / 2)
         info.median_interval_s = float(2.0 ** ((middle + 0.5) / _BINS_PER_OCTAVE)) * 1e-9
         info.longest_interval_s = one.longest * 1e-9
-        far = int(np.ceil(middle + 0.5 + np.log2(GAP_FACTOR) * _BINS_PER_OCTAVE))
+        mean_ns = max((one.last - one.first) / (one.count - 1), 1.0)
+        usual = max(middle + 0.5, np.log2(mean_ns) * _BINS_PER_OCTAVE)
+        far = int(np.ceil(usual + np.log2(GAP_FACTOR) * _BINS_PER_OCTAVE))
         info.gaps = int(one.histogram[far:].sum())
     if sequenced:
         info.lost, info.repeated_or_backward = one.lost, one.unordered

@@ -31,6 +31,17 @@ class TopicCount:
     dropped: int = 0
     last_sequence: int | None = None
 
+    def note(self, sequence: int | None) -> None:
+        """Count what is missing before a message; a counter that goes back is another publisher."""
+        last, self.last_sequence = self.last_sequence, sequence
+        if sequence is None or last is None:
+            return
+        missing = sequence - last - 1
+        if missing < 0:
+            self.last_sequence = None
+        elif missing < LONGEST_COUNTED_GAP:
+            self.dropped += missing
+
 
 class RecordingSession:
     """Writes what arrives into a bag, flushes by time, and counts.
@@ -91,12 +102,7 @@ class RecordingSession:
             sequence: the publisher's counter; None if not known or not of one publisher.
         """
         count = self.counts[topic]
-        if sequence is not None:
-            if count.last_sequence is not None:
-                missing = sequence - count.last_sequence - 1
-                if 0 < missing < LONGEST_COUNTED_GAP:
-                    count.dropped += missing
-            count.last_sequence = sequence
+        count.note(sequence)
         if self.failure:
             self.unwritten += 1
             return
