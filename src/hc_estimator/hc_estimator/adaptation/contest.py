@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation import model_error
+from hc_estimator.adaptation import model_error, motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.specification import ParameterSpecification
@@ -169,6 +169,8 @@ def begin(settings: Any, memory: Any) -> None:
     memory.alarm_line[0, :, :] = 0.0
     memory.rival_state[:] = memory.state
     memory.rival_covariance[:, :] = memory.covariance
+    # What the veteran made of the motion since the change is as wrong as its contact law.
+    motion_density.set_motion(memory, memory.rival_state, memory.rival_covariance)
     model_error.restart(memory, 1)
     # Where the last state is a lagged velocity it belongs to the motion.
     last = 6 if has_lagged_velocity(settings.contact_model) else 7

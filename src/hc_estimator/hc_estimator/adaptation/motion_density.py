@@ -42,6 +42,7 @@ SPECIFICATIONS = (
 INDICES = 10.0 ** np.arange(-14.0, 3.25, 0.5)
 MEMBERS = INDICES.size
 FIRST_READINGS = 24  # the bank starts from a parabola through them
+SETTLED_READINGS = 100  # in the mean before a member's motion is used
 CHOICE_PERIOD = 8  # samples between two choices
 CORRECTION_RATE = 0.05  # per sample
 SMALLEST_CORRECTION = -4.0  # of the logarithm of the factor
@@ -58,7 +59,8 @@ def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
         indices: tracking indices q dt^5 / R, shape (M,).
 
     Returns:
-        Innovation variance and the gains of displacement, velocity and acceleration, shape (M, 4).
+        Innovation variance; gains of displacement, velocity and acceleration; covariance after the
+        update, row by row; shape (M, 13).
     """
     shape = (indices.size, 3, 3)
     transition = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
@@ -77,7 +79,9 @@ def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
             a @ inverse @ a,
         )
     variance = h[:, 0, 0] + 1.0
-    return np.column_stack((variance, h[:, :, 0] / variance[:, None]))
+    gain = h[:, :, 0] / variance[:, None]
+    updated = h - gain[:, :, None] * h[:, :1, :]
+    return np.column_stack((variance, gain, updated.reshape(-1, 9)))
 
 
 BANK = steady_state(INDICES)
@@ -90,6 +94,7 @@ FIELDS = (
     ("bank_states", np.float64, (MEMBERS, 3)),  # displacement, velocity step, acceleration step^2
     ("bank_squares", np.float64, (MEMBERS,)),  # mean squared innovations [mm^2]
     ("bank_weighted", np.int64, ()),  # readings in that mean
+    ("bank_chosen", np.int64, ()),  # likeliest member
     ("bank_density", np.float64, ()),  # jerk density of the likeliest member; 0: not known yet
     ("density_correction", np.float64, ()),  # logarithm of the slow factor
 )
@@ -188,7 +193,37 @@ def choose(memory: Any) -> None:
         if surprise < best:
             best = surprise
             chosen = m
+    memory.bank_chosen = chosen
     memory.bank_density = INDICES[chosen] * noise / memory.bank_step**5
+
+
+@compiled
+def set_motion(memory: Any, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+    """Replace the motion in state and covariance by what the displacement alone says.
+
+    Nothing is done before the bank has settled on a member.
+
+    Args:
+        memory: memory record.
+        state: shape (7,).
+        covariance: shape (7, 7); ties between motion and parameters are cut.
+    """
+    if memory.bank_density <= 0.0 or memory.bank_weighted < SETTLED_READINGS:
+        return
+    member = memory.bank_chosen
+    noise = memory.sensor_noise[0]
+    for i in range(3):
+        for j in range(7):
+            covariance[i, j] = 0.0
+            covariance[j, i] = 0.0
+    scale_i = 1.0
+    for i in range(3):
+        state[i] = memory.bank_states[member, i] * scale_i
+        scale_j = 1.0
+        for j in range(3):
+            covariance[i, j] = noise * BANK[member, 4 + 3 * i + j] * scale_i * scale_j
+            scale_j /= memory.bank_step
+        scale_i /= memory.bank_step
 
 
 @compiled

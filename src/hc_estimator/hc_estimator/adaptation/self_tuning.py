@@ -160,9 +160,6 @@ def learn_readings(settings: Any, memory: Any) -> None:
     if settings.motion_adaptation != 0:
         motion_density.learn(settings, memory)
     linearisation.learn(memory)
-    # What is reported and handed over: the model error is noise to whoever uses the force.
-    memory.noise[0] = memory.sensor_noise[0]
-    memory.noise[1] = memory.sensor_noise[1] + memory.model_error[0]
 
 
 @compiled
@@ -234,6 +231,9 @@ def decide(settings: Any, memory: Any, alarm: bool) -> None:
     elif memory.predicted_state[0] > 0.0:
         memory.fitting_time += memory.elapsed
     memory.model_mismatch = 1 if memory.model_error[0] > 0.0 else 0
+    # What is reported and handed over: the model error is noise to whoever uses the force.
+    memory.noise[0] = memory.sensor_noise[0]
+    memory.noise[1] = memory.sensor_noise[1] + memory.model_error[0]
 
 
 @compiled

@@ -16,6 +16,7 @@ from hc_estimator.adaptation import contest, model_error, motion_density, self_t
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
+from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 
@@ -46,7 +47,7 @@ def _use_for_rival(settings: Any, memory: Any) -> None:
     contest.exchange(memory)
     sound = _innovate(settings, memory)
     if sound:
-        correct(memory)
+        correct(settings, memory)
         memory.state[:] = memory.updated_state
         memory.covariance[:, :] = memory.updated_covariance
         sound = self_tuning.finite(memory)
@@ -70,7 +71,7 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    correct(memory)
+    correct(settings, memory)
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
@@ -81,12 +82,12 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     memory.reported[2] = memory.nis
     memory.reported[3] = memory.predicted_measurement[0]
     memory.reported[4] = memory.predicted_measurement[1]
+    self_tuning.learn_readings(settings, memory)
     alarm = self_tuning.learn_innovation(settings, memory)
     self_tuning.correct_density(settings, memory)
     if memory.contest != 0:
         _use_for_rival(settings, memory)
     self_tuning.decide(settings, memory, alarm)
-    self_tuning.learn_readings(settings, memory)
     memory.innovation[0] = memory.reported[0]
     memory.innovation[1] = memory.reported[1]
     memory.nis = memory.reported[2]
@@ -110,4 +111,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
+        recover(settings, memory, decision)
         write_row(settings, memory, decision, rows[k])
