@@ -122,8 +122,12 @@ def start_process(domain_id):
     yield start
     for process in processes:
         if process.poll() is None:
-            process.send_signal(signal.SIGKILL)
-        process.communicate(timeout=10)
+            process.send_signal(signal.SIGINT)  # a killed one leaves shared memory behind
+        try:
+            process.communicate(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate(timeout=10)
 
 
 def end(process):
@@ -194,14 +198,23 @@ class Probe:
             self.executor.spin_once(timeout_sec=0.05)
 
     def call(self, name, request_type=None, request=None, timeout_s=90.0):
-        """Call a service of the estimator; a Trigger unless told otherwise."""
+        """Call a service of the estimator; a Trigger unless told otherwise.
+
+        An answer may be lost while the two sides are still finding each other: ask again then.
+        """
         from std_srvs.srv import Trigger
 
         kind = request_type or Trigger
         client = self.node.create_client(kind, f"/estimator/{name}")
         self.wait(client.service_is_ready, timeout_s, f"service {name}")
-        future = client.call_async(request or kind.Request())
-        self.wait(future.done, timeout_s, f"answer of {name}")
+        for _attempt in range(5):
+            future = client.call_async(request or kind.Request())
+            end_s = time.monotonic() + 10.0
+            while not future.done() and time.monotonic() < end_s:
+                self.executor.spin_once(timeout_sec=0.05)
+            if future.done():
+                break
+        assert future.done(), f"no answer of {name}"
         self.node.destroy_client(client)
         return future.result()
 
@@ -241,14 +254,22 @@ class Probe:
         fill_sample(message, stamp_ns, sequence, displacement_mm, force_n)
         self.samples.publish(message)
 
-    def stream(self, samples, rate_hz=1000.0, first=0, start_ns=None, publish=None):
+    def keep_up(self, wanted, patience_s=5.0):
+        """Let the node catch up, so that no queue overflows however slow the machine is."""
+        end_s = time.monotonic() + patience_s
+        while len(self.estimates) < wanted and time.monotonic() < end_s:
+            self.executor.spin_once(timeout_sec=0.01)
+
+    def stream(self, samples, rate_hz=1000.0, first=0, start_ns=None, publish=None, in_step=True):
         """Publish (time, displacement, force) in real time, listening in between.
 
+        With in_step the node may fall behind by a fifth of a second at most: then this waits.
         Returns the number of the next sample.
         """
         publish = publish or self.publish
         begin = time.monotonic()
         start_ns = time.time_ns() if start_ns is None else start_ns
+        known = len(self.estimates)
         t0 = None
         number = first
         for number, (time_s, displacement, force) in enumerate(samples, first):
@@ -256,6 +277,9 @@ class Probe:
             due = begin + (number - first) / rate_hz
             while (left := due - time.monotonic()) > 0:
                 self.executor.spin_once(timeout_sec=left)
+            if in_step and (number - first) % 50 == 0:
+                self.executor.spin_once(timeout_sec=0)
+                self.keep_up(known + number - first - 200)
             publish(start_ns + round((time_s - t0) * 1e9), number, displacement, force)
         return number + 1
 

@@ -38,7 +38,7 @@ def test_a_manager_takes_it_through_its_states_and_impossible_ones_are_refused(
     known = probe.estimates[-1].stiffness_std
 
     assert change(probe, Transition.TRANSITION_DEACTIVATE)
-    probe.stream(plant.samples(50), first=number)
+    probe.stream(plant.samples(50), first=number, in_step=False)
     probe.spin(0.2)
     assert len(probe.estimates) == 1000  # inactive: nobody listens
     assert change(probe, Transition.TRANSITION_ACTIVATE)
@@ -61,7 +61,7 @@ def test_a_manager_takes_it_through_its_states_and_impossible_ones_are_refused(
 
 def test_reset_tare_save_and_load(start_process, end_process, probe, plant, tmp_path):
     folder = tmp_path / "states"
-    process = start_process(state__folder=folder, tare__samples=100)
+    process = start_process(filter="ukf", state__folder=folder, tare__samples=100)
     probe.wait_ready()
     answer = probe.call("save")
     assert (answer.success, answer.message) == (False, "nothing to save: no sample came yet")

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.process
 
 @pytest.fixture
 def node(start_process, probe):
-    process = start_process()
+    process = start_process(filter="ukf")
     probe.wait_ready()
     return process
 

@@ -72,6 +72,7 @@ def play(probe, plant, make_position, position_type, duration_s, latency_s=0.004
         time_s = i * 4e-3 + 0.0013  # never at the stamp of a force
         events.append((time_s + generator.uniform(0, latency_s), positions, time_s))
     readings = {}
+    known = len(probe.estimates)
     for arrival_s, publisher, time_s in sorted(events, key=lambda e: e[0]):
         due_ns = begin_ns + round(arrival_s * 1e9)
         while (left := due_ns - time.time_ns()) > 0:
@@ -80,6 +81,9 @@ def play(probe, plant, make_position, position_type, duration_s, latency_s=0.004
         displacement, force = plant.readings(time_s)
         if publisher is forces:
             readings[stamp_ns] = force
+            if len(readings) % 50 == 0:
+                probe.executor.spin_once(timeout_sec=0)
+                probe.keep_up(known + len(readings) - 200)
             publisher.publish(wrench(stamp_ns, force))
         else:
             publisher.publish(make_position(stamp_ns, displacement))
@@ -117,6 +121,7 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     )
     samples = []
     probe.node.create_subscription(IndenterSample, "indenter/sample", samples.append, SAMPLE_QOS)
+    probe.wait(lambda: probe.node.count_publishers("indenter/sample") == 2, what="the samples")
     readings = play(probe, plant, make_position, message, 2.5)
     assert len(probe.estimates) >= 2400  # but for the first and last few milliseconds
     for estimate in probe.estimates[:200]:
