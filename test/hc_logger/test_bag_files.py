@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -195,3 +196,51 @@ def test_memory_does_not_grow_with_the_bag(make_bag: MakeBag) -> None:
         tracemalloc.stop()
     assert count == 66_000
     assert peak < 4_000_000
+
+
+def test_sync_reaches_every_file_of_a_split_bag(
+    tmp_path: Path, sample_messages: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    synced: set[int] = set()
+    monkeypatch.setattr(os, "fsync", lambda number: synced.add(os.fstat(number).st_ino))
+    times = np.arange(3000) * 1_000_000
+    with BagWriter(tmp_path / "bag", max_file_duration_s=0.5) as writer:
+        topic = writer.add_topic("indenter/sample", SAMPLE)
+        for time, message in zip(times.tolist(), sample_messages(times, times), strict=True):
+            writer.write(topic, time, message)
+    files = list((tmp_path / "bag").glob("*.mcap"))
+    assert len(files) == 6
+    assert synced == {file.stat().st_ino for file in files}
+
+
+def test_qos_of_old_and_new_bags() -> None:
+    """Older bags hold numbers, newer ones words; several publishers give the strictest."""
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    from hc_logger.qos_profiles import (
+        mapping_from_profile,
+        publisher_profile,
+        subscription_profile,
+    )
+
+    strict = QoSProfile(
+        depth=7,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+    loose = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+    words = mapping_from_profile(strict)
+    assert (words["reliability"], words["durability"]) == ("reliable", "transient_local")
+    numbers = {**words, "reliability": 1, "durability": 1}
+    for recorded in ([words], [numbers], [mapping_from_profile(loose), words]):
+        profile = publisher_profile(recorded, 5)
+        assert profile.reliability == ReliabilityPolicy.RELIABLE
+        assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert profile.depth == 7
+    profile = publisher_profile([mapping_from_profile(loose)], 5)
+    assert (profile.reliability, profile.depth) == (ReliabilityPolicy.BEST_EFFORT, 5)
+    assert publisher_profile([], 5).reliability == ReliabilityPolicy.RELIABLE
+    both = subscription_profile([strict, loose], 9)
+    assert both.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert both.durability == DurabilityPolicy.VOLATILE
+    assert subscription_profile([strict], 9).durability == DurabilityPolicy.TRANSIENT_LOCAL

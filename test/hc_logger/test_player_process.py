@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
+from hc_logger.definitions import installed_definition
 from hc_logger.reader import BagReader
+from hc_logger.writer import BagWriter
 
 PLAYER = "hc_logger.player_node"
 Start = Callable[..., Any]
@@ -270,3 +272,15 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         process.communicate(timeout=10)
         os.close(controller)
         os.close(terminal)
+
+
+def test_messages_of_another_definition_are_not_played(start_node: Start, tmp_path: Path) -> None:
+    """Others would read wrong numbers out of them without a word."""
+    definition = installed_definition("hc_msgs/msg/IndenterSample")
+    other = definition._replace(type_hash="RIHS01_" + 64 * "0")
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.add_topic("/indenter/sample", other.name, definition=other)
+        writer.write(topic, 1, b"\0\1\0\0" + bytes(60))
+    node = start_node(PLAYER, bag=tmp_path / "bag")
+    assert node.wait() == 2
+    assert "was recorded with another definition than the one installed here" in node.error

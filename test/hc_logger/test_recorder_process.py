@@ -197,3 +197,43 @@ def test_two_recorders_on_one_folder(start_node: Start, tmp_path: Path) -> None:
     assert "exists already" in loser.error
     assert winner.end() == 0, winner.error
     assert bag_info(bag).problems == []
+
+
+def test_simulated_time_is_the_time_of_the_bag(
+    start_node: Start, graph: Any, make_bag: Callable[..., Path], start_ns: int, tmp_path: Path
+) -> None:
+    """With use_sim_time log times are those of /clock; before the first one messages wait."""
+    from hc_msgs.msg import IndenterSample
+
+    from hc_msgs_py.qos import ESTIMATE_QOS
+
+    bag = tmp_path / "bag"
+    early = graph.create_publisher(IndenterSample, "early", ESTIMATE_QOS)
+    recorder = start_node(RECORDER, output=bag, use_sim_time=True, expected_topics="[early]")
+    wait_until_ready(graph)
+    early.publish(IndenterSample(sequence=5))
+    time.sleep(0.1)
+    player = start_node(
+        "hc_logger.player_node",
+        bag=make_bag("played", count=500),
+        clock_rate=200.0,
+        expected_sample_subscribers=1,
+        exit_when_done=True,
+    )
+    assert graph.spin_until(lambda: player.process.poll() is not None)
+    assert recorder.end() == 0, recorder.error
+    with BagReader(bag) as reader:
+        log = {t: [m.log_time for m in reader.messages({t})] for t in reader.topics}
+    assert len(log["/early"]) == 1
+    assert len(log["/indenter/sample"]) == 500
+    for times in (log["/early"], log["/indenter/sample"]):
+        assert start_ns <= times[0] <= times[-1] <= start_ns + 500_000_000
+
+
+def test_without_a_clock_simulated_time_records_nothing_and_says_so(
+    start_node: Start, graph: Any, tmp_path: Path
+) -> None:
+    node = start_node(RECORDER, output=tmp_path / "bag", use_sim_time=True)
+    wait_until_ready(graph)
+    assert node.end() == 0
+    assert "nothing recorded: use_sim_time is set and /clock is silent" in node.error

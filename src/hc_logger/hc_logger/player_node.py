@@ -9,6 +9,7 @@ import sys
 import time
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from hc_logger.bag import Message, Topic
@@ -102,7 +103,10 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
         add_ready_service(self, self._missing)
         self._diagnostics = DiagnosticsPublisher(self, bag, self._status)
         if not self._start_paused:
-            self._start_timer = self.create_timer(START_CHECK_PERIOD_S, self._start_when_ready)
+            steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may come from here
+            self._start_timer = self.create_timer(
+                START_CHECK_PERIOD_S, self._start_when_ready, clock=steady
+            )
 
     def _sample_topics(self) -> list[str]:
         """Return the played topics of samples; without any, those of somebody's sensors."""

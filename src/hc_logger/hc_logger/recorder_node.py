@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from hc_logger import __version__
@@ -141,8 +142,9 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         except BagError as error:
             raise NodeStartError(str(error)) from error
         self._session = RecordingSession(writer, flush_interval_s=flush, fsync_interval_s=fsync)
-        self.create_timer(DRAIN_PERIOD_S, self._drain)
-        self.create_timer(DISCOVERY_PERIOD_S, self._discover)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.create_timer(DRAIN_PERIOD_S, self._drain, clock=steady)
+        self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
         add_ready_service(self, self._missing)
         self._diagnostics = DiagnosticsPublisher(self, str(writer.path), self._status)
         self._discover()
@@ -214,6 +216,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def _drain_one(self, tap: Tap) -> None:
         session, number = self._session, tap.number
         now = self.get_clock().now().nanoseconds if self._sim_time else 0
+        if self._sim_time and not now:
+            return  # nobody has said yet what time it is: the messages wait in their queues
         steady = self._clock_of_reception.steady
         handle, kind = tap.subscription.handle, tap.subscription.msg_type
         single = tap.publishers == 1
@@ -282,6 +286,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def close(self) -> None:
         """Write everything received, and the metadata."""
         self._drain()
+        if self._sim_time and not self.get_clock().now().nanoseconds:
+            self.get_logger().error("nothing recorded: use_sim_time is set and /clock is silent")
         writer = self._session.writer
         writer.set_custom_data("dropped", str(self._session.dropped))
         jumps = self._clock_of_reception.jumps_ns
