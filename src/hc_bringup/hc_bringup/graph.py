@@ -24,6 +24,7 @@ from hc_msgs_py.middleware import set_defaults
 _LEAST_WAIT_S: Final = 0.8
 _QUIET_S: Final = 0.4
 _MOST_WAIT_S: Final = 2.3
+_REPEAT_S: Final = 0.5
 
 
 class Graph:
@@ -141,15 +142,26 @@ class Graph:
             raise UserError(f"node {node_name} offers no parameters", FAILURE)
         return client
 
-    def result(self, future: Any, what: str) -> Any:
-        """Wait for the answer of a service.
+    def call(self, send: Callable[[], Any], what: str) -> Any:
+        """Send a request and return the answer; send it again while none comes.
+
+        A server that has not discovered the client yet answers into the void, although the client
+        sees the server already. Requests must therefore do no harm when they are repeated.
+
+        Args:
+            send: sends the request and returns its future.
+            what: what is asked for, for the error.
 
         Raises:
-            UserError: if none comes.
+            UserError: if no answer comes.
         """
-        if not self.wait_for(future.done):
-            raise UserError(f"{what}: no answer", FAILURE)
-        return future.result()
+        futures: list[Any] = []
+        end = time.monotonic() + _MOST_WAIT_S
+        while time.monotonic() < end:
+            futures.append(send())
+            if self.wait_for(lambda: any(f.done() for f in futures), _REPEAT_S):
+                return next(f for f in futures if f.done()).result()
+        raise UserError(f"{what}: no answer", FAILURE)
 
 
 def absolute(name: str) -> str:

@@ -153,12 +153,12 @@ def _connect(graph: Any, node: str) -> tuple[str, Any]:
 
 
 def _names(graph: Any, client: Any, node_name: str) -> list[str]:
-    answer = graph.result(client.list_parameters(), f"parameters of {node_name}")
+    answer = graph.call(client.list_parameters, f"parameters of {node_name}")
     return list(answer.result.names)
 
 
 def _values(graph: Any, client: Any, names: list[str]) -> list[Any]:
-    return list(graph.result(client.get_parameters(names), "values").values)
+    return list(graph.call(lambda: client.get_parameters(names), "values").values)
 
 
 def _value(graph: Any, client: Any, node_name: str, name: str) -> Any:
@@ -190,7 +190,7 @@ def _like(current: Any, given: Any) -> Any:
 
 
 def _set_atomically(graph: Any, client: Any, parameters: list[Any]) -> None:
-    answer = graph.result(client.set_parameters_atomically(parameters), "setting")
+    answer = graph.call(lambda: client.set_parameters_atomically(parameters), "setting")
     if not answer.result.successful:
         names = ", ".join(p.name for p in parameters)
         raise UserError(f"setting {names} failed: {answer.result.reason}", FAILURE)

@@ -70,7 +70,10 @@ def _echo(arguments: argparse.Namespace) -> int:
             topic, type_name = absolute(arguments.topic), arguments.type
         received: deque[Any] = deque()
         graph.node.create_subscription(
-            message_class(type_name), topic, received.append, _matching_qos(graph, topic)
+            message_class(type_name),
+            topic,
+            lambda message: received.append(message),
+            _matching_qos(graph, topic),
         )
         end = None if arguments.timeout is None else time.monotonic() + arguments.timeout
         while graph.spin(0.02):
