@@ -1,0 +1,61 @@
+"""Time shift, force zero and contact position found between the channels."""
+
+import numpy as np
+import pytest
+
+from hc_evaluation.accuracy import catalogue
+from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder, load
+from hc_evaluation.accuracy.scenarios import simulate
+from hc_evaluation.channels import diagnose_channels
+
+needs_recordings = pytest.mark.skipif(
+    data_folder() is None, reason="the recordings in ../shared/data are absent"
+)
+
+
+@pytest.mark.parametrize("scenario", catalogue.CHANNEL_FAULTS, ids=lambda s: s.name)
+def test_finds_the_fault_that_was_put_in_and_the_tissue_behind_it(scenario):
+    contact = simulate(scenario, 3)
+    found = diagnose_channels(contact.time_s, contact.displacement_mm, contact.force_n)
+    assert abs(found.delay_s - scenario.force_delay_s) < max(4 * found.delay_std_s, 2e-4)
+    assert abs(found.zero_n - scenario.force_zero_n) < 4 * found.zero_std_n
+    assert abs(found.contact_mm - scenario.contact_position_mm) < 4 * found.contact_std_mm
+    np.testing.assert_allclose(found.parameters, scenario.tissue.as_array(), rtol=0.08)
+    expected = [
+        name
+        for name, value in (
+            ("delay", scenario.force_delay_s),
+            ("zero", scenario.force_zero_n),
+            ("contact", scenario.contact_position_mm),
+        )
+        if value != 0.0
+    ]
+    assert list(found.clear_faults) == expected
+    assert found.residual_rms_n <= found.residual_rms_without_n * 1.001
+
+
+@needs_recordings
+@pytest.mark.parametrize(
+    ("name", "delay", "contact"),
+    [
+        ("sine_soft", -0.030, None),
+        ("sine_horse_raw", -0.030, None),
+        ("sine_horse_aligned", 0.0, None),
+        ("press_triangle_unzeroed", None, 6.15),
+    ],
+)
+def test_finds_what_is_known_of_the_recordings(name, delay, contact):
+    """30 ms between the channels; contact at 6.0 to 6.3 mm (data/README.md)."""
+    recording = next(r for r in RECORDINGS if r.name == name)
+    found = diagnose_channels(*load(data_folder(), recording))
+    if delay is not None:
+        assert found.delay_s == pytest.approx(delay, abs=0.004)
+    if contact is not None:
+        assert found.contact_mm == pytest.approx(contact, abs=0.2)
+
+
+def test_too_little_is_refused_with_a_reason():
+    with pytest.raises(ValueError, match="10 samples"):
+        diagnose_channels(np.arange(10.0), np.zeros(10), np.zeros(10))
+    with pytest.raises(ValueError, match="force span of 0 N"):
+        diagnose_channels(np.arange(100.0), np.arange(100.0), np.ones(100))
