@@ -5,16 +5,8 @@ sample = rig.step()          # one sample
 series = rig.run(10.0)       # ten seconds, compiled, the same numbers as step()
 """
 
-from hc_sim_rig.rig import (
-    Coupling,
-    Joint,
-    LinkReport,
-    Rig,
-    RigDivergedError,
-    RigSample,
-    RigSeries,
-    Truth,
-)
+from hc_sim_rig.records import Coupling, Joint, RigSample, RigSeries, Truth
+from hc_sim_rig.rig import LinkReport, Rig, RigDivergedError
 from hc_sim_rig.scenario import Scenario, available_scenarios, load_scenario
 from hc_sim_rig.schema import ScenarioError
 from hc_sim_rig.settings import SETTINGS, Setting, settings_of

@@ -17,7 +17,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from hc_sim_rig.drives import Teleoperation
-from hc_sim_rig.rig import Rig, RigSeries
+from hc_sim_rig.records import RigSeries
+from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import Scenario, available_scenarios, load_scenario
 
 BLUE, ORANGE, GREEN, BLACK = "#6aa6d8", "#e0761a", "#2a8f4d", "#222222"

@@ -5,14 +5,13 @@ Free of ROS and of clocks: time is the number of samples divided by the rate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator import Estimator, create_estimator
+from hc_estimator import DEFAULT_FILTER, Estimator, create_estimator
 from hc_sim_rig.assembly import (
     SIDES,
     configuration,
@@ -27,25 +26,14 @@ from hc_sim_rig.engine import advance
 from hc_sim_rig.layout import (
     DRAWS,
     OUT_COLUMNS,
-    OUT_COMMAND,
-    OUT_CONTACT,
     OUT_DISPLACEMENT,
-    OUT_FEEDBACK_FORCE,
     OUT_FORCE,
-    OUT_LATERAL,
-    OUT_MASTER,
-    OUT_OPERATOR_FORCE,
-    OUT_PARAMETERS,
-    OUT_SENT_FORCE,
-    OUT_SLAVE,
     OUT_TIME,
-    OUT_TRUE_DISPLACEMENT,
-    OUT_TRUE_FORCE,
-    OUT_TRUE_VELOCITY,
     PACKETS_LOST,
     PACKETS_OVERTAKEN,
     TUNE_TARGET,
 )
+from hc_sim_rig.records import RigSample, RigSeries, sample_from_row, series_from_rows
 from hc_sim_rig.scenario import Scenario, load_scenario
 from hc_sim_rig.schema import ScenarioError
 from hc_sim_rig.settings import check_settings, settings_of
@@ -62,74 +50,6 @@ FARTHEST = 1e6
 
 class RigDivergedError(ScenarioError):
     """The simulated loop is unstable and has run away: one line that says when."""
-
-
-class Truth(NamedTuple):
-    """What no sensor tells. Scalars of a sample, or arrays with a leading sample axis."""
-
-    displacement_mm: Any
-    velocity_mm_s: Any
-    force_n: Any
-    parameters: Any
-    """(4,) or (N, 4): K, B, n, p; NaN where the plant has no such parameter."""
-    contact: Any
-
-
-class Joint(NamedTuple):
-    """Motion of the master or the slave, both in millimetres of the slave [mm, mm/s, N].
-
-    The master of a stage is its commanded motion. Effort: the actuator's force (u_m, u_s of
-    paper C); of a stage the force that it exerts on the tissue.
-    """
-
-    position_mm: Any
-    velocity_mm_s: Any
-    effort_n: Any
-
-
-class Coupling(NamedTuple):
-    """What passes between operator, master and slave."""
-
-    operator_force_n: Any
-    command_mm: Any
-    """Position of the master as the slave has received it."""
-    feedback_force_n: Any
-    """Contact force as the master has received it."""
-    sent_force_n: Any
-    """Contact force as the slave sends it."""
-
-
-class RigSample(NamedTuple):
-    """One sample: what the sensors read, and the truth behind it."""
-
-    time_s: float
-    sequence: int
-    displacement_mm: float
-    force_n: float
-    truth: Truth
-    master: Joint
-    slave: Joint
-    lateral_mm: float
-    coupling: Coupling
-
-
-@dataclass(frozen=True)
-class RigSeries:
-    """Many samples: the fields of RigSample as arrays with a leading sample axis."""
-
-    time_s: Array
-    sequence: NDArray[np.int64]
-    displacement_mm: Array
-    force_n: Array
-    truth: Truth
-    master: Joint
-    slave: Joint
-    lateral_mm: Array
-    coupling: Coupling
-
-    def __len__(self) -> int:
-        """Number of samples."""
-        return len(self.time_s)
 
 
 class LinkReport(NamedTuple):
@@ -183,7 +103,7 @@ class Rig:
         if self.side == "master":
             return None
         try:
-            return create_estimator(**{"filter": "ukf", **drive.signals.estimator})
+            return create_estimator(**{"filter": DEFAULT_FILTER, **drive.signals.estimator})
         except (TypeError, ValueError) as error:
             raise ScenarioError(f"drive.signals.estimator: {error}") from None
 
@@ -291,29 +211,7 @@ class Rig:
         """
         sequence = self.sequence
         self._advance(self._row)
-        values = self._row[0].tolist()
-        return RigSample(
-            values[OUT_TIME],
-            sequence,
-            values[OUT_DISPLACEMENT],
-            values[OUT_FORCE],
-            Truth(
-                values[OUT_TRUE_DISPLACEMENT],
-                values[OUT_TRUE_VELOCITY],
-                values[OUT_TRUE_FORCE],
-                self._row[0, OUT_PARAMETERS : OUT_PARAMETERS + 4].copy(),
-                values[OUT_CONTACT] > 0.0,
-            ),
-            Joint(*values[OUT_MASTER : OUT_MASTER + 3]),
-            Joint(*values[OUT_SLAVE : OUT_SLAVE + 3]),
-            values[OUT_LATERAL],
-            Coupling(
-                values[OUT_OPERATOR_FORCE],
-                values[OUT_COMMAND],
-                values[OUT_FEEDBACK_FORCE],
-                values[OUT_SENT_FORCE],
-            ),
-        )
+        return sample_from_row(self._row[0], sequence)
 
     def run(self, duration_s: float | None = None) -> RigSeries:
         """Take the samples of a duration, as fast as the machine can: the same numbers as step().
@@ -334,29 +232,7 @@ class Rig:
         first = self.sequence
         out = np.empty((count, OUT_COLUMNS))
         self._advance(out)
-        columns = np.ascontiguousarray(out.T)
-        return RigSeries(
-            columns[OUT_TIME],
-            np.arange(first, first + count),
-            columns[OUT_DISPLACEMENT],
-            columns[OUT_FORCE],
-            Truth(
-                columns[OUT_TRUE_DISPLACEMENT],
-                columns[OUT_TRUE_VELOCITY],
-                columns[OUT_TRUE_FORCE],
-                np.ascontiguousarray(out[:, OUT_PARAMETERS : OUT_PARAMETERS + 4]),
-                columns[OUT_CONTACT] > 0.0,
-            ),
-            Joint(*columns[OUT_MASTER : OUT_MASTER + 3]),
-            Joint(*columns[OUT_SLAVE : OUT_SLAVE + 3]),
-            columns[OUT_LATERAL],
-            Coupling(
-                columns[OUT_OPERATOR_FORCE],
-                columns[OUT_COMMAND],
-                columns[OUT_FEEDBACK_FORCE],
-                columns[OUT_SENT_FORCE],
-            ),
-        )
+        return series_from_rows(out, first)
 
     def _advance(self, out: Array) -> None:
         """Fill the rows of `out`, making random draws as they run out."""

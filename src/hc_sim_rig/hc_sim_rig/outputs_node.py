@@ -1,0 +1,122 @@
+"""Topics of the indenter node: one publisher and one reused message each."""
+
+from __future__ import annotations
+
+from geometry_msgs.msg import WrenchStamped
+from hc_msgs.msg import IndenterSample, IndenterTruth
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from hc_msgs_py.conversion import (
+    fill_force,
+    fill_sample,
+    fill_truth,
+    new_sample_message,
+    new_truth_message,
+)
+from hc_msgs_py.parameters import declare
+from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TRUTH, WRENCH
+from hc_msgs_py.units import METRE_IN_MM, set_stamp
+from hc_sim_rig.records import RigSample
+
+LISTENERS_EVERY = 20
+"""Samples between two looks at who listens to the topics that not everybody needs."""
+
+
+class Outputs:
+    """Publishes samples; what nobody listens to is not even made."""
+
+    def __init__(self, node: Node, with_sensors: bool) -> None:
+        """Make the publishers and declare whom ~/ready waits for.
+
+        Args:
+            node: the node that publishes.
+            with_sensors: False for a master alone, whose host has no sensors.
+        """
+        self._node = node
+        self._with_sensors = with_sensors
+        self._sample = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
+        self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
+        self._joints = node.create_publisher(JointState, JOINT_STATES, SAMPLE_QOS)
+        self._sample_message = new_sample_message()
+        self._truth_message = new_truth_message()
+        self._wrench_message = WrenchStamped()
+        self._wrench_message.header.frame_id = FRAME_INDENTER_TIP
+        self._joints_message = JointState(name=["master", "slave"])
+        self._by_topic = {
+            SAMPLE: self._sample,
+            TRUTH: self._truth,
+            WRENCH: self._wrench,
+            JOINT_STATES: self._joints,
+        }
+        for topic in self._by_topic:
+            declare(
+                node,
+                expected_parameter(topic),
+                0,
+                f"subscribers of {topic} that ~/ready waits for",
+                minimum=0,
+                maximum=1000,
+            )
+        self.published = 0
+
+    def missing(self) -> list[str]:
+        """Return who is not there yet, for ~/ready."""
+        lines = []
+        for topic, publisher in self._by_topic.items():
+            expected = self._node.get_parameter(expected_parameter(topic)).value
+            found = publisher.get_subscription_count()
+            if found < expected:
+                lines.append(f"{topic} has {found} of {expected} subscribers")
+        return lines
+
+    def publish(self, stamp_ns: int, sample: RigSample) -> None:
+        """Publish one sample on all topics that are listened to."""
+        if self.published % LISTENERS_EVERY == 0:
+            self._truth_wanted = self._truth.get_subscription_count() > 0
+            self._wrench_wanted = self._wrench.get_subscription_count() > 0
+            self._joints_wanted = self._joints.get_subscription_count() > 0
+        if self._with_sensors:
+            self._publish_sensors(stamp_ns, sample)
+        if self._joints_wanted:
+            self._publish_joints(stamp_ns, sample)
+        self.published += 1
+
+    def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
+        """Publish what the sensors read, and the truth behind it."""
+        fill_sample(
+            self._sample_message,
+            stamp_ns,
+            sample.sequence,
+            sample.displacement_mm,
+            sample.force_n,
+        )
+        self._sample.publish(self._sample_message)
+        if self._truth_wanted:
+            fill_truth(self._truth_message, stamp_ns, sample.sequence, *sample.truth)
+            self._truth.publish(self._truth_message)
+        if self._wrench_wanted:
+            fill_force(self._wrench_message, stamp_ns, sample.force_n)
+            self._wrench.publish(self._wrench_message)
+
+    def _publish_joints(self, stamp_ns: int, sample: RigSample) -> None:
+        """Publish both joints; of a side that is on another host, what this one knows."""
+        master, slave, message = sample.master, sample.slave, self._joints_message
+        set_stamp(message.header.stamp, stamp_ns)
+        message.position = [
+            master.position_mm / METRE_IN_MM,
+            slave.position_mm / METRE_IN_MM,
+        ]
+        message.velocity = [
+            master.velocity_mm_s / METRE_IN_MM,
+            slave.velocity_mm_s / METRE_IN_MM,
+        ]
+        message.effort = [master.effort_n, slave.effort_n]
+        self._joints.publish(message)
+
+
+def expected_parameter(topic: str) -> str:
+    """Name of the parameter that says how many subscribers of a topic ~/ready waits for."""
+    return f"expected_{topic.rsplit('/', 1)[-1]}_subscribers"
