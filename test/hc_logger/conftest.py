@@ -168,3 +168,34 @@ def graph(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     executor.shutdown()
     node.destroy_node()
     context.try_shutdown()
+
+
+@pytest.fixture
+def refusal(domain: int, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """What a node of this process answers to wrong parameters: one line, or the test fails.
+
+    A process for each of them would take most of the suite's time; that run_node turns the
+    exception into one line on stderr and exit status 2 is tested with a process once.
+    """
+    import rclpy
+    from rclpy.exceptions import ParameterException
+
+    from hc_msgs_py.node_main import NodeStartError
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+    def refuse(factory: Callable[[], Any], **parameters: Any) -> str:
+        arguments = ["--ros-args"]
+        for name, value in parameters.items():
+            arguments += ["-p", f"{name}:={value}"]
+        rclpy.init(args=arguments, domain_id=domain)
+        try:
+            with pytest.raises((NodeStartError, ParameterException, ValueError)) as caught:
+                factory()
+        finally:
+            rclpy.try_shutdown()
+        line = " ".join(str(caught.value).split())
+        assert line
+        return line
+
+    return refuse

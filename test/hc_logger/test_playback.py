@@ -165,5 +165,5 @@ def test_an_arrow_key_may_come_in_pieces() -> None:
 
 
 def test_no_terminal_is_said(tmp_path: Path) -> None:
-    with open(tmp_path / "file", "w") as stream, pytest.raises(ValueError, match="not a terminal"):
+    with open(tmp_path / "file", "w") as stream, pytest.raises(ValueError, match="no terminal"):
         Keyboard(stream.fileno())

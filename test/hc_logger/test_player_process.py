@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from hc_logger.definitions import installed_definition
+from hc_logger.player_node import PlayerNode
 from hc_logger.reader import BagReader
 from hc_logger.writer import BagWriter
 
@@ -93,23 +94,24 @@ def test_services_start_and_pause_it(start_node: Start, graph: Any, make_bag: Ma
         ({"start_offset": 99.0}, "start offset is 99 s, the bag lasts only"),
         ({"topics": "['/else']"}, "no topic of"),
         ({"rate": -1.0}, "rate"),
+        ({"keyboard": True}, "there is no keyboard"),
+        ({"remap": "['a']"}, "'a' is not recorded:=played"),
+        ({"remap": "['/no:=/b']"}, "has no topic /no"),
     ],
 )
-def test_a_wrong_start_is_one_line(
-    start_node: Start, make_bag: MakeBag, parameters: dict[str, Any], expected: str
+def test_a_wrong_start_is_refused(
+    refusal: Callable[..., str], make_bag: MakeBag, parameters: dict[str, Any], expected: str
 ) -> None:
     if parameters and "bag" not in parameters:
         parameters = parameters | {"bag": make_bag(count=100)}
-    node = start_node(PLAYER, **parameters)
-    assert node.wait() == 2
-    assert expected in node.error
-    assert len(node.error.splitlines()) == 1
+    assert expected in refusal(PlayerNode, **parameters)
 
 
 def test_an_empty_bag_is_one_line(start_node: Start, make_bag: MakeBag) -> None:
     node = start_node(PLAYER, bag=make_bag(count=0))
     assert node.wait() == 2
     assert "has no messages" in node.error
+    assert len(node.error.splitlines()) == 1
 
 
 def values(graph: Any) -> dict[str, str]:
@@ -274,13 +276,14 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         os.close(terminal)
 
 
-def test_messages_of_another_definition_are_not_played(start_node: Start, tmp_path: Path) -> None:
+def test_messages_of_another_definition_are_not_played(
+    refusal: Callable[..., str], tmp_path: Path
+) -> None:
     """Others would read wrong numbers out of them without a word."""
     definition = installed_definition("hc_msgs/msg/IndenterSample")
     other = definition._replace(type_hash="RIHS01_" + 64 * "0")
     with BagWriter(tmp_path / "bag") as writer:
         topic = writer.add_topic("/indenter/sample", other.name, definition=other)
         writer.write(topic, 1, b"\0\1\0\0" + bytes(60))
-    node = start_node(PLAYER, bag=tmp_path / "bag")
-    assert node.wait() == 2
-    assert "was recorded with another definition than the one installed here" in node.error
+    line = refusal(PlayerNode, bag=tmp_path / "bag")
+    assert "was recorded with another definition than the one installed here" in line

@@ -99,7 +99,7 @@ def test_any_flipped_bit_is_survived(make_bag: MakeBag, tmp_path: Path) -> None:
         largest = max(len(m.log_time) for m in reader.files[0].chunks())
     rng = random.Random(11)
     path = tmp_path / "flipped.mcap"
-    places = [*range(8, 300), *(rng.randrange(len(data)) for _ in range(250))]
+    places = [*range(8, 300, 2), *(rng.randrange(len(data)) for _ in range(150))]
     for place in places:
         flipped = bytearray(data)
         flipped[place] ^= 1 << rng.randrange(8)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import select
-import sys
 import termios
 import tty
 from types import TracebackType
 
+STANDARD_INPUT = 0
 _SEQUENCES = {
     b"\x1b[A": "up",
     b"\x1b[B": "down",
@@ -51,24 +51,24 @@ def key_names(data: bytes) -> tuple[list[str], bytes]:
 class Keyboard:
     """The terminal in key-by-key mode, from __enter__ to __exit__ (signals work as before)."""
 
-    def __init__(self, descriptor: int | None = None) -> None:
+    def __init__(self, descriptor: int = STANDARD_INPUT) -> None:
         """Take a terminal.
 
         Args:
-            descriptor: its file descriptor; None for standard input.
+            descriptor: its file descriptor.
 
         Raises:
             ValueError: if it is no terminal, or that of another process in the foreground.
         """
-        self._descriptor = sys.stdin.fileno() if descriptor is None else descriptor
+        self._descriptor = descriptor
         if not os.isatty(self._descriptor):
-            raise ValueError("standard input is not a terminal: there is no keyboard")
+            raise ValueError("there is no terminal, so there is no keyboard")
         try:
             foreground = os.tcgetpgrp(self._descriptor)
         except OSError:  # not the controlling terminal: nobody else reads from it
             foreground = os.getpgrp()
         if foreground != os.getpgrp():
-            raise ValueError("the terminal belongs to another process: there is no keyboard")
+            raise ValueError("the terminal belongs to another process, so there is no keyboard")
         self._begun = b""
 
     def __enter__(self) -> Keyboard:
