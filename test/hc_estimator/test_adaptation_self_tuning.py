@@ -1,0 +1,273 @@
+"""self_tuning_ukf as a whole: what it promises, and every failure met on the way."""
+
+import json
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+
+FILTER = "self_tuning_ukf"
+
+
+def make(filter_parameters=None, **kwargs):
+    return hc.create_estimator(FILTER, **(filter_parameters or {}), **kwargs)
+
+
+def noisy(time, d, force, displacement_noise, force_noise, seed):
+    rng = np.random.default_rng(seed)
+    return (
+        time,
+        d + displacement_noise * rng.standard_normal(time.size),
+        force + force_noise * rng.standard_normal(time.size),
+    )
+
+
+def contact(sines, offset, parameters, rate, seconds, noise, seed, start=0.0):
+    """Multi-sine contact: readings, true displacement and velocity."""
+    time = np.arange(round(seconds * rate)) / rate
+    d = np.full_like(time, offset)
+    v = np.zeros_like(time)
+    for amplitude, frequency, phase in sines:
+        angle = 2 * np.pi * frequency * time + phase
+        d += amplitude * np.sin(angle)
+        v += amplitude * 2 * np.pi * frequency * np.cos(angle)
+    d = np.where(time < start, -1.0, d)
+    stiffness, damping, n, p = parameters
+    depth = np.maximum(d, 0.0)
+    force = depth**n * (stiffness + damping * np.sign(v) * np.abs(v) ** p)
+    return (*noisy(time, d, force, *noise, seed), d, v, force)
+
+
+def test_is_the_default_filter_and_tuned_to_no_noise_level(recording):
+    assert hc.DEFAULT_FILTER == FILTER
+    for factor in (1.0, 10.0):
+        series = make().run(
+            *recording(
+                seconds=6.0, seed=11, displacement_noise=0.001 * factor, force_noise=0.004 * factor
+            )
+        )
+        assert series.force_noise_std[-1] == pytest.approx(0.004 * factor, rel=0.2)
+        assert series.displacement_noise_std[-1] == pytest.approx(0.001 * factor, rel=0.2)
+        np.testing.assert_allclose(series.parameters[-1], (0.2, 0.05, 1.8, 1.05), rtol=0.02)
+        assert 1.7 < np.nanmean(series.nis[1000:]) < 2.3
+
+
+def test_step_and_run_give_the_same_numbers_across_a_contest(recording):
+    time, d, force = recording(seconds=4.0, seed=3)
+    force = np.where(time > 3.0, 2.0 * force, force)
+    whole = make().run(time, d, force)
+    single = make()
+    rows = [single.step(*sample) for sample in zip(time, d, force, strict=True)]
+    np.testing.assert_array_equal(whole.parameters, [r.parameters for r in rows])
+    np.testing.assert_array_equal(whole.nis, [r.nis for r in rows])
+    np.testing.assert_array_equal(whole.change_detected, [r.change_detected for r in rows])
+    assert np.count_nonzero(whole.change_detected) == 1
+
+
+def test_state_saved_within_a_contest_continues_to_the_last_bit(recording):
+    time, d, force = recording(seconds=4.0, seed=4)
+    force = np.where(time > 3.0, 1.7 * force, force)
+    whole = make().run(time, d, force)
+    cut = 3050  # 50 ms after the change
+    first = make()
+    first.run(time[:cut], d[:cut], force[:cut])
+    second = make()
+    second.restore(json.loads(json.dumps(first.state())))
+    rest = second.run(time[cut:], d[cut:], force[cut:])
+    np.testing.assert_array_equal(rest.parameters, whole.parameters[cut:])
+    np.testing.assert_array_equal(rest.covariance, whole.covariance[cut:])
+
+
+def test_changed_tissue_is_called_once_and_found(recording):
+    time, d, force = recording(seconds=10.0, seed=5)
+    _, _, other = recording(seconds=10.0, seed=5, parameters=(0.5, 0.03, 1.5, 1.05))
+    series = make().run(time, d, np.where(time >= 6.0, other, force))
+    calls = time[series.change_detected]
+    assert calls.size == 1
+    assert 6.0 < calls[0] < 6.3
+    np.testing.assert_allclose(series.parameters[6500], (0.5, 0.03, 1.5, 1.05), rtol=0.05)
+    np.testing.assert_allclose(series.parameters[-1], (0.5, 0.03, 1.5, 1.05), rtol=0.01)
+    assert not series.model_mismatch[-1]
+    never = make(find_changes=False).run(time, d, np.where(time >= 6.0, other, force))
+    assert not np.any(never.change_detected)
+    assert never.model_mismatch[6500]
+
+
+@pytest.mark.parametrize("factor", [4.0, 0.25])
+def test_noise_jump_is_followed_and_called_nothing(recording, factor):
+    """A noise falling to a quarter once drove the jerk density to zero and the estimate off."""
+    time, d, force = recording(seconds=10.0, seed=6, displacement_noise=0.0, force_noise=0.0)
+    rng = np.random.default_rng(7)
+    scale = np.where(time < 5.0, 1.0, factor) * (4.0 if factor < 1.0 else 1.0)
+    series = make().run(
+        time,
+        d + 0.002 * scale * rng.standard_normal(time.size),
+        force + 0.01 * scale * rng.standard_normal(time.size),
+    )
+    assert not np.any(series.change_detected)
+    assert 1.6 < np.mean(series.nis[time > 6.0]) < 2.4
+    error = np.abs(series.parameters[time > 5.0] / (0.2, 0.05, 1.8, 1.05) - 1.0)
+    assert np.max(error) < 0.03
+    assert series.force_noise_std[-1] == pytest.approx(0.01 * scale[-1], rel=0.25)
+
+
+def test_steady_misfit_becomes_model_error_and_a_flag_not_changes(recording):
+    """Force 30 ms late: the contact law cannot follow; once one change after the other."""
+    time, d, force = recording(seconds=15.0, seed=8)
+    late = np.concatenate((force[:30], force[:-30]))
+    series = make().run(time, d, late)
+    assert np.count_nonzero(series.change_detected) == 0
+    assert np.mean(series.model_mismatch[time > 3.0]) > 0.95
+    assert series.force_noise_std[-1] > 0.5
+    assert np.mean(series.nis[time > 3.0]) < 3.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_stiff_tissue_does_not_collapse_at_the_start(seed):
+    """Without tempering by curvature one start in twelve ended with K and p thousands off."""
+    parameters = (1.2, 0.12, 1.9, 0.9)
+    sines = ((1.2, 0.5, 0.3), (0.6, 1.7, 1.0), (0.25, 4.1, 2.0))
+    time, d, force, *_ = contact(sines, 2.5, parameters, 1000.0, 3.0, (0.002, 0.012), 40 + seed)
+    series = make().run(time, d, force)
+    np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.03)
+
+
+def test_tissue_first_touched_after_a_while_is_found_as_well():
+    """Tempering that counted samples was over before the contact began."""
+    parameters = (0.8, 0.1, 1.4, 1.0)
+    sines = ((2.0, 0.8, -1.57), (0.5, 2.9, 0.4))
+    time, d, force, *_ = contact(sines, 1.2, parameters, 1000.0, 8.0, (0.003, 0.015), 9, start=3.2)
+    series = make().run(time, d, force)
+    free = (time > 0.2) & (time < 3.0)
+    assert np.ptp(series.parameters[free], axis=0).max() < 1e-9
+    np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.02)
+    assert not np.any(series.change_detected)
+
+
+def test_constant_velocity_leaves_stiffness_and_damping_apart_unknown():
+    """Only K + B v^p and n can be seen; the covariance once collapsed along the curved valley."""
+    time = np.arange(10000) / 1000.0
+    d = 0.5 + 0.5 * time
+    force = d**1.8 * (0.2 + 0.05 * 0.5**1.05)
+    errors = []
+    for seed in range(4):
+        series = make().run(*noisy(time, d, force, 0.002, 0.01, seed))
+        last = series.parameters[-1]
+        total = last[0] + last[1] * 0.5 ** last[3]
+        assert total == pytest.approx(0.2 + 0.05 * 0.5**1.05, rel=0.1)
+        assert last[2] == pytest.approx(1.8, abs=0.03)
+        assert series.identifiability[-1, 3] < 0.05
+        deviation = series.parameters_std[-1, 1] / last[1]
+        errors.append(np.log(last[1] / 0.05) / deviation)
+    assert np.sqrt(np.mean(np.square(errors))) < 3.0
+
+
+def test_slow_tissue_of_low_rate_is_found_from_a_guess_far_too_stiff():
+    parameters = (0.05, 0.025, 1.3, 1.0)
+    sines = ((0.9, 0.4, 0.0), (0.5, 1.1, 1.0), (0.3, 2.7, 2.0))
+    time, d, force, *_ = contact(sines, 2.0, parameters, 100.0, 10.0, (0.005, 0.002), 12)
+    series = make().run(time, d, force)
+    np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.02)
+    np.testing.assert_allclose(series.parameters[150], parameters, rtol=0.1)
+
+
+def test_violent_misfit_at_the_start_recovers():
+    """Relaxation of a third of the force once threw the state hundreds of newtons off."""
+    sines = ((1.2, 0.5, 0.3), (0.6, 1.7, 1.0), (0.25, 4.1, 2.0))
+    parameters = (0.4, 0.04, 2.3, 0.8)
+    for seed in range(4000, 4006):
+        time, d, force, depth, *_ = contact(sines, 2.5, parameters, 500.0, 15.0, (0.01, 0.05), seed)
+        elastic = 0.3 * 0.4 * depth**2.3
+        relaxing = np.zeros_like(elastic)
+        for k in range(1, relaxing.size):
+            relaxing[k] = relaxing[k - 1] * (1 - 0.004) + elastic[k] - elastic[k - 1]
+        series = make().run(time, d, force + relaxing)
+        late = time > 5.0
+        assert np.all(np.abs(series.displacement - depth)[late] < 0.5)
+        residual = (series.force_predicted - force - relaxing)[late]
+        assert np.sqrt(np.mean(residual**2)) < 1.5
+        assert np.mean(series.nis[late]) < 4.0
+
+
+def test_dropped_and_jittered_samples_do_not_matter():
+    parameters = (0.2, 0.05, 1.8, 1.05)
+    sines = ((1.6, 0.7, 0.0), (0.8, 2.3, 0.5))
+    time, d, force, *_ = contact(sines, 3.0, parameters, 1000.0, 8.0, (0.002, 0.01), 13)
+    rng = np.random.default_rng(14)
+    kept = rng.random(time.size) > 0.05
+    series = make().run(time[kept], d[kept], force[kept])
+    np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.01)
+    assert not np.any(series.change_detected)
+    stamped = np.sort(time + 2e-4 * rng.random(time.size))
+    series = make().run(stamped, d, force)
+    np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.01)
+    assert not np.any(series.change_detected)
+
+
+def test_a_gap_and_a_clock_set_back_are_bridged(recording):
+    time, d, force = recording(seconds=9.0, seed=15)
+    kept = (time < 3.0) | (time > 5.0)
+    stamps = np.where(time > 7.0, time - 100.0, time)
+    series = make().run(stamps[kept], d[kept], force[kept])
+    np.testing.assert_allclose(series.parameters[-1], (0.2, 0.05, 1.8, 1.05), rtol=0.01)
+    assert not np.any(series.change_detected)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_hostile_samples_leave_state_finite_and_positive_definite(seed):
+    """Mixtures of garbage: 10^5 samples in all."""
+    rng = np.random.default_rng(seed)
+    count = 33_500
+    steps = rng.choice([1e-3, 0.0, -1e-3, 1e-9, 1.0, 30.0, np.nan], count, p=[0.9] + 6 * [0.1 / 6])
+    time = np.nancumsum(steps)
+    time[np.isnan(steps)] = np.nan
+    level = 10.0 ** rng.integers(-9, 10, count // 500 + 1).repeat(500)[:count]
+    d = 3.0 + 2.0 * np.sin(0.01 * np.arange(count)) + rng.standard_normal(count) * 1e-2
+    d *= rng.choice([1.0, -1.0, 0.0, 1e3, np.inf], count, p=[0.9, 0.04, 0.03, 0.02, 0.01])
+    force = rng.standard_normal(count) * level
+    force[rng.random(count) < 0.01] = np.nan
+    estimator = make(force_limit=1e6, longest_gap=0.2)
+    series = estimator.run(time, d, force)
+    assert np.all(np.isfinite(series.parameters))
+    covariance = estimator.state()["memory"]["covariance"]
+    assert np.all(np.linalg.eigvalsh(np.array(covariance)) > -1e-12 * np.max(np.abs(covariance)))
+    assert np.all(np.isfinite(series.covariance))
+    # and it works again afterwards
+    estimator.reset()
+    clean_time = np.arange(4000) / 1000.0
+    dd = 3 + 1.6 * np.sin(4.4 * clean_time) + 0.8 * np.sin(14.5 * clean_time + 0.5)
+    vv = 1.6 * 4.4 * np.cos(4.4 * clean_time) + 0.8 * 14.5 * np.cos(14.5 * clean_time + 0.5)
+    clean = dd**1.8 * (0.2 + 0.05 * np.sign(vv) * np.abs(vv) ** 1.05)
+    series = estimator.run(*noisy(clean_time, dd, clean, 0.002, 0.01, seed))
+    np.testing.assert_allclose(series.parameters[-1], (0.2, 0.05, 1.8, 1.05), rtol=0.02)
+
+
+def test_given_noise_is_used_where_asked(recording):
+    estimator = make(noise_adaptation="fixed", displacement_noise_std=0.002, force_noise_std=0.01)
+    series = estimator.run(*recording(seconds=4.0, seed=16))
+    assert np.all(series.force_noise_std[~series.model_mismatch] == pytest.approx(0.01))
+    assert 1.6 < np.nanmean(series.nis[1000:]) < 2.4
+    estimator.reconfigure(force_noise_std=0.02)
+    assert estimator.step(4.0, 3.0, 1.0).force_noise_std == pytest.approx(0.02, rel=0.5)
+
+
+def test_noiseless_signals_are_no_trouble(recording):
+    series = make().run(*recording(seconds=4.0, displacement_noise=0.0, force_noise=0.0))
+    assert np.all(np.isfinite(series.parameters))
+    np.testing.assert_allclose(series.parameters[-1], (0.2, 0.05, 1.8, 1.05), rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters"),
+    [("kelvin_voigt", (0.6, 0.04, 1, 1)), ("elastic_power_law", (0.6, 0, 1.6, 1))],
+)
+def test_other_contact_models(model, parameters):
+    time = np.arange(5000) / 1000.0
+    d = 3 + 1.2 * np.sin(5 * time) + 0.4 * np.sin(14 * time)
+    v = 6 * np.cos(5 * time) + 5.6 * np.cos(14 * time)
+    stiffness, damping, n, _ = parameters
+    force = stiffness * d**n + (damping * v if model == "kelvin_voigt" else 0.0)
+    series = make(contact_model=model).run(*noisy(time, d, force, 0.002, 0.01, 17))
+    np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.02)
+    assert not np.any(series.change_detected)
