@@ -6,7 +6,13 @@ setup(
     name="hc_evaluation",
     version="0.1.0",
     packages=find_packages(include=["hc_evaluation", "hc_evaluation.*"]),
-    package_data={"hc_evaluation": ["py.typed"]},
+    package_data={
+        "hc_evaluation": [
+            "py.typed",
+            "reproduction/published.yaml",
+            "reproduction/experiments/*.yaml",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/hc_evaluation"]),
         ("share/hc_evaluation", ["package.xml"]),

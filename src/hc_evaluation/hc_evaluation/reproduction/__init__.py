@@ -1,0 +1,1 @@
+"""The experiments of the three papers, side by side with what they printed."""
