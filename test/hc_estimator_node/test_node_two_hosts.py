@@ -1,0 +1,130 @@
+"""Rig on one host and estimator on another, with delay and loss between them."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.process
+
+DELAY_S = 0.1
+LOSS = 0.01
+SAMPLES = 1500
+
+LISTENER = f"""
+import json, time, rclpy
+from hc_msgs.msg import HuntCrossleyEstimate
+from hc_msgs_py.qos import ESTIMATE_QOS
+rclpy.init()
+node = rclpy.create_node("listener")
+got = []
+ages = []
+def take(message):
+    stamp = message.header.stamp
+    ages.append(time.time() - stamp.sec - 1e-9 * stamp.nanosec)
+    got.append(message)
+node.create_subscription(HuntCrossleyEstimate, "hc/estimate", take, ESTIMATE_QOS)
+print("up", flush=True)
+end = time.monotonic() + 60
+while time.monotonic() < end and (not got or got[-1].sequence < {SAMPLES - 1 - 50}):
+    rclpy.spin_once(node, timeout_sec=0.1)
+last = got[-1]
+print(json.dumps(dict(ages=ages, latency=[m.latency for m in got], sequence=[m.sequence for m in got],
+    parameters=[last.stiffness, last.damping, last.displacement_exponent, last.velocity_exponent],
+    rejected=sum(m.rejected != 0 for m in got))))
+"""
+
+SOURCE = f"""
+import sys, time, rclpy
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from conftest import Plant
+from hc_msgs.msg import IndenterSample
+from hc_msgs_py.conversion import fill_sample, new_sample_message
+from hc_msgs_py.qos import SAMPLE_QOS
+rclpy.init()
+node = rclpy.create_node("source")
+publisher = node.create_publisher(IndenterSample, "indenter/sample", SAMPLE_QOS)
+while not publisher.get_subscription_count():
+    time.sleep(0.05)
+time.sleep(1.0)
+message = new_sample_message()
+begin = time.monotonic()
+for i, (time_s, displacement, force) in enumerate(Plant(rate_hz=500.0).samples({SAMPLES})):
+    while (left := begin + time_s - time.monotonic()) > 0:
+        time.sleep(left)
+    fill_sample(message, time.time_ns(), i, displacement, force)
+    publisher.publish(message)
+time.sleep(1.0)
+"""
+
+
+@pytest.fixture
+def hosts(domain_id):
+    """Run commands on two hosts that a slow link joins; all of it is gone afterwards."""
+    names = [f"hc{os.getpid() % 100000}a", f"hc{os.getpid() % 100000}b"]
+    if shutil.which("ip") is None or os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
+        pytest.skip("network namespaces need root, the ip command and /dev/net/tun")
+    made, processes = [], []
+    for name in names:
+        result = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True)
+        if result.returncode != 0:
+            for other in made:
+                subprocess.run(["ip", "netns", "del", other], check=True)
+            pytest.skip(f"network namespaces are not allowed here: {result.stderr.strip()}")
+        made.append(name)
+
+    def start(command, host=None):
+        prefix = [] if host is None else ["ip", "netns", "exec", names[host]]
+        process = subprocess.Popen(
+            [*prefix, sys.executable, *command],
+            env=os.environ
+            | {"ROS_DOMAIN_ID": str(domain_id), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    link = Path(__file__).with_name("delayed_link.py")
+    addresses = ["10.231.7.1/24", "10.231.7.2/24"]
+    relay = start(
+        [str(link), names[0], addresses[0], names[1], addresses[1], str(DELAY_S), str(LOSS)]
+    )
+    try:
+        if relay.stdout.readline() != "up\n":
+            pytest.skip("TAP devices are not allowed here")
+        yield start
+    finally:
+        for process in processes:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            try:
+                process.communicate(timeout=10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
+        for name in names:
+            subprocess.run(["ip", "netns", "del", name], check=True)
+
+
+def test_estimates_go_on_across_a_slow_and_lossy_link_and_the_latency_is_true(hosts, plant):
+    hosts(["-m", "hc_estimator.node"], host=1)
+    listener = hosts(["-c", LISTENER], host=1)
+    assert listener.stdout.readline() == "up\n"
+    hosts(["-c", SOURCE], host=0)
+    output, _errors = listener.communicate(timeout=110)
+    found = json.loads(output)
+    latency = np.array(found["latency"])
+    assert latency.min() >= DELAY_S
+    assert latency.min() < DELAY_S + 0.1
+    assert (np.array(found["ages"]) >= latency - 1e-6).all()  # it had not arrived before it left
+    arrived = len(set(found["sequence"]))
+    assert 0.9 * SAMPLES < arrived < SAMPLES  # some were lost, and not many more
+    assert found["sequence"] == sorted(found["sequence"])
+    np.testing.assert_allclose(found["parameters"], plant.parameters, rtol=0.15)
