@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import hc_estimator as hc
-from hc_estimator import random_numbers, resampling
+from hc_estimator import documentation, random_numbers, resampling
 from hc_estimator.compilation import compiled
 from hc_estimator.estimator import MEMORY, SETTINGS
 from hc_estimator.linear_algebra import cholesky
@@ -232,3 +232,13 @@ def test_numbers_of_other_types_are_taken():
         hc.create_estimator("ukf", noise_adaptation="often")
     with pytest.raises(ValueError, match="limit_parameters = 1 is not true or false"):
         hc.create_estimator("ukf", state_space="paper", limit_parameters=1)
+
+
+def test_parameter_tables_of_the_documentation_are_up_to_date():
+    """If this fails: python -m hc_estimator.documentation docs/estimators.md."""
+    page = Path(__file__).parents[2] / "docs" / "estimators.md"
+    assert documentation.with_tables(page.read_text()) == page.read_text()
+    for name in hc.available_filters():
+        assert f"`{name}`" in page.read_text()
+    with pytest.raises(ValueError, match="the page needs the lines"):
+        documentation.with_tables("a page without marks")

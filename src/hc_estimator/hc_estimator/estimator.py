@@ -109,8 +109,11 @@ def parameter_specifications(
             f"contact_model = {contact_model!r} does not go with filter {filter!r}: "
             f"one of {', '.join(entry.contact_models)}"
         )
+    own = entry.specifications
+    if state_space != "kinematic":
+        own = tuple(s for s in own if s.name not in entry.kinematic_only)
     specifications = (
-        entry.specifications
+        own
         + state_space_registry.SPECIFICATIONS[state_space]
         + contact_registry.SPECIFICATIONS.get(contact_model, ())
         + screening.SPECIFICATIONS

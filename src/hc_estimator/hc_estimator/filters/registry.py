@@ -23,6 +23,7 @@ class FilterEntry:
         specifications: parameters of the filter and of the adaptations that it uses.
         summary: one line for users.
         defaults: defaults that differ from the specifications', by state space and name.
+        kinematic_only: parameters that it has on `kinematic` only.
         particle_columns: numbers per particle (0: it has none); it then has the parameter
             particle_count and gets an array of twice as many rows.
         fixed: settings that this filter does not offer but its kernel reads.
@@ -34,6 +35,7 @@ class FilterEntry:
     specifications: tuple[ParameterSpecification, ...]
     summary: str
     defaults: Mapping[str, Mapping[str, ParameterValue]] = dataclasses.field(default_factory=dict)
+    kinematic_only: tuple[str, ...] = ()
     particle_columns: int = 0
     fixed: Mapping[str, ParameterValue] = dataclasses.field(default_factory=dict)
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
@@ -151,6 +153,7 @@ FILTERS: dict[str, FilterEntry] = {
             },
         },
         fixed={"tempering_amplitude": 0.0},
+        kinematic_only=("proposal",),
         particle_columns=sir_pf.COLUMNS,
     ),
     "rbpf": FilterEntry(

@@ -88,8 +88,8 @@ SPECIFICATIONS = (
         "proposal",
         "str",
         "process",
-        "Where the particles' motion is drawn from: the process function with its noise, or (on "
-        "`kinematic` only) a Kalman filter of the displacement alone.",
+        "Where the particles' motion is drawn from: the process function with its noise, or a "
+        "Kalman filter of the displacement alone. On `kinematic` only.",
         choices=("process", "motion"),
         runtime=False,
     ),
