@@ -35,8 +35,10 @@ end = time.monotonic() + 60
 while time.monotonic() < end and (not got or got[-1].sequence < {SAMPLES - 1 - 50}):
     rclpy.spin_once(node, timeout_sec=0.1)
 last = got[-1]
-print(json.dumps(dict(ages=ages, latency=[m.latency for m in got], sequence=[m.sequence for m in got],
-    parameters=[last.stiffness, last.damping, last.displacement_exponent, last.velocity_exponent],
+print(json.dumps(dict(ages=ages, latency=[m.latency for m in got],
+    sequence=[m.sequence for m in got],
+    parameters=[last.stiffness, last.damping, last.displacement_exponent,
+        last.velocity_exponent],
     rejected=sum(m.rejected != 0 for m in got))))
 """
 

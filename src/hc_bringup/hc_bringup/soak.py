@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import rclpy
+import yaml
 from numpy.typing import NDArray
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
@@ -31,6 +32,7 @@ from hc_bringup.runner import Runner, RunState
 from hc_estimator import available_filters, available_state_spaces
 from hc_logger.recording import read_recording
 from hc_msgs_py.topics import NODE_ESTIMATOR
+from hc_sim_rig.scenario import SCENARIO_FOLDER
 
 RECONFIGURATIONS_PER_S = 20.0
 SETTLED_SHARE = 0.2
@@ -97,6 +99,7 @@ def run_soak(
     with tempfile.TemporaryDirectory(prefix="hc_soak_") as folder:
         bag = Path(folder) / "bag"
         plan = with_parameters(plan, "recorder", {"output": str(bag)})
+        plan = with_parameters(plan, "indenter", {"scenario": str(_endless(Path(folder)))})
         with _Disturber(seed) as disturber:
 
             def look(state: RunState) -> None:
@@ -125,6 +128,14 @@ def run_soak(
             "max": 1e6 * latency.maximum,
         },
     )
+
+
+def _endless(folder: Path) -> Path:
+    """Write the multi-sine scenario so that it begins again at its end, and return its path."""
+    data = yaml.safe_load((SCENARIO_FOLDER / "multisine.yaml").read_text(encoding="utf-8"))
+    path = folder / "multisine_without_end.yaml"
+    path.write_text(yaml.safe_dump(data | {"at_end": "loop"}), encoding="utf-8")
+    return path
 
 
 def random_settings(generator: random.Random) -> dict[str, Any]:
