@@ -6,13 +6,14 @@ import os
 import pty
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hc_logger.bag import Message
+from hc_logger.errors import BagError
 from hc_logger.keyboard import Keyboard, key_names
 from hc_logger.playback import Playback
 from hc_logger.reader import BagReader
@@ -139,6 +140,26 @@ def test_damage_on_the_way_is_skipped(make_bag: MakeBag) -> None:
         assert playback.error is None
         assert len(reader.problems) == 1
     assert 900 < len(sink.messages) < 1000
+
+
+@pytest.mark.parametrize("error", [BagError("gone"), OSError(5, "gone")])
+def test_a_bag_that_cannot_be_read_on_ends_the_playback(
+    make_bag: MakeBag, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    sink = Sink()
+    with BagReader(make_bag(count=1000)) as reader:
+        whole = list(reader.messages())
+
+        def messages(*_: object) -> Iterator[Message]:
+            yield from whole[:600]
+            raise error
+
+        monkeypatch.setattr(reader, "messages", messages)
+        playback = Playback(reader, sink, ALL, rate=100.0)
+        playback.resume()
+        finish(playback)
+    assert playback.error is error
+    assert sink.messages == whole[:600]
 
 
 def test_key_names() -> None:

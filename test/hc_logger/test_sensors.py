@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hc_logger.convert import bag_to_csv
 from hc_logger.errors import BagError
 from hc_logger.recording import read_recording
 from hc_logger.sensors import Sensor, read_sensors
@@ -79,6 +80,11 @@ def test_a_bag_with_one_wrench_and_one_position_needs_no_names(tmp_path: Path) -
     np.testing.assert_allclose(recording.displacement_mm, 7000.0)  # the first joint, as it is
     np.testing.assert_array_equal(recording.force_n, 0.0)
     assert "displacement of /robot/position" in recording.findings.lines()[0]
+    count, lines = bag_to_csv(tmp_path / "bag", tmp_path / "bag.csv")
+    assert (count, lines) == (1001, recording.findings.lines())
+    np.testing.assert_array_equal(
+        read_recording(tmp_path / "bag.csv").displacement_mm, recording.displacement_mm
+    )
 
 
 def test_a_time_offset_moves_the_force_against_the_position(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from hc_logger.layout import encode, records, stamps
 from hc_logger.recorded import SAMPLE_TYPE, only_topic
 from hc_logger.recording import stamps_from_seconds
 from hc_logger.selection import TopicSelection, full_name
+from hc_logger.sensors import has_sensors, read_sensors
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -164,15 +165,21 @@ def bag_to_csv(
         progress: told the done share.
 
     Returns:
-        Number of rows, and one line for each part of the bag that could not be read.
+        Number of rows, and one line for each thing one should know: parts of the bag that could
+        not be read, or whose sensors were taken.
 
     Raises:
         BagError: if the source has no samples or the target exists.
     """
     with open_bag(source) as reader:
         name = full_name(topic) if topic else only_topic(reader, SAMPLE_TYPE, SAMPLE)
+        if name is None and has_sensors(reader):
+            recording = read_sensors(source)
+            columns = (recording.time_s, recording.displacement_mm, recording.force_n)
+            return write_csv(target, [np.column_stack(columns)]), recording.findings.lines()
         if name is None or name not in reader.topics:
-            raise BagError(f"{source} has no topic of type {SAMPLE_TYPE}")
+            what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
+            raise BagError(f"{source} has {what}; it has {', '.join(reader.topics) or 'nothing'}")
         count = write_csv(target, _rows(reader, name, progress))
         return count, reader.problems
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from hc_logger.bag import Bag, Message
+from hc_logger.errors import BagError
 from hc_logger.selection import TopicSelection
 
 BATCH = 256
@@ -260,20 +261,19 @@ class Playback:
                 if self._stopping:
                     return
                 generation, position = self._generation, self._position_ns
-            try:
-                self._read_from(generation, position)
-            except (OSError, ValueError) as error:
-                self.error = error
-                self._put(_Batch(generation, [], last=True))
+            self._read_from(generation, position)
 
     def _read_from(self, generation: int, position: int) -> None:
         batch: list[Message] = []
-        for message in self._reader.messages(self._topics, position, self.last_ns):
-            batch.append(message)
-            if len(batch) == BATCH:
-                if not self._put(_Batch(generation, batch)):
-                    return
-                batch = []
+        try:
+            for message in self._reader.messages(self._topics, position, self.last_ns):
+                batch.append(message)
+                if len(batch) == BATCH:
+                    if not self._put(_Batch(generation, batch)):
+                        return
+                    batch = []
+        except (OSError, ValueError, BagError) as error:
+            self.error = error
         self._put(_Batch(generation, batch, last=True))
 
     def _put(self, batch: _Batch) -> bool:
