@@ -9,7 +9,7 @@ import pytest
 from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue, measure
 from hc_evaluation.accuracy.measure import Setup, Task
-from hc_evaluation.accuracy.recorded import recording_run
+from hc_evaluation.accuracy.recorded import RecordingTask, recording_run
 from hc_evaluation.accuracy.recordings import RECORDINGS, batch_fit, causal_fit, data_folder
 from hc_evaluation.accuracy.run import quiet_rows, run_accuracy, target
 from hc_evaluation.accuracy.scenarios import simulate
@@ -74,7 +74,7 @@ def test_what_a_weak_motion_hides_is_told(scenario):
 @pytest.mark.parametrize("name", ["sine_soft", "sine_hard", "sine_horse_raw"])
 def test_real_recordings_are_predicted_as_well_as_least_squares_does(name):
     recording = next(r for r in RECORDINGS if r.name == name)
-    row = recording_run((Setup(), recording, str(data_folder())))
+    row = recording_run(RecordingTask(Setup(), recording, str(data_folder())))
     assert row["ratio"] < 1.1
     assert abs(row["k_off"]) < 0.05
     assert abs(row["n_off"]) < 0.05

@@ -17,8 +17,8 @@ import numpy as np
 from hc_estimator import PARAMETER_NAMES
 from hc_evaluation.accuracy import catalogue, measure
 from hc_evaluation.accuracy.measure import Numbers, Setup, Task
-from hc_evaluation.accuracy.recorded import channel_run, recording_run
-from hc_evaluation.accuracy.recordings import RECORDINGS, Recording, data_folder
+from hc_evaluation.accuracy.recorded import RecordingTask, channel_run, recording_run
+from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder
 from hc_evaluation.accuracy.scenarios import Scenario
 
 REPORT_SEED = 100_000
@@ -345,7 +345,7 @@ def _recordings(
     folder = data_folder()
     if folder is None:
         return {"rows": [], "targets": [], "skipped": "the folder with the recordings is absent"}
-    tasks: list[tuple[Setup, Recording, str]] = [(setup, r, str(folder)) for r in RECORDINGS]
+    tasks = [RecordingTask(setup, recording, str(folder)) for recording in RECORDINGS]
     rows = _spread(pool, recording_run, tasks, report)
     targets = []
     for row, recording in zip(rows, RECORDINGS, strict=True):
@@ -439,9 +439,14 @@ def _defaults(
             "weak_nees": _worst(float(np.mean(w["nees"])) for w in weak),
         }
         if folder is not None:
-            sines = [(varied, r, str(folder)) for r in RECORDINGS if r.file.count("sine")]
+            sines = [
+                RecordingTask(varied, recording, str(folder), causal=False)
+                for recording in RECORDINGS
+                if recording.palpation and recording.model_fits
+            ]
             recorded = _spread(pool, recording_run, sines, nothing)
-            row["recordings"] = _worst(r["ratio"] for r in recorded)
+            row["recordings"] = _worst(r["ratio"] for r in recorded[:-1])
+            row["press"] = float(recorded[-1]["ratio"])
             row["recorded_changes"] = float(sum(r["changes"] for r in recorded))
         rows.append(row)
         report(index + 1, len(VARIATIONS))

@@ -136,7 +136,8 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("false alarms", _plain("false_alarms")),
         ("5 % after s", _plain("settling_s")),
         ("NEES, weak motion", _plain("weak_nees")),
-        ("recordings", _plain("recordings")),
+        ("sine recordings / floor", _plain("recordings")),
+        ("press / floor", _plain("press")),
         ("changes there", _plain("recorded_changes")),
     ),
     "filters": (
