@@ -1,6 +1,6 @@
 """A look at the ROS graph from the command line, that waits for discovery before it answers.
 
-Discovery takes a third of a second where hc_msgs_py/discovery.xml is in force, and up to 3 s
+Discovery takes a third of a second where hc_msgs_py/fast_dds.xml is in force, and up to 3 s
 with nodes of others. A command that answered at once would say that a node does not exist which
 only has not been seen yet. Every answer comes within 3 s.
 """

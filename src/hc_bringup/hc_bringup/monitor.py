@@ -23,6 +23,7 @@ NODE_NAME = "hc_monitor"
 NOT_STARTED = "not started"
 """What missing() says of a node that does not offer ~/ready yet."""
 SERVICE_TIMEOUT_S = 5.0
+REPEAT_S = 0.5
 
 
 class Monitor:
@@ -96,12 +97,18 @@ class Monitor:
         if not client.service_is_ready():
             self.spin(0.05)
             return None
-        future = client.call_async(request)
-        self._spin_until(future.done, timeout_s)
-        if not future.done():
+        # A server that has not discovered this client yet answers into the void: ask again.
+        futures: list[Any] = []
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            futures.append(client.call_async(request))
+            self._spin_until(lambda: any(f.done() for f in futures), REPEAT_S)
+            for future in futures:
+                if future.done():
+                    return future.result()
+        for future in futures:
             client.remove_pending_request(future)
-            return None
-        return future.result()
+        return None
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
         end = time.monotonic() + timeout_s
