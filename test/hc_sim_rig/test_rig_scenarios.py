@@ -48,6 +48,12 @@ def test_every_scenario_loads_and_says_where_it_comes_from(name: str) -> None:
     assert "# Origin: " in text.split("description:")[0]
 
 
+@pytest.mark.parametrize("name", available_scenarios())
+def test_every_scenario_has_its_picture_in_the_documentation(name: str) -> None:
+    assert f"pictures/rig_{name}.png" in (ROOT / "docs" / "rig.md").read_text()
+    assert (ROOT / "docs" / "pictures" / f"rig_{name}.png").is_file()
+
+
 def test_path_and_name_give_the_same_scenario(tmp_path: Path) -> None:
     copy_of = tmp_path / "mine.yaml"
     copy_of.write_text((SCENARIO_FOLDER / "multisine.yaml").read_text())

@@ -61,6 +61,13 @@ def test_six_newtons_are_a_limit_cycle() -> None:
     assert late == pytest.approx(early, rel=0.01)  # neither decays nor grows
 
 
+def test_four_newtons_look_stable_for_ten_seconds_and_are_not() -> None:
+    series = Rig(paper_c(4.0)).run(60.0)
+    assert swing(series, 6.0, 10.0) < 0.1
+    assert swing(series, 50.0, 60.0) > 15.0
+    assert swing(Rig(paper_c(3.5)).run(60.0), 50.0, 60.0) < 1e-3
+
+
 def test_without_contact_force_in_eq_13_thirteen_newtons_are_stable() -> None:
     readings = Readings(eq13_adds_contact_force=False)
     series = Rig(paper_c(13.0, readings=readings)).run(40.0)

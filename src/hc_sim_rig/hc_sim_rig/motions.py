@@ -1,6 +1,7 @@
 """Motions of the stage, as a scenario names them, and their profiles.
 
-Positions are measured from the surface of the tissue, positive into it [mm].
+Positions are those of the tool, positive into the tissue [mm]; its penetration is the position
+minus the tissue's surface_mm, which is 0 unless the scenario says otherwise.
 """
 
 from __future__ import annotations
