@@ -16,7 +16,6 @@ import struct
 import subprocess
 import threading
 import time
-from pathlib import Path
 
 TUNSETIFF = 0x400454CA
 TAP_WITHOUT_HEADER = 0x0002 | 0x1000
@@ -27,8 +26,10 @@ def why_not() -> str:
     """Why namespaces cannot be made here; empty if they can."""
     if os.geteuid() != 0:
         return "needs root for network namespaces"
-    if not Path("/dev/net/tun").exists():
-        return "needs /dev/net/tun"
+    try:
+        os.close(os.open("/dev/net/tun", os.O_RDWR))
+    except OSError as error:
+        return f"needs /dev/net/tun: {error.strerror}"
     name = f"hc_try_{os.getpid()}"
     try:
         subprocess.run(["ip", "netns", "add", name], check=True, capture_output=True)
@@ -54,9 +55,13 @@ class DelayedLink:
         self._taps: list[int] = []
 
     def __enter__(self) -> DelayedLink:
-        for namespace, address in zip(self.namespaces, self.addresses, strict=True):
-            ip("netns", "add", namespace)
-            self._taps.append(open_tap(f"hctap{len(self._taps)}", namespace, address))
+        try:
+            for namespace, address in zip(self.namespaces, self.addresses, strict=True):
+                ip("netns", "add", namespace)
+                self._taps.append(open_tap(f"hctap{len(self._taps)}", namespace, address))
+        except BaseException:
+            self.__exit__()
+            raise
         self._thread.start()
         return self
 
