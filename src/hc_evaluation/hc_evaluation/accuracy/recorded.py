@@ -52,6 +52,11 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
     if task.causal:
         causal = held(causal_fit(time, smooth, velocity, force, start_s=start))
     last = series.parameters[-1]
+    stiffness = last[0]
+    if recording.elastic:
+        speed = float(np.median(np.abs(velocity)))
+        linear = batch_fit(smooth, np.zeros_like(velocity), force, velocity_exponent=1.0)
+        stiffness = last[0] + last[1] * speed ** last[3]
     return {
         "recording": recording.name,
         "ratio": _rms(errors) / _rms(batch),
@@ -62,7 +67,7 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
         "deviations": series.parameters_std[-1].tolist(),
         "identifiability": series.identifiability[-1].tolist(),
         "batch": linear.parameters.tolist(),
-        "k_off": float(last[0] / linear.parameters[0] - 1.0),
+        "k_off": float(stiffness / linear.parameters[0] - 1.0),
         "n_off": float(last[2] / linear.parameters[2] - 1.0),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),

@@ -30,6 +30,9 @@ class Recording:
         contact_mm: Displacement at contact, subtracted from the readings.
         model_fits: True if the contact law describes it, so that K and n are comparable.
         palpation: True for the robot's palpations, False for the slow material tests.
+        deepest_mm: Readings are used until the displacement first exceeds this.
+        elastic: True where the tool moves at one slow speed: K and B cannot be told apart, and
+            what is compared is the stiffness K + B v^p at that speed.
     """
 
     name: str
@@ -37,6 +40,8 @@ class Recording:
     contact_mm: float
     model_fits: bool
     palpation: bool = True
+    deepest_mm: float = float("inf")
+    elastic: bool = False
 
 
 RECORDINGS = (
@@ -46,6 +51,10 @@ RECORDINGS = (
     Recording("sine_horse_aligned", "palpation_sine_horse_aligned.csv", 0.0, True),
     Recording("press_triangle", "palpation_press_triangle.csv", 6.0, True),
     Recording("press_triangle_unzeroed", "palpation_press_triangle.csv", 0.0, False),
+    Recording(
+        "silicone_soft_6mm", "silicone_compression_EF10_50T.csv", 0.0, True, False, 6.0, True
+    ),
+    Recording("silicone_hard_6mm", "silicone_compression_EF50_0T.csv", 0.0, True, False, 6.0, True),
     Recording("silicone_soft", "silicone_compression_EF10_50T.csv", 0.0, False, False),
     Recording("silicone_hard", "silicone_compression_EF50_0T.csv", 0.0, False, False),
     Recording("ramp_hold_1", "tissue_ramp_hold_1.csv", 0.0, False, False),
@@ -79,6 +88,9 @@ def load(folder: Path, recording: Recording) -> tuple[FloatArray, FloatArray, Fl
         raise ValueError(f"cannot read the recording {path}: {error}") from error
     if table.shape[1] != 3:
         raise ValueError(f"the recording {path} has {table.shape[1]} columns instead of 3")
+    beyond = np.flatnonzero(table[:, 1] > recording.deepest_mm)
+    if beyond.size:
+        table = table[: beyond[0]]
     time, displacement, force = table.T
     return (
         np.ascontiguousarray(time),
