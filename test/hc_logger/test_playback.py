@@ -18,6 +18,7 @@ from hc_logger.keyboard import Keyboard, key_names
 from hc_logger.playback import Playback
 from hc_logger.reader import BagReader
 from hc_logger.selection import TopicSelection
+from hc_logger.writer import BagWriter
 
 ALL = TopicSelection(["*"])
 SAMPLES = TopicSelection(["indenter/sample"])
@@ -66,6 +67,27 @@ def test_everything_comes_in_order_and_never_early(make_bag: MakeBag) -> None:
     assert sink.at[-1] - sink.at[0] > 0.49
     assert playback.published == {"/header": 100, "/indenter/sample": 1000}
     assert playback.delays().p50 <= playback.delays().p99 <= playback.delays().maximum
+
+
+def test_it_begins_with_the_first_message_of_the_chosen_topics(
+    tmp_path: Path, sample_messages: Callable[..., list[bytes]]
+) -> None:
+    """A recorder that waited a minute for the samples must not make a replay wait as well."""
+    with BagWriter(tmp_path / "bag") as writer:
+        samples = writer.add_topic("indenter/sample", "hc_msgs/msg/IndenterSample")
+        other = writer.add_topic("/other", "std_msgs/msg/Header")
+        writer.write(other, 0, b"\0\1\0\0" + bytes(13))
+        for k, data in enumerate(sample_messages(np.arange(100), np.arange(100))):
+            writer.write(samples, 60_000_000_000 + k * 1_000_000, data)
+    sink = Sink()
+    with BagReader(tmp_path / "bag") as reader:
+        playback = Playback(reader, sink, SAMPLES, start_offset_s=0.05)
+        playback.resume()
+        sink.wait(50)
+        finish(playback)
+        with pytest.raises(ValueError, match="lasts only"):
+            Playback(reader, sink, SAMPLES, start_offset_s=0.2)
+    assert len(sink.messages) == 50
 
 
 def test_loop_and_window(make_bag: MakeBag, start_ns: int) -> None:

@@ -77,7 +77,7 @@ class Playback:
             selection: which topics.
             rate: recorded seconds per second.
             loop: start again at the end, until stop().
-            start_offset_s: begin so many recorded seconds after the first message.
+            start_offset_s: begin so many recorded seconds after the first message of these topics.
             duration_s: end after so many recorded seconds; 0 plays to the end.
 
         Raises:
@@ -91,15 +91,18 @@ class Playback:
         topics = [name for name in reader.topics if name in selection]
         if not topics:
             raise ValueError(f"no topic of {reader.path} is chosen: {', '.join(reader.topics)}")
-        self.first_ns = span[0] + round(start_offset_s * 1e9)
+        first = next(reader.messages(topics), None)
+        if first is None:
+            raise ValueError(f"{reader.path} has no message on {', '.join(topics)}")
+        lasts_s = (span[1] - first.log_time) * 1e-9
+        if start_offset_s > lasts_s:
+            raise ValueError(
+                f"start offset is {start_offset_s:g} s, the bag lasts only {lasts_s:g} s"
+            )
+        self.first_ns = first.log_time + round(start_offset_s * 1e9)
         self.last_ns = span[1]
         if duration_s:
             self.last_ns = min(span[1], self.first_ns + round(duration_s * 1e9))
-        if self.first_ns > span[1]:
-            raise ValueError(
-                f"start offset is {start_offset_s:g} s, the bag lasts only "
-                f"{(span[1] - span[0]) * 1e-9:g} s"
-            )
         self.published = dict.fromkeys(topics, 0)
         self.loops = 0
         self.error: Exception | None = None
