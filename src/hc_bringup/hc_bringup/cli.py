@@ -20,6 +20,7 @@ COMMANDS: Final = (
     "node",
     "topic",
     "param",
+    "reproduce",
     "bench",
     "report",
     "test",

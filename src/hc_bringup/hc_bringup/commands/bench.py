@@ -9,7 +9,7 @@ from typing import Any
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural, positive
 
-HELP = "measure speed, accuracy, bags: the figures of the documents"
+HELP = "measure speed, accuracy, bags, endurance: the figures of the documents"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -22,13 +22,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument("--quick", action="store_true", help="few seeds, for a first look")
     bags = commands.add_parser("bags", help="recorder, player, bag files")
     bags.add_argument("--duration", type=positive, default=20.0, metavar="S", help="of each part")
-    for command in (speed, accuracy, bags):
+    soak = commands.add_parser("soak", help="a long run under random reconfiguration")
+    soak.add_argument("--minutes", type=positive, default=10.0, metavar="N", help="how long (10)")
+    soak.add_argument("--seed", type=natural, default=0, metavar="N", help="of the changes")
+    accuracy.add_argument(
+        "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
+    )
+    for command in (speed, accuracy, bags, soak):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    return {"speed": _speed, "accuracy": _accuracy, "bags": _bags}[arguments.action](arguments)
+    actions = {"speed": _speed, "accuracy": _accuracy, "bags": _bags, "soak": _soak}
+    return actions[arguments.action](arguments)
 
 
 def _speed(arguments: argparse.Namespace) -> int:
@@ -45,12 +52,15 @@ def _speed(arguments: argparse.Namespace) -> int:
 
 
 def _accuracy(arguments: argparse.Namespace) -> int:
-    from hc_evaluation.accuracy.table import text_table
-
     from hc_bringup.progress import counted_bar
     from hc_bringup.summary import to_json
+    from hc_evaluation.accuracy.pictures import write_pictures
     from hc_evaluation.accuracy.run import run_accuracy
+    from hc_evaluation.accuracy.table import text_table, write_tables
 
+    document = Path(arguments.document) if arguments.document is not None else None
+    if document is not None and not document.is_file():
+        raise UserError(f"there is no document {document}", WRONG_USE)
     try:
         with counted_bar() as progress:
             result = run_accuracy(
@@ -58,9 +68,14 @@ def _accuracy(arguments: argparse.Namespace) -> int:
             )
     except ValueError as error:
         raise UserError(str(error), WRONG_USE) from error
+    if document is not None:
+        write_tables(result, document)
+        pictures = document.parent / "pictures"
+        pictures.mkdir(exist_ok=True)
+        write_pictures(result, pictures)
     print(to_json(result) if arguments.json else text_table(result))
-    missed = [t for e in result["experiments"].values() for t in e["targets"] if not t["met"]]
-    return FAILURE if missed else 0
+    targets = [t for e in result["experiments"].values() for t in e.get("targets", [])]
+    return 0 if all(target["met"] for target in targets) else FAILURE
 
 
 def _bags(arguments: argparse.Namespace) -> int:
@@ -71,6 +86,16 @@ def _bags(arguments: argparse.Namespace) -> int:
         figures = bench_bags(arguments.duration, progress=tell)
     _show(figures, arguments.json)
     return 0
+
+
+def _soak(arguments: argparse.Namespace) -> int:
+    from hc_bringup.live import Display
+    from hc_bringup.soak import run_soak
+
+    with Display(enabled=True) as display:
+        report = run_soak(arguments.minutes, seed=arguments.seed, show=display.show)
+    _show(report.as_dict(), arguments.json)
+    return FAILURE if report.lost or report.invalid else 0
 
 
 def _show(figures: Mapping[str, Any], as_json: bool) -> None:
