@@ -100,9 +100,6 @@ class _ContactLike(Protocol):
     rejected: int
     tissue_changes: int
     model_mismatch: bool
-    parameters: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    identifiability: NDArray[np.float64]
     peak_force: float
     peak_displacement: float
     peak_speed: float
@@ -110,6 +107,18 @@ class _ContactLike(Protocol):
     energy_loss: float
     position_m: tuple[float, float, float]
     position_frame_id: str
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """K, B, n, p, shape (4,)."""
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the parameters, shape (4, 4)."""
+
+    @property
+    def identifiability(self) -> NDArray[np.float64]:
+        """Of the parameters, shape (4,)."""
 
     @property
     def duration_s(self) -> float:

@@ -25,9 +25,7 @@ class ContactSummary:
         rejected: samples not used.
         tissue_changes: changes of the tissue detected.
         model_mismatch: whether the contact law failed to describe the sensors at some time.
-        parameters: K, B, n, p at the end, shape (4,).
-        covariance: of the parameters, shape (4, 4).
-        identifiability: of the parameters, shape (4,).
+        estimate: the last one in contact.
         peak_force: largest measured force [N].
         peak_displacement: largest measured penetration [mm].
         peak_speed: largest filtered speed [mm/s].
@@ -43,9 +41,7 @@ class ContactSummary:
     end_ns: int
     first_sequence: int
     last_sequence: int
-    parameters: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    identifiability: NDArray[np.float64]
+    estimate: Estimate
     samples: int = 0
     rejected: int = 0
     tissue_changes: int = 0
@@ -58,6 +54,21 @@ class ContactSummary:
     squared_error: float = 0.0
     position_m: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     position_frame_id: str = ""
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """K, B, n, p at the end, shape (4,)."""
+        return self.estimate.parameters
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """Covariance of the parameters at the end, shape (4, 4)."""
+        return self.estimate.covariance
+
+    @property
+    def identifiability(self) -> NDArray[np.float64]:
+        """How much the data said about each parameter, shape (4,)."""
+        return self.estimate.identifiability
 
     @property
     def duration_s(self) -> float:
@@ -131,9 +142,7 @@ class ContactTracker:
                 stamp_ns,
                 sequence,
                 sequence,
-                estimate.parameters,
-                estimate.covariance,
-                estimate.identifiability,
+                estimate,
             )
         else:
             # The filtered displacement: the noise of the measured one would count as work.
@@ -171,10 +180,7 @@ class ContactTracker:
         contact.samples += 1
         contact.tissue_changes += estimate.change_detected
         contact.model_mismatch |= estimate.model_mismatch
-        # Views of the estimate's own numbers: nothing is copied at 1 kHz.
-        contact.parameters = estimate.parameters
-        contact.covariance = estimate.covariance
-        contact.identifiability = estimate.identifiability
+        contact.estimate = estimate
         contact.peak_force = max(contact.peak_force, force_n)
         contact.peak_displacement = max(contact.peak_displacement, displacement_mm)
         contact.peak_speed = max(contact.peak_speed, abs(estimate.velocity))
