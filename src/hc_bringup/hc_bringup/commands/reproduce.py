@@ -13,9 +13,7 @@ HELP = "run the papers' experiments and write tables and figures beside the publ
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "names", nargs="*", metavar="EXPERIMENT", help="some of them (default: all)"
-    )
+    parser.add_argument("names", nargs="*", metavar="EXPERIMENT", help="some of them (all)")
     parser.add_argument("--list", action="store_true", help="print the names of the experiments")
     parser.add_argument("--seeds", type=natural, default=100, metavar="N", help="runs each (100)")
     parser.add_argument("--quick", action="store_true", help="few runs, for a first look")
