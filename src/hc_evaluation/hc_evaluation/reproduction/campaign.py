@@ -10,8 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,14 +21,15 @@ import hc_evaluation
 import hc_sim_rig
 from hc_evaluation.reproduction.experiment import (
     EXPERIMENT_FOLDER,
+    FIRST_SEED,
     available_experiments,
     load_experiment,
 )
+from hc_evaluation.reproduction.pictures import draw
 from hc_evaluation.reproduction.scores import Scores, floors, identifiable, score
 from hc_evaluation.reproduction.signals import make_signal
 from hc_evaluation.reproduction.trace import run_column
 
-FIRST_SEED = 1  # reported seeds count from here; settings were chosen on seeds from 1001 on
 QUICK_SEEDS = 3
 CHUNK = 2  # seeds of an experiment in one task
 
@@ -104,9 +106,9 @@ def run_seeds(name: str, seeds: Sequence[int]) -> dict[int, dict[str, Scores]]:
     scoring = dict(experiment.scoring) | {"identifiable": identifiable(name)}
     result: dict[int, dict[str, Scores]] = {}
     for seed in seeds:
-        signal = make_signal(experiment.signal, seed)
+        data = make_signal(experiment.signal, seed)
         result[seed] = {
-            column.name: score(signal, run_column(column, signal, experiment.signal), scoring)
+            column.name: score(data, run_column(column, data, experiment.signal), scoring)
             for column in experiment.columns
         }
     return result
@@ -153,25 +155,34 @@ def _tasks(missing: Mapping[str, Sequence[int]]) -> list[tuple[str, list[int]]]:
     return [(name, c[i]) for i in range(longest) for name, c in chunks.items() if i < len(c)]
 
 
+def _leave_interrupt() -> None:
+    """An interruption is for the main process, which lets the workers finish their chunk."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _compute(
     tasks: Sequence[tuple[str, list[int]]],
+    drawings: Sequence[str],
+    folder: Path,
     workers: int,
     finished: Callable[[str, dict[int, dict[str, Scores]]], None],
-) -> None:
+) -> list[Path]:
+    """Run the tasks and draw the pictures, in this process or in several."""
     if workers == 1:
         for name, seeds in tasks:
             finished(name, run_seeds(name, seeds))
-        return
+        return [path for name in drawings for path in draw(name, folder)]
     # Not fork: compiled code and its threads do not survive it everywhere.
     context = multiprocessing.get_context("spawn")
-    executor: Executor
-    with ProcessPoolExecutor(workers, mp_context=context) as executor:
-        futures: dict[Future[dict[int, dict[str, Scores]]], str] = {
+    with ProcessPoolExecutor(workers, context, initializer=_leave_interrupt) as executor:
+        running: dict[Future[dict[int, dict[str, Scores]]], str] = {
             executor.submit(run_seeds, name, seeds): name for name, seeds in tasks
         }
+        drawn = [executor.submit(draw, name, folder) for name in drawings]
         try:
-            for future in as_completed(futures):
-                finished(futures[future], future.result())
+            for future in as_completed(running):
+                finished(running[future], future.result())
+            return [path for future in drawn for path in future.result()]
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
             raise
@@ -214,7 +225,7 @@ def run_campaign(
     Args:
         names: experiments; none for all.
         seeds: how many seeds, counted from 1.
-        output: folder for the results; made if it does not exist.
+        output: folder for the results; made if it does not exist. Pictures go to its `pictures`.
         workers: processes.
         progress: told about each finished seed.
 
@@ -226,9 +237,10 @@ def run_campaign(
         raise ReproductionError(f"seeds is {seeds}, must be at least 1")
     if workers < 1:
         raise ReproductionError(f"workers is {workers}, must be at least 1")
-    folder = output / "runs"
+    folder, pictures = output / "runs", output / "pictures"
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        pictures.mkdir(exist_ok=True)
     except OSError as error:
         raise ReproductionError(f"cannot write to {output}: {error.strerror}") from None
     wanted = range(FIRST_SEED, FIRST_SEED + seeds)
@@ -250,7 +262,7 @@ def run_campaign(
 
     for name in chosen:
         tell(name)
-    _compute(_tasks(missing), workers, finished)
+    drawn = _compute(_tasks(missing), chosen, pictures, workers, finished)
     return ReproductionResult(
         {
             name: ExperimentResult(
@@ -263,4 +275,5 @@ def run_campaign(
             for name in chosen
         },
         output,
+        drawn,
     )

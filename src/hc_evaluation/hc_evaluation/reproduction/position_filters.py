@@ -2,9 +2,9 @@
 
 State: position and velocity of the slave (and, in the particle filter, the contact force). Input:
 the slave's control force. Lengths in cm inside, as in the paper's tables I and II, and in mm
-outside. Readings of the misprints (PAPER_NOTES): penetration is max(0, x - x_e0); the element (2, 1)
-of Eq. 20 and 26 has the sign of a discretised spring; the nonlinear model is propagated, not F X;
-the innovation is y - C X; the weight has a minus sign.
+outside. Readings of the misprints: penetration is max(0, x - x_e0); the element (2, 1) of Eq. 20
+and 26 has the sign of a discretised spring; the nonlinear model is propagated, not F X; the
+innovation is y - C X; the weight has a minus sign.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def contact_force(model: FloatArray, position: float, velocity: float) -> float:
     depth = position - model[6]
     if depth <= 0.0:
         return 0.0
-    return max(depth ** model[5] * (model[3] + model[4] * velocity), 0.0)
+    force: float = max(depth ** model[5] * (model[3] + model[4] * velocity), 0.0)
+    return force
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]

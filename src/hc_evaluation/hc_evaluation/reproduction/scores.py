@@ -81,7 +81,9 @@ def _parameter_scores(
     truth = signal.parameters
     span = float(signal.time_s[-1] - signal.time_s[0])
     with np.errstate(all="ignore"):
-        force = hunt_crossley_force(signal.true_displacement, signal.true_velocity, trace.parameters)
+        force = hunt_crossley_force(
+            signal.true_displacement, signal.true_velocity, trace.parameters
+        )
         late = slice(first, None)
         _, held = metrics.hold_forward_errors(
             signal.time_s,
@@ -153,9 +155,7 @@ def score(signal: Signal, trace: Trace, settings: Mapping[str, Any]) -> Scores:
             ),
         }
     lost = trace.numerical_failures > 0 or not finite
-    result["failed"] = float(
-        lost or result["force_rmse"] > DIVERGED * _rms(signal.true_force)
-    )
+    result["failed"] = float(lost or result["force_rmse"] > DIVERGED * _rms(signal.true_force))
     if np.any(np.isfinite(trace.parameters)):
         result |= _parameter_scores(signal, trace, settings, first)
         finite_nis = trace.nis[first:][np.isfinite(trace.nis[first:])]
@@ -222,9 +222,7 @@ def _completed(name: str) -> tuple[tuple[str, ...], tuple[tuple[str, float], ...
     if not np.all(np.isfinite(signal.parameters)) or not np.any(signal.true_displacement > 0.0):
         return (), ()
     deviations, floors = bounds(signal)
-    seen = tuple(
-        n for n, d in zip("KBnp", deviations, strict=True) if WELL_SEEN * d <= TOLERANCE
-    )
+    seen = tuple(n for n, d in zip("KBnp", deviations, strict=True) if WELL_SEEN * d <= TOLERANCE)
     return seen, tuple(floors.items())
 
 

@@ -72,7 +72,7 @@ def _motion(settings: Mapping[str, Any], time: FloatArray) -> tuple[FloatArray, 
 
 def _hunt_crossley(settings: Mapping[str, Any], seed: int) -> Signal:
     step = float(settings["time_step_s"])
-    time = step * np.arange(1, round(float(settings["duration_s"]) / step) + 1)
+    time: FloatArray = step * np.arange(1.0, round(float(settings["duration_s"]) / step) + 1.0)
     displacement, velocity = _motion(settings["motion"], time)
     tissue = settings["tissue"]
     parameters = np.array([float(tissue[name]) for name in ("K", "B", "n", "p")])

@@ -1,0 +1,303 @@
+"""Pictures like the papers', for the first seed: paper setting above, practical and ours below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hc_evaluation.reproduction.experiment import (
+    FIRST_SEED,
+    Column,
+    Experiment,
+    load_experiment,
+)
+from hc_evaluation.reproduction.published import unit_of
+from hc_evaluation.reproduction.signals import Signal, make_signal
+from hc_evaluation.reproduction.trace import Trace, run_column
+
+FloatArray = NDArray[np.float64]
+Traces = Mapping[str, Trace]
+
+COLOURS = ("#555555", "#c0392b", "#2e7d32")  # in the order of an experiment's published filters
+OURS_COLOURS = ("#1565c0", "#ef6c00")
+TRUTH_COLOUR = "#000000"
+POINTS = 4000  # more are thinned out, keeping extremes
+MARGIN = 1.15
+NOISE_FRAME = 2.0  # of the true noise
+LEAVES = 6.0  # a curve so many times larger than the calmest one is cut at the frame
+
+
+def _shown(columns: list[Column], setting: str) -> list[Column]:
+    return [c for c in columns if c.setting == setting]
+
+
+def _colour(experiment: Experiment, column: Column) -> str:
+    if column.setting == "ours":
+        names = [c.name for c in experiment.columns if c.setting == "ours"]
+        return OURS_COLOURS[names.index(column.name) % len(OURS_COLOURS)]
+    names = list(dict.fromkeys(c.published for c in experiment.columns if c.published))
+    return COLOURS[names.index(column.published) % len(COLOURS)]
+
+
+def _thinned(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Smallest and largest value of each stretch, so that no peak is lost."""
+    if time.size <= POINTS:
+        return time, values
+    stretch = -(-2 * time.size // POINTS)
+    count = time.size // stretch
+    block = values[: count * stretch].reshape(count, stretch)
+    finite = np.nan_to_num(block, nan=0.0)
+    rows = np.arange(count)
+    pair = np.sort(np.stack([finite.argmin(axis=1), finite.argmax(axis=1)]), axis=0)
+    times = np.stack([time[rows * stretch + p] for p in pair], axis=1).ravel()
+    return times, np.stack([block[rows, p] for p in pair], axis=1).ravel()
+
+
+def _plot(
+    axes: Axes, time: FloatArray, values: FloatArray, colour: str, label: str, **style: Any
+) -> None:
+    with np.errstate(all="ignore"):
+        limited = np.clip(values, -1e9, 1e9)
+    axes.plot(*_thinned(time, limited), color=colour, label=label, **({"linewidth": 0.9} | style))
+
+
+def _frame(axes: Axes, curves: list[FloatArray], low_zero: bool) -> None:
+    """Limit the axis to what the calmer curves need; wild ones leave the picture."""
+    peaks = []
+    for curve in curves:
+        finite = curve[np.isfinite(curve)]
+        peaks.append(float(np.max(np.abs(finite))) if finite.size else np.inf)
+    calm = min(peaks)
+    shown = [p for p in peaks if p <= LEAVES * calm]
+    top = MARGIN * max(shown) if shown and max(shown) > 0.0 else 1.0
+    axes.set_ylim(0.0 if low_zero else -top, top)
+    if len(shown) < len(peaks):
+        axes.text(
+            0.99, 0.04, "curves cut at the frame go on beyond it", transform=axes.transAxes,
+            ha="right", fontsize=7, color="#777777",
+        )  # fmt: skip
+
+
+def _rows(figure: Figure, experiment: Experiment) -> list[tuple[Axes, list[Column], str]]:
+    columns = list(experiment.columns)
+    groups = [
+        (_shown(columns, "paper"), "as printed (paper)"),
+        (_shown(columns, "practical") + _shown(columns, "ours"), "practical, and our estimators"),
+    ]
+    axes = figure.subplots(2, 1, sharex=True)
+    result = []
+    for panel, (group, title) in zip(axes, groups, strict=True):
+        panel.set_title(title, fontsize=9, loc="left")
+        panel.grid(alpha=0.25)
+        result.append((panel, group, title))
+    return result
+
+
+def _finish(rows: list[tuple[Axes, list[Column], str]], xlabel: str, ylabel: str) -> None:
+    for panel, _, _ in rows:
+        panel.set_ylabel(ylabel, fontsize=9)
+        panel.tick_params(labelsize=8)
+        panel.legend(fontsize=7, loc="upper right", ncols=2)
+    rows[-1][0].set_xlabel(xlabel, fontsize=9)
+
+
+def _draw_force_error(
+    figure: Figure, experiment: Experiment, signal: Signal, traces: Traces, _: Mapping[str, Any]
+) -> None:
+    unit, scale = unit_of(experiment.published)
+    rows = _rows(figure, experiment)
+    for panel, group, _title in rows:
+        curves = []
+        for column in group:
+            error = scale * (traces[column.name].force - signal.true_force)
+            curves.append(error)
+            _plot(panel, signal.time_s, error, _colour(experiment, column), column.name)
+        _frame(panel, curves, False)
+    _finish(rows, "time [s]", f"force error [{unit}]")
+
+
+def _draw_noise(
+    figure: Figure, experiment: Experiment, signal: Signal, traces: Traces, _: Mapping[str, Any]
+) -> None:
+    rows = _rows(figure, experiment)
+    for panel, group, _title in rows:
+        curves = [signal.force_noise_std]
+        for column in group:
+            noise = traces[column.name].noise_std
+            curves.append(noise)
+            _plot(panel, signal.time_s, noise, _colour(experiment, column), column.name)
+        _plot(panel, signal.time_s, signal.force_noise_std, TRUTH_COLOUR, "truth", linestyle="--")
+        _frame(panel, curves, True)
+        panel.set_ylim(0.0, NOISE_FRAME * float(np.max(signal.force_noise_std)))
+    _finish(rows, "time [s]", "estimated noise [N]")
+
+
+def _draw_reconstructed(
+    figure: Figure, experiment: Experiment, signal: Signal, traces: Traces, _: Mapping[str, Any]
+) -> None:
+    needle = not np.any(np.isfinite(signal.parameters))
+    abscissa = signal.true_displacement if needle else signal.time_s
+    rows = _rows(figure, experiment)
+    for panel, group, _title in rows:
+        for column in group:
+            force = traces[column.name].force
+            _plot(panel, abscissa, force, _colour(experiment, column), column.name)
+        _plot(panel, abscissa, signal.true_force, TRUTH_COLOUR, "true force", linestyle="--")
+        top = float(np.max(signal.true_force))
+        panel.set_ylim(-0.25 * top, 1.4 * top)
+    _finish(rows, "displacement [mm]" if needle else "time [s]", "force [N]")
+
+
+def _draw_weighting(
+    figure: Figure, experiment: Experiment, signal: Signal, traces: Traces, _: Mapping[str, Any]
+) -> None:
+    """Weights of the window and of the past (Eq. 26 and 27), with the changes that were called."""
+    axes = figure.subplots(2, 1, sharex=True)
+    column = next(c for c in experiment.columns if c.name == "modified weight, practical")
+    standard = 1.0 / np.arange(1, signal.time_s.size + 1)
+    weight = np.empty_like(standard)
+    count = 0
+    for k, called in enumerate(traces[column.name].changes):
+        count = 1 if called else count + 1
+        weight[k] = 1.0 / count
+    for panel, values, title in (
+        (axes[0], standard, "standard weight (Eq. 26)"),
+        (axes[1], weight, "modified weight (Eq. 27), with the changes that our detector calls"),
+    ):
+        panel.plot(signal.time_s, values, color=TRUTH_COLOUR, label="window", linewidth=1.0)
+        panel.plot(
+            signal.time_s,
+            1.0 - values,
+            color=COLOURS[1],
+            label="past",
+            linewidth=1.0,
+            linestyle="--",
+        )
+        panel.axvline(signal.jump_s, color="#999999", linewidth=0.7)
+        panel.set_title(title, fontsize=9, loc="left")
+        panel.set_ylabel("weight", fontsize=9)
+        panel.grid(alpha=0.25)
+        panel.legend(fontsize=7, loc="center right")
+    axes[1].set_xlabel("time [s]", fontsize=9)
+
+
+def _draw_environment(
+    figure: Figure,
+    experiment: Experiment,
+    signal: Signal,
+    traces: Traces,
+    settings: Mapping[str, Any],
+) -> None:
+    """Position, velocity and force of the slave as one filter of paper C sees them."""
+    axes = figure.subplots(4, 1, sharex=True)
+    columns = [c for c in experiment.columns if c.published == settings["column"]]
+    styles = {"paper": "#c0392b", "practical": "#1565c0"}
+    quantities = (
+        ("position [cm]", 0.1 * (signal.rig["slave_position"]), "displacement", 0.1, 1.5),
+        ("velocity [cm/s]", 0.1 * signal.true_velocity, "velocity", 0.1, 0.0),
+        ("force [N]", signal.true_force, "force", 1.0, 0.0),
+    )
+    for panel, (label, truth, name, scale, offset) in zip(axes, quantities, strict=False):
+        for column in columns:
+            values = offset + scale * getattr(traces[column.name], name)
+            _plot(panel, signal.time_s, values, styles[column.setting], column.name)
+        _plot(panel, signal.time_s, truth, TRUTH_COLOUR, "true", linestyle="--")
+        panel.set_ylabel(label, fontsize=8)
+        panel.grid(alpha=0.25)
+    axes[0].legend(fontsize=7, ncols=3, loc="lower right")
+    effort = axes[3]
+    _plot(effort, signal.time_s, signal.rig["slave_effort"], "#2e7d32", "slave")
+    _plot(effort, signal.time_s, signal.rig["master_effort"], "#6a1b9a", "master")
+    effort.set_ylabel("control [N]", fontsize=8)
+    effort.legend(fontsize=7, ncols=2, loc="lower right")
+    effort.grid(alpha=0.25)
+    effort.set_xlabel("time [s]", fontsize=9)
+
+
+def _draw_tracking(
+    figure: Figure,
+    experiment: Experiment,
+    signal: Signal,
+    traces: Traces,
+    settings: Mapping[str, Any],
+) -> None:
+    """Position tracking and force reflection of the teleoperation."""
+    axes = figure.subplots(2, 1, sharex=True)
+    rig = signal.rig
+    _plot(axes[0], signal.time_s, 0.1 * rig["master_position"], "#6a1b9a", "master (scaled)")
+    _plot(axes[0], signal.time_s, 0.1 * rig["command"], "#999999", "as the slave receives it")
+    _plot(axes[0], signal.time_s, 0.1 * rig["slave_position"], "#2e7d32", "slave")
+    for column in experiment.columns:
+        if column.published == settings["column"] and column.setting == "practical":
+            estimate = 1.5 + 0.1 * traces[column.name].displacement
+            _plot(
+                axes[0], signal.time_s, estimate, "#1565c0", f"slave, {column.name}", linestyle=":"
+            )
+            _plot(
+                axes[1],
+                signal.time_s,
+                traces[column.name].force,
+                "#1565c0",
+                f"force, {column.name}",
+            )
+    _plot(axes[1], signal.time_s, signal.true_force, "#2e7d32", "contact force")
+    _plot(axes[1], signal.time_s, rig["feedback_force"], "#6a1b9a", "as the master receives it")
+    _plot(axes[1], signal.time_s, rig["operator_force"], "#999999", "operator")
+    axes[0].set_ylabel("position [cm]", fontsize=9)
+    axes[1].set_ylabel("force [N]", fontsize=9)
+    axes[1].set_xlabel("time [s]", fontsize=9)
+    for panel, corner in zip(axes, ("lower right", "upper left"), strict=True):
+        panel.grid(alpha=0.25)
+        panel.legend(fontsize=7, loc=corner, ncols=2)
+
+
+Drawer = Callable[[Figure, Experiment, Signal, Traces, Mapping[str, Any]], None]
+
+KINDS: Mapping[str, Drawer] = {
+    "force_error": _draw_force_error,
+    "noise": _draw_noise,
+    "reconstructed": _draw_reconstructed,
+    "weighting": _draw_weighting,
+    "environment": _draw_environment,
+    "tracking": _draw_tracking,
+}
+
+
+def picture_name(name: str, covers: str) -> str:
+    """File name of a picture of an experiment."""
+    return f"reproduction_{name[0]}_{covers.replace(' ', '_')}.png"
+
+
+def draw(name: str, folder: Path) -> list[Path]:
+    """Draw all pictures of an experiment.
+
+    Args:
+        name: the experiment.
+        folder: where the PNG files go.
+
+    Returns:
+        The files.
+    """
+    experiment = load_experiment(name)
+    signal = make_signal(experiment.signal, FIRST_SEED)
+    traces = {c.name: run_column(c, signal, experiment.signal) for c in experiment.columns}
+    files = []
+    for settings in experiment.pictures:
+        figure = Figure(figsize=(7.2, 5.0), dpi=110, layout="constrained")
+        FigureCanvasAgg(figure)
+        figure.suptitle(
+            f"Paper {experiment.paper}, {settings['covers']}: {experiment.title.split(' (')[0]}",
+            fontsize=10,
+        )
+        KINDS[str(settings["kind"])](figure, experiment, signal, traces, settings)
+        path = folder / picture_name(name, str(settings["covers"]))
+        figure.savefig(path, metadata={"Software": None})
+        files.append(path)
+    return files

@@ -1,0 +1,219 @@
+"""The tables of the page in Markdown: summary, one table per experiment, and the quick section."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hc_evaluation.reproduction.campaign import QUICK_SEEDS, ExperimentResult
+from hc_evaluation.reproduction.experiment import Column, Experiment, load_experiment
+from hc_evaluation.reproduction.intervals import Summary
+from hc_evaluation.reproduction.published import published_value, unit_of
+from hc_evaluation.reproduction.verdict import Comparison, Ours, compare, ours, summary_of
+
+QUICK_BEGIN = "<!-- quick: begin -->"
+QUICK_END = "<!-- quick: end -->"
+
+# Rows of every table: score, its heading, and how it is printed.
+FORCE = "force"  # in the table's unit
+SHARE = "share"  # in percent
+PLAIN = "plain"
+SECONDS = "s"
+ROWS = (
+    ("force_mean", "force error, mean", FORCE),
+    ("force_max", "force error, largest", FORCE),
+    ("force_rmse", "force error, RMSE", FORCE),
+    ("noise_rmse", "noise estimate, RMSE [N]", PLAIN),
+    ("noise_rmse_after", "noise estimate, RMSE later [N]", PLAIN),
+    ("noise_mean_error_after", "noise estimate, mean error later [N]", PLAIN),
+    ("change_delay_s", "delay of the detected change", SECONDS),
+    ("false_changes", "false changes", PLAIN),
+    ("position_mean", "position error, mean [cm]", PLAIN),
+    ("velocity_mean", "velocity error, mean [cm/s]", PLAIN),
+    ("tele_force_mean", "force error, mean [N]", PLAIN),
+    ("position_tracking_mean", "position tracking, mean [cm]", PLAIN),
+    ("impedance_tracking_mean", "impedance tracking, mean [N]", PLAIN),
+    ("position_root_sum", "position error, root of sum [cm]", PLAIN),
+    ("velocity_root_sum", "velocity error, root of sum [cm/s]", PLAIN),
+    ("tele_force_root_sum", "force error, root of sum [N]", PLAIN),
+    ("position_tracking_root_sum", "position tracking, root of sum [cm]", PLAIN),
+    ("impedance_tracking_root_sum", "impedance tracking, root of sum [N]", PLAIN),
+)
+HONEST_ROWS = (
+    ("force_late_rmse", "force error, RMSE in the second half", FORCE),
+    ("force_from_parameters_rmse", "the same with the true motion", FORCE),
+    ("one_step_rmse", "one step ahead, RMSE", FORCE),
+    ("hold_forward_rmse", "hold-forward, RMSE", FORCE),
+    ("error_K", "error of K at the end", SHARE),
+    ("error_B", "error of B at the end", SHARE),
+    ("error_n", "error of n at the end", SHARE),
+    ("error_p", "error of p at the end", SHARE),
+    ("nees", "NEES per free parameter (ideal near 1)", PLAIN),
+    ("nis", "NIS (ideal 2)", PLAIN),
+)
+# Scores that are about the noise jump, which only this experiment asks for.
+CHANGE_ROWS = ("change_delay_s", "false_changes")
+
+
+def number(value: float) -> str:
+    """Three significant digits; an infinite or absurdly large value in a word."""
+    if math.isnan(value):
+        return "–"
+    if abs(value) >= 1e6:
+        return "diverges"
+    if value != 0.0 and abs(value) < 1e-3:
+        return f"{value:.2e}"
+    return f"{value:#.3g}".rstrip(".") if abs(value) < 1000 else f"{value:.0f}"
+
+
+def _scaled(value: float, kind: str, scale: float) -> str:
+    if kind == FORCE:
+        return number(value * scale)
+    if kind == SHARE and abs(100.0 * value) < 1e6:
+        return number(100.0 * value)
+    return number(value)
+
+
+def cell(summary: Summary, kind: str, scale: float) -> str:
+    """Median with its interval, then the mean with its own, as one cell."""
+    if summary.count == 0:
+        return "–"
+
+    def text(value: float) -> str:
+        return _scaled(value, kind, scale)
+
+    median = text(summary.median)
+    if median == "diverges":
+        return (
+            "diverges"
+            if not math.isfinite(summary.median_low)
+            else f"diverges (from {text(summary.median_low)})"
+        )
+    parts = f"{median} [{text(summary.median_low)}, {text(summary.median_high)}]"
+    mean = text(summary.mean)
+    if math.isnan(summary.mean_low) or mean == "diverges":
+        return f"{parts}; {mean}"
+    return f"{parts}; {mean} [{text(summary.mean_low)}, {text(summary.mean_high)}]"
+
+
+def _unit(kind: str, unit: str) -> str:
+    return {FORCE: f" [{unit}]", SHARE: " [%]", SECONDS: " [s]", PLAIN: ""}[kind]
+
+
+def _printed(experiment: Experiment, column: Column, score: str) -> str:
+    for row, name in experiment.published_rows.items():
+        if name == score:
+            value = published_value(experiment.published, column.published, row)
+            if value is not None:
+                return number(value)
+    return ""
+
+
+def experiment_table(experiment: Experiment, result: ExperimentResult) -> list[str]:
+    """One row per score, one column per estimator: printed value, then ours."""
+    unit, scale = unit_of(experiment.published)
+    heads = [f"{c.name}" for c in experiment.columns]
+    lines = [
+        f"| score | {' | '.join(heads)} |",
+        f"|---|{'---|' * len(heads)}",
+    ]
+    rates = [summary_of(result, c.name, "failed").mean for c in experiment.columns]
+    lines.append(
+        "| failure rate [%] | " + " | ".join(number(100.0 * rate) for rate in rates) + " |"
+    )
+    asked = set(experiment.published_rows.values()) | {"force_mean", "force_max", "force_rmse"}
+    asked.add(experiment.ranked_by)
+    if not experiment.published_rows:
+        asked |= set(CHANGE_ROWS)
+    for honest, rows in ((False, ROWS), (True, HONEST_ROWS)):
+        for score, heading, kind in rows:
+            if not honest and score not in asked:
+                continue
+            cells = []
+            for column in experiment.columns:
+                if score not in result.columns[column.name]:
+                    cells.append("–")
+                    continue
+                text = cell(summary_of(result, column.name, score), kind, scale)
+                printed = _printed(experiment, column, score)
+                cells.append(f"**{printed}** → {text}" if printed else text)
+            if any(c != "–" for c in cells):
+                lines.append(f"| {heading}{_unit(kind, unit)} | {' | '.join(cells)} |")
+    return lines
+
+
+def ratio_text(comparison: Comparison | None) -> str:
+    """A verdict with the ratio that it rests on."""
+    if comparison is None:
+        return "–"
+    ratio = comparison.ratio
+    if ratio.count == 0:
+        return f"{comparison.verdict}"
+    low, high = number(ratio.median_low), number(ratio.median_high)
+    return f"{comparison.verdict} ({number(ratio.median)} [{low}, {high}])"
+
+
+def ours_text(experiment: Experiment, entry: Ours) -> str:
+    """Our estimator against the best printed force error, in one cell."""
+    unit, scale = unit_of(experiment.published)
+    if not entry.force.median * scale < 1e6:
+        text = "fails"
+    else:
+        text = f"{number(entry.force.median * scale)} {unit}"
+    if math.isfinite(entry.best):
+        text += f" ({'below' if entry.lower else 'above'} {number(entry.best * scale)})"
+    if not math.isnan(entry.parameter_error):
+        text += f", parameters {number(100.0 * entry.parameter_error)} %"
+    return text
+
+
+def summary_table(results: Sequence[ExperimentResult]) -> list[str]:
+    """The table that opens the page: experiment, claim, what holds."""
+    lines = [
+        "| experiment | claim of the paper | printed ratio | paper setting | practical setting "
+        "| our default | RWSTUKF kinematic |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for result in results:
+        experiment = load_experiment(result.name)
+        found = {s: compare(experiment, result, s) for s in ("paper", "practical")}
+        known = next((c for c in found.values() if c is not None), None)
+        printed = "–" if known is None else number(known.published_ratio)
+        mine = [ours_text(experiment, entry) for entry in ours(experiment, result)]
+        lines.append(
+            f"| [{result.name}](#{result.name}): {', '.join(experiment.covers)} "
+            f"| {experiment.claim} | {printed} | {ratio_text(found['paper'])} "
+            f"| {ratio_text(found['practical'])} | {' | '.join(mine)} |"
+        )
+    return lines
+
+
+def quick_numbers(result: ExperimentResult) -> dict[str, float]:
+    """Median force RMSE [N] of the first seeds by column; infinite if most of them failed."""
+    first = ExperimentResult(
+        result.name,
+        result.seeds[:QUICK_SEEDS],
+        {
+            column: {score: values[:QUICK_SEEDS] for score, values in scores.items()}
+            for column, scores in result.columns.items()
+        },
+        result.identifiable,
+        result.floors,
+    )
+    return {c: summary_of(first, c, "force_rmse").median for c in result.columns}
+
+
+def quick_section(results: Sequence[ExperimentResult]) -> list[str]:
+    """The marked section that a test regenerates with --quick and compares."""
+    lines = [
+        QUICK_BEGIN,
+        f"Median force RMSE in N over the first {QUICK_SEEDS} seeds (`hc reproduce --quick`):",
+        "",
+        "| experiment | column | force RMSE [N] |",
+        "|---|---|---|",
+    ]
+    for result in results:
+        for column, value in quick_numbers(result).items():
+            text = f"{value:.4g}" if value < 1e6 else "fails"
+            lines.append(f"| {result.name} | {column} | {text} |")
+    return [*lines, QUICK_END]
