@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from hc_logger.definitions import installed_definition
+from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.info import bag_info
 from hc_logger.layout import encode, records
@@ -57,7 +58,7 @@ def bench_bags(
         player: messages, lost, delay_us {p50, p99, max}, cpu_percent.
 
     Raises:
-        RuntimeError: if a node does not start or a file does not give back what went in.
+        BagError: if a node does not start or a file does not give back what went in.
     """
     tell = progress or (lambda _text: None)
     with tempfile.TemporaryDirectory(prefix="hc_bench_bags_") as folder:
@@ -134,7 +135,7 @@ def _bench_files(folder: Path) -> dict[str, Any]:
     for action in (read, read_in_order, read_with_rosbags, read_with_mcap):
         times[action.__name__], count = _seconds(action)
         if count != FILE_MESSAGES:
-            raise RuntimeError(f"{action.__name__} gave {count} of {FILE_MESSAGES} messages")
+            raise BagError(f"{action.__name__} gave {count} of {FILE_MESSAGES} messages")
     return {
         "write_messages_per_s": FILE_MESSAGES / write_s,
         "read_messages_per_s": FILE_MESSAGES / times["read"],
@@ -219,16 +220,22 @@ class _Graph:
                     return
                 said = future.result().message
             self.spin_until(lambda: False, 0.1)
-        raise RuntimeError(f"node {name} does not get ready: {said}")
+        raise BagError(f"the benchmark's node {name} does not get ready: {said}")
 
     def run(self, name: str) -> None:
         from std_srvs.srv import SetBool
 
         client = self._node.create_client(SetBool, f"/{name}/run")
-        future = client.call_async(SetBool.Request(data=True))
-        if not self.spin_until(future.done, START_TIMEOUT_S):
-            raise RuntimeError(f"node {name} does not start")
-        self._node.destroy_client(client)
+        end = time.monotonic() + START_TIMEOUT_S
+        while time.monotonic() < end:
+            if not self.spin_until(client.service_is_ready, 1.0):
+                continue
+            # a service that is seen may not see its client yet: ask again
+            future = client.call_async(SetBool.Request(data=True))
+            if self.spin_until(future.done, 2.0):
+                self._node.destroy_client(client)
+                return
+        raise BagError(f"the benchmark's node {name} does not start")
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -333,7 +340,7 @@ def _bench_player(bag: Path) -> dict[str, Any]:
             expected.duration_s + START_TIMEOUT_S,
         )
         if not ended:
-            raise RuntimeError("the player does not get to the end of the bag")
+            raise BagError("the player does not get to the end of the bag")
         cpu_percent = 100.0 * (_cpu_s(player) - cpu) / (time.monotonic() - start)
         values = graph.status[NODE_PLAYER]
         graph.spin_until(lambda: False, 0.5)
