@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue
 
 REFERENCE_MOTION = Motion(3.0, ((1.6, 0.7, 0.0), (0.8, 2.3, 0.5)))
@@ -174,3 +176,41 @@ CHANNEL_FAULTS = (
     replace(STEEP, name="steep_contact_0.5mm", contact_position_mm=0.5),
     replace(STEEP, name="steep_force_zero_-200mn", force_zero_n=-0.2),
 )
+
+
+def random_scenario(seed: int) -> Scenario:
+    """Tissue, motion, rate and noise drawn at random, over the ranges that the suite is made for.
+
+    Stiffness and damping are drawn evenly on a logarithmic scale; two to four sines keep the tool
+    in contact; the noise of the force is 0.1 to 2 % of its largest value.
+
+    Args:
+        seed: of the draw.
+    """
+    draw = np.random.default_rng([seed, 2018])
+    stiffness = float(np.exp(draw.uniform(np.log(0.05), np.log(5.0))))
+    tissue = Tissue(
+        stiffness,
+        stiffness * float(np.exp(draw.uniform(np.log(0.01), np.log(0.5)))),
+        float(draw.uniform(1.1, 2.3)),
+        float(draw.uniform(0.8, 1.2)),
+    )
+    count = int(draw.integers(2, 5))
+    frequencies = np.exp(draw.uniform(np.log(0.3), np.log(5.0), count))
+    amplitudes = draw.uniform(0.3, 1.0, count) / np.maximum(frequencies, 0.5)
+    sines = tuple(
+        (float(a), float(f), float(draw.uniform(0.0, 2.0 * np.pi)))
+        for a, f in zip(amplitudes, frequencies, strict=True)
+    )
+    motion = Motion(float(np.sum(amplitudes) + draw.uniform(0.2, 2.0)), sines)
+    largest = stiffness * (motion.offset_mm + float(np.sum(amplitudes))) ** (
+        tissue.displacement_exponent
+    )
+    return Scenario(
+        f"random_{seed}",
+        tissue,
+        motion,
+        float(draw.choice([100.0, 200.0, 500.0, 1000.0, 2000.0])),
+        float(np.exp(draw.uniform(np.log(0.001), np.log(0.01)))),
+        largest * float(np.exp(draw.uniform(np.log(0.001), np.log(0.02)))),
+    )

@@ -27,6 +27,11 @@ QUICK_SEEDS = 6
 WORKERS = 2
 LETTERS = ("K", "B", "n", "p")
 
+RANDOM_RUNS = 6  # random scenarios per seed asked for
+CHI_SQUARE_MEDIAN = 0.4549  # of one degree of freedom
+FAR = 4.0  # bounds; exceeded by one of four Gaussian errors in 0.03 % of runs
+DISHONEST = 20.0  # mean NEES over a run
+
 Progress = Callable[[str, int, int], None]
 Row = dict[str, Any]
 Result = dict[str, Any]
@@ -38,6 +43,7 @@ EXPERIMENTS = (
     "recordings",
     "excitation",
     "channels",
+    "random",
     "defaults",
     "filters",
 )
@@ -48,6 +54,7 @@ SUMMARIES = {
     "recordings": "half a second predicted on real recordings, against least squares",
     "excitation": "what a motion that shows too little leaves unknown",
     "channels": "time shift, force zero and contact position found between the channels",
+    "random": "tissues, motions, rates and noises drawn at random",
     "defaults": "what each default of the recommended filter is worth",
     "filters": "all filters on all simulated tissues",
 }
@@ -106,6 +113,7 @@ VARIATIONS: tuple[tuple[str, Mapping[str, object]], ...] = (
 )
 DEFAULTS_TISSUES = (catalogue.REFERENCE, catalogue.STIFF, catalogue.SOFT, catalogue.STEEP)
 DEFAULTS_CHANGES = (catalogue.CHANGES[0], catalogue.CHANGES[3])
+DEFAULTS_MISFIT = tuple(catalogue.CHANNEL_FAULTS[i] for i in (1, 3, 4, 6))
 DEFAULTS_WEAK = (catalogue.WEAK_MOTIONS[0], catalogue.WEAK_MOTIONS[2])
 
 
@@ -119,7 +127,7 @@ def run_accuracy(
     """Run experiments and compare with their targets.
 
     Args:
-        names: some of EXPERIMENTS; none for the first six.
+        names: some of EXPERIMENTS; none for the first seven.
         seeds: noise seeds per scenario (50; 6 where quick).
         quick: few seeds, for a first look.
         progress: called with the experiment's name, runs done and runs in all.
@@ -132,7 +140,7 @@ def run_accuracy(
     Raises:
         ValueError: an unknown name, or seeds below 1.
     """
-    chosen = tuple(names) or EXPERIMENTS[:6]
+    chosen = tuple(names) or EXPERIMENTS[:7]
     for name in chosen:
         if name not in EXPERIMENTS:
             raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")
@@ -409,6 +417,54 @@ def _channels(
     return {"rows": rows, "targets": targets}
 
 
+def _random(
+    pool: ProcessPoolExecutor, setup: Setup, seeds: int, report: Callable[[int, int], None]
+) -> Result:
+    scenarios = [catalogue.random_scenario(REPORT_SEED + i) for i in range(RANDOM_RUNS * seeds)]
+    tasks = [Task(setup, scenario, REPORT_SEED) for scenario in scenarios]
+    runs = _spread(pool, measure.quiet_run, tasks, report)
+    rates = sorted({scenario.rate_hz for scenario in scenarios})
+    rows: list[Row] = []
+    for rate in [*rates, None]:
+        chosen = [
+            run
+            for scenario, run in zip(scenarios, runs, strict=True)
+            if rate is None or scenario.rate_hz == rate
+        ]
+        ratios = np.array(
+            [[abs(r[f"error_{i}"]) / r[f"bound_{i}"] for i in range(4)] for r in chosen]
+        )
+        consistency = np.array([r["nees"] for r in chosen])
+        rows.append(
+            {
+                "rate": "all" if rate is None else f"{rate:.0f} Hz",
+                "runs": len(chosen),
+                "rms_ratio": np.sqrt(np.median(ratios**2, axis=0) / CHI_SQUARE_MEDIAN).tolist(),
+                "far": float(np.mean(np.max(ratios, axis=1) > FAR)),
+                "nees": float(np.median(consistency)),
+                "nees_high": float(np.mean(consistency > DISHONEST)),
+                "nis": float(np.mean([r["nis"] for r in chosen])),
+                "within": float(np.nanmean([r["within"] for r in chosen])),
+                "changes": float(np.sum([r["changes"] for r in chosen])),
+                "mismatch": float(np.mean([r["mismatch"] for r in chosen])),
+                "seconds": float(np.sum([r["seconds"] for r in chosen])),
+            }
+        )
+    every = rows[-1]
+    targets = [
+        target("largest typical error over its bound", max(every["rms_ratio"]), high=1.5),
+        target("share of runs with an error beyond 4 bounds", every["far"], high=0.05),
+        target("median NEES", every["nees"], 2.5, 6.0),
+        target("mean NIS", every["nis"], 1.6, 2.4),
+        target(
+            "false alarms in 100 s of quiet tissue",
+            100.0 * every["changes"] / every["seconds"],
+            high=1.0,
+        ),
+    ]
+    return {"rows": rows, "targets": targets}
+
+
 def _defaults(
     pool: ProcessPoolExecutor, setup: Setup, seeds: int, report: Callable[[int, int], None]
 ) -> Result:
@@ -427,6 +483,7 @@ def _defaults(
         )
         changed = _runs(pool, measure.change_run, varied, DEFAULTS_CHANGES, few, nothing)
         weak = _runs(pool, measure.weak_run, varied, DEFAULTS_WEAK, few, nothing)
+        misfit = _runs(pool, measure.quiet_run, varied, DEFAULTS_MISFIT, few, nothing)
         row: Row = {
             "variation": name,
             "ratio": _worst(max(r["ratio"]) for r in quiet),
@@ -436,6 +493,7 @@ def _defaults(
             "nis_high": _worst(r["nis"] for r in quiet),
             "false_alarms": float(sum(r["changes"] for r in quiet)),
             "settling_s": _worst(float(np.median(c["settling_s"])) for c in changed),
+            "misfit_calls": float(np.mean([np.mean(m["changes"]) for m in misfit])),
             "weak_nees": _worst(float(np.mean(w["nees"])) for w in weak),
         }
         if folder is not None:
@@ -492,6 +550,7 @@ _RUNNERS: dict[
     "recordings": _recordings,
     "excitation": _excitation,
     "channels": _channels,
+    "random": _random,
     "defaults": _defaults,
     "filters": _filters,
 }
