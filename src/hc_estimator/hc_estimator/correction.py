@@ -14,7 +14,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import has_lagged_velocity
-from hc_estimator.linear_algebra import cholesky
+from hc_estimator.linear_algebra import cholesky, copy_matrix, copy_vector
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER
 from hc_estimator.state_space import registry as state_space
@@ -228,8 +228,8 @@ def commit(settings: Any, memory: Any, time: float) -> int:
             return NUMERICAL
     if not total < 1e150:
         return NUMERICAL
-    memory.state[:] = memory.updated_state
-    memory.covariance[:, :] = memory.updated_covariance
+    copy_vector(memory.updated_state, memory.state)
+    copy_matrix(memory.updated_covariance, memory.covariance)
     memory.last_time = time
     memory.started = 1
     memory.accepted += 1

@@ -13,6 +13,40 @@ from hc_estimator.compilation import compiled
 PIVOT_TOLERANCE = 1e-15
 
 
+# Plain loops instead of slice assignments: numba's own drag in its string formatting for the errors
+# that they might raise, seconds of compilation for nothing.
+
+
+@compiled
+def clear_vector(target: NDArray[np.float64]) -> None:
+    """Set all elements of a vector to zero."""
+    for i in range(target.shape[0]):
+        target[i] = 0.0
+
+
+@compiled
+def clear_matrix(target: NDArray[np.float64]) -> None:
+    """Set all elements of a matrix to zero."""
+    for i in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            target[i, j] = 0.0
+
+
+@compiled
+def copy_vector(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """Copy a vector onto another of the same length."""
+    for i in range(target.shape[0]):
+        target[i] = source[i]
+
+
+@compiled
+def copy_matrix(source: NDArray[np.float64], target: NDArray[np.float64]) -> None:
+    """Copy a matrix onto another of the same shape."""
+    for i in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            target[i, j] = source[i, j]
+
+
 @compiled
 def cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64]) -> bool:
     """Lower Cholesky factor of a symmetric positive semidefinite matrix.

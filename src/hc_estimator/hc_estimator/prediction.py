@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import cholesky
+from hc_estimator.linear_algebra import cholesky, copy_matrix, copy_vector
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space import kinematic
 from hc_estimator.state_space import registry as state_space
@@ -101,8 +101,8 @@ def propagate_unscented(settings: Any, memory: Any) -> bool:
 @compiled
 def restart_motion(settings: Any, memory: Any) -> None:
     """Predict across a start, a gap or a clock jump: motion forgotten, parameters kept."""
-    memory.predicted_state[:] = memory.state
-    memory.predicted_covariance[:, :] = memory.covariance
+    copy_vector(memory.state, memory.predicted_state)
+    copy_matrix(memory.covariance, memory.predicted_covariance)
     state_space.start_motion(
         settings,
         memory.measurement[0],

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space.registry import KINEMATIC
 
@@ -145,7 +146,7 @@ def match_measurement_noise(settings: Any, memory: Any) -> None:
 
     Call between the measurement's transform and `correction.innovate`.
     """
-    memory.next_noise[:] = memory.noise
+    copy_vector(memory.noise, memory.next_noise)
     if settings.adapted_noise == PROCESS or memory.matching_count == 0:
         return
     floor0 = settings.matching_floor * settings.displacement_noise_std**2
@@ -172,7 +173,7 @@ def match_measurement_noise(settings: Any, memory: Any) -> None:
 @compiled
 def learn(settings: Any, memory: Any) -> None:
     """Take an accepted sample into the window and the recursion (Eq. 22, 25, 29, 33, 34)."""
-    memory.noise[:] = memory.next_noise
+    copy_vector(memory.next_noise, memory.noise)
     if settings.adapted_noise != MEASUREMENT:
         memory.process_noise_scale = memory.next_process_noise_scale
     literal = settings.matching_trace == LITERAL

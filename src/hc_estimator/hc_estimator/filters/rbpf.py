@@ -21,6 +21,7 @@ from hc_estimator.adaptation import change_detection, difference_noise, policy, 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.correction import commit, gate, innovate
+from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
 from hc_estimator.recovery import recover
@@ -198,7 +199,7 @@ def _linearise(settings: Any, memory: Any, row: NDArray[np.float64]) -> float:
 def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Mean and covariance of the readings that the mixture of all particles predicts."""
     mean, curvature = memory.predicted_measurement, memory.curvature
-    memory.sensitivity[:, :] = 0.0
+    clear_matrix(memory.sensitivity)
     d = force = dd = df = ff = 0.0
     first_force = 0.0
     for k in range(particles.shape[0]):
@@ -248,7 +249,7 @@ def _update(
     covariance = row[COVARIANCE:COVARIANCE_END].reshape(SIZE, SIZE)
     gain, slope = memory.conditional_gain, memory.conditional_slope
     if channel == 0:
-        slope[:] = 0.0
+        clear_vector(slope)
         slope[0] = 1.0
     spread = noise
     for i in range(SIZE):
@@ -286,8 +287,8 @@ def _summarise(memory: Any, particles: NDArray[np.float64]) -> None:
     Fills memory.updated_state and memory.updated_covariance.
     """
     mean, covariance = memory.updated_state, memory.updated_covariance
-    mean[:] = 0.0
-    covariance[:, :] = 0.0
+    clear_vector(mean)
+    clear_matrix(covariance)
     for k in range(particles.shape[0]):
         weight = math.exp(particles[k, WEIGHT])
         for i in range(SIZE):
@@ -318,7 +319,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     """Move, weigh and resample the particles; the decision on the sample."""
     count = particles.shape[0] // 2
     current, moved = particles[:count], particles[count:]
-    moved[:, :] = current
+    copy_matrix(current, moved)
     if memory.started == 0:
         _draw_parameters(settings, memory, moved)
     if memory.restart != 0:
@@ -339,7 +340,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
-    current[:, :] = moved
+    copy_matrix(moved, current)
     if effective_sample_size(current) < settings.resampling_threshold * count:
         resample(settings, memory, current, moved)
     memory.change_detected = 0

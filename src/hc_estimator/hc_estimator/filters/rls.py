@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, gate, innovate
+from hc_estimator.linear_algebra import clear_matrix
 from hc_estimator.prediction import add_process_noise, predict
 from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
@@ -71,7 +72,7 @@ def _start(settings: Any, memory: Any) -> None:
     memory.regression_prior[0] = settings.initial_stiffness_log_std**2
     memory.regression_prior[1] = settings.initial_displacement_exponent_std**2
     memory.regression_prior[2] = spread * spread
-    memory.regression_covariance[:, :] = 0.0
+    clear_matrix(memory.regression_covariance)
     for i in range(3):
         memory.regression_covariance[i, i] = memory.regression_prior[i]
     memory.state[6] = 1.0
@@ -156,9 +157,9 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     memory.predicted_measurement[0] = state[0]
     memory.predicted_measurement[1] = force_of_state(settings, state)
     # Displacement: variance of the prediction. Force: that of the regression, in newtons.
-    memory.sensitivity[:, :] = 0.0
+    clear_matrix(memory.sensitivity)
     memory.sensitivity[0, 0] = math.sqrt(covariance[0, 0])
-    memory.curvature[:, :] = 0.0
+    clear_matrix(memory.curvature)
     force = memory.predicted_measurement[1]
     if state[0] > 0.0:
         memory.regressor[0] = 1.0

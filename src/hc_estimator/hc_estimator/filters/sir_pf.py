@@ -26,7 +26,13 @@ from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.correction import commit, gate, innovate
-from hc_estimator.linear_algebra import cholesky
+from hc_estimator.linear_algebra import (
+    cholesky,
+    clear_matrix,
+    clear_vector,
+    copy_matrix,
+    copy_vector,
+)
 from hc_estimator.prediction import restart_motion
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import gamma, normal
@@ -222,8 +228,8 @@ def _predict_motion(settings: Any, memory: Any) -> None:
     """Predict the motion filter: memory.predicted_state and predicted_covariance."""
     state, covariance = memory.predicted_state, memory.predicted_covariance
     if memory.restart != 0:
-        state[:] = 0.0
-        covariance[:, :] = 0.0
+        clear_vector(state)
+        clear_matrix(covariance)
         kinematic.start_motion(settings, memory.measurement[0], state, covariance)
         return
     kinematic.propagate(
@@ -238,9 +244,9 @@ def _predict_motion(settings: Any, memory: Any) -> None:
 def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Weighted mean and covariance of the particles' readings: the predicted measurement."""
     mean, curvature = memory.predicted_measurement, memory.curvature
-    mean[:] = 0.0
-    curvature[:, :] = 0.0
-    memory.sensitivity[:, :] = 0.0
+    clear_vector(mean)
+    clear_matrix(curvature)
+    clear_matrix(memory.sensitivity)
     for second in range(2):
         for k in range(particles.shape[0]):
             weight = math.exp(particles[k, WEIGHT])
@@ -283,8 +289,8 @@ def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64], first_cha
 def summarise(memory: Any, particles: NDArray[np.float64]) -> None:
     """Weighted mean and covariance of the particles as the updated state and covariance."""
     state, covariance = memory.updated_state, memory.updated_covariance
-    state[:] = 0.0
-    covariance[:, :] = 0.0
+    clear_vector(state)
+    clear_matrix(covariance)
     for k in range(particles.shape[0]):
         weight = math.exp(particles[k, WEIGHT])
         if weight > 0.0:
@@ -359,8 +365,8 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
         state, covariance = memory.updated_state, memory.updated_covariance
         if not _draw_motion(settings, memory, state, covariance, moved):
             return NUMERICAL
-        memory.predicted_state[:] = state  # `summarise` needs the room
-        memory.predicted_covariance[:, :] = covariance
+        copy_vector(state, memory.predicted_state)  # `summarise` needs the room
+        copy_matrix(covariance, memory.predicted_covariance)
     _weigh(settings, memory, moved, 1 if by_motion else 0)
     if math.isnan(flatten(moved, settings.surviving_share)):
         return NUMERICAL
@@ -375,10 +381,10 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     if decision != ACCEPTED:
         return decision
     memory.change_detected = 1 if lost else 0
-    current[:, :] = moved
+    copy_matrix(moved, current)
     if by_motion:
-        memory.motion_state[:] = memory.predicted_state
-        memory.motion_covariance[:, :] = memory.predicted_covariance
+        copy_vector(memory.predicted_state, memory.motion_state)
+        copy_matrix(memory.predicted_covariance, memory.motion_covariance)
     if effective_sample_size(current) < settings.resampling_threshold * count:
         resample(settings, memory, current, moved)
         _roughen(settings, memory, current)

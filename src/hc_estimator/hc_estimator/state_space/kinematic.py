@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_force, contact_gradient
+from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -164,7 +165,7 @@ def process_noise(settings: Any, elapsed: float, noise: NDArray[np.float64]) -> 
         elapsed: time step [s].
         noise: takes Q, shape (7, 7).
     """
-    noise[:, :] = 0.0
+    clear_matrix(noise)
     density = settings.jerk_density
     t2 = elapsed * elapsed
     noise[2, 2] = density * elapsed
@@ -215,7 +216,7 @@ def measurement_jacobian(
         gradient: scratch, shape (6,).
         jacobian: takes the derivative, shape (2, 7).
     """
-    jacobian[:, :] = 0.0
+    clear_matrix(jacobian)
     jacobian[0, 0] = 1.0
     stiffness, damping = exponential(state[3]), exponential(state[4])
     contact_gradient(
@@ -232,12 +233,12 @@ def measurement_jacobian(
 @compiled
 def prior(settings: Any, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
     """State and covariance before any sample."""
-    state[:] = 0.0
+    clear_vector(state)
     state[3] = math.log(settings.initial_stiffness)
     state[4] = math.log(settings.initial_damping)
     state[5] = settings.initial_displacement_exponent
     state[6] = settings.initial_velocity_exponent
-    covariance[:, :] = 0.0
+    clear_matrix(covariance)
     covariance[3, 3] = settings.initial_stiffness_log_std**2
     covariance[4, 4] = settings.initial_damping_log_std**2
     covariance[5, 5] = settings.initial_displacement_exponent_std**2

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_force, contact_gradient
+from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.specification import ParameterSpecification
 
 
@@ -131,7 +132,7 @@ def process_jacobian(
         gradient: scratch, shape (6,).
         jacobian: takes the derivative, shape (7, 7).
     """
-    jacobian[:, :] = 0.0
+    clear_matrix(jacobian)
     for i in range(7):
         jacobian[i, i] = 1.0
     jacobian[0, 1] = elapsed
@@ -150,7 +151,7 @@ def process_jacobian(
 @compiled
 def process_noise(settings: Any, elapsed: float, noise: NDArray[np.float64]) -> None:
     """Diagonal process noise covariance Q over the elapsed time, shape (7, 7)."""
-    noise[:, :] = 0.0
+    clear_matrix(noise)
     noise[0, 0] = settings.process_noise_displacement * elapsed
     noise[1, 1] = settings.process_noise_velocity * elapsed
     noise[2, 2] = settings.process_noise_force * elapsed
@@ -163,12 +164,12 @@ def process_noise(settings: Any, elapsed: float, noise: NDArray[np.float64]) -> 
 @compiled
 def prior(settings: Any, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
     """State and covariance before any sample."""
-    state[:] = 0.0
+    clear_vector(state)
     state[3] = settings.initial_stiffness
     state[4] = settings.initial_damping
     state[5] = settings.initial_displacement_exponent
     state[6] = settings.initial_velocity_exponent
-    covariance[:, :] = 0.0
+    clear_matrix(covariance)
     covariance[3, 3] = settings.initial_stiffness_std**2
     covariance[4, 4] = settings.initial_damping_std**2
     covariance[5, 5] = settings.initial_displacement_exponent_std**2

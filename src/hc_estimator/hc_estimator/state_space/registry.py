@@ -25,6 +25,7 @@ from hc_estimator.contact.registry import (
     fixed_value,
     has_lagged_velocity,
 )
+from hc_estimator.linear_algebra import clear_matrix
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space import kinematic, paper
 
@@ -206,7 +207,7 @@ def measurement_jacobian(
     if settings.state_space == KINEMATIC:
         kinematic.measurement_jacobian(settings.contact_model, state, gradient, jacobian)
     else:
-        jacobian[:, :] = 0.0
+        clear_matrix(jacobian)
         jacobian[0, 0] = 1.0
         jacobian[1, 2] = 1.0
 
