@@ -13,14 +13,13 @@ import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import hc_estimator
 import hc_evaluation
 import hc_sim_rig
 from hc_evaluation.reproduction.experiment import (
-    EXPERIMENT_FOLDER,
     FIRST_SEED,
     available_experiments,
     load_experiment,
@@ -73,8 +72,13 @@ def _source_files(package: Path) -> Iterator[Path]:
 
 
 def fingerprint(name: str) -> str:
-    """Hash of all that an experiment's numbers depend on: its file and the code behind them."""
-    digest = hashlib.sha256((EXPERIMENT_FOLDER / f"{name}.yaml").read_bytes())
+    """Hash of all that an experiment's numbers depend on: its settings and the code behind them.
+
+    Texts (claim, readings, remarks) may change without a new run.
+    """
+    experiment = load_experiment(name)
+    settings = [experiment.signal, experiment.scoring, [asdict(c) for c in experiment.columns]]
+    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
     evaluation = Path(hc_evaluation.__file__).parent
     here = evaluation / "reproduction"
     own = [here / f"{stem}.py" for stem in ("experiment", "signals", "trace", "scores")]

@@ -1,0 +1,217 @@
+"""Scores, bounds, intervals and verdicts against closed forms."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from hc_evaluation.reproduction import load_experiment
+from hc_evaluation.reproduction.campaign import ExperimentResult
+from hc_evaluation.reproduction.intervals import median_ranks, paired_ratio, summarise
+from hc_evaluation.reproduction.scores import bounds, score
+from hc_evaluation.reproduction.signals import Signal, hunt_crossley_force, make_signal
+from hc_evaluation.reproduction.trace import Trace
+from hc_evaluation.reproduction.verdict import (
+    FAILS,
+    HOLDS,
+    NO_DIFFERENCE,
+    OPPOSITE,
+    RANKING,
+    compare,
+    ours,
+)
+
+ALL = {"identifiable": ("K", "B", "n", "p")}
+
+
+@pytest.fixture(scope="module")
+def signal() -> Signal:
+    return make_signal(load_experiment("b_table_1").signal, 1)
+
+
+def _perfect(signal: Signal, spread: float = 0.01, seed: int = 0) -> Trace:
+    """A trace with the true force whose parameters err by as much as their covariance says."""
+    count = signal.time_s.size
+    deviations = spread * signal.parameters
+    generator = np.random.default_rng(seed)
+    errors = generator.standard_normal((count, 4)) * deviations
+    return Trace(
+        force=signal.true_force.copy(),
+        force_predicted=signal.true_force.copy(),
+        displacement=signal.true_displacement.copy(),
+        velocity=signal.true_velocity.copy(),
+        parameters=signal.parameters + errors,
+        covariance=np.tile(np.diag(deviations**2), (count, 1, 1)),
+        noise_std=signal.force_noise_std.copy(),
+        nis=np.full(count, 2.0),
+        changes=np.zeros(count, np.bool_),
+        numerical_failures=0,
+    )
+
+
+def test_a_perfect_trace_has_no_error(signal: Signal) -> None:
+    trace = _perfect(signal, spread=0.0)
+    found = score(signal, trace, ALL | {"noise_from_s": 20.0})
+    for name in (
+        "force_mean",
+        "force_max",
+        "force_rmse",
+        "one_step_rmse",
+        "hold_forward_rmse",
+        "force_from_parameters_rmse",
+        "error_identifiable",
+        "noise_rmse",
+        "noise_mean_error_after",
+        "failed",
+    ):
+        assert found[name] == pytest.approx(0.0, abs=1e-12), name
+
+
+def test_the_forces_errors_are_what_their_names_say(signal: Signal) -> None:
+    trace = _perfect(signal, spread=0.0)
+    error = 0.01 * np.sin(np.arange(signal.time_s.size))
+    found = score(signal, dataclasses.replace(trace, force=signal.true_force + error), ALL)
+    assert found["force_mean"] == pytest.approx(np.mean(np.abs(error)), rel=1e-12)
+    assert found["force_max"] == pytest.approx(np.max(np.abs(error)), rel=1e-12)
+    assert found["force_rmse"] == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+
+
+def test_an_honest_covariance_has_a_nees_near_one(signal: Signal) -> None:
+    values = [score(signal, _perfect(signal, seed=k), ALL)["nees"] for k in range(20)]
+    # Median of chi-square with 4 degrees of freedom over 4: 0.84.
+    assert np.mean(values) == pytest.approx(0.84, abs=0.12)
+    bold = _perfect(signal)
+    found = score(signal, dataclasses.replace(bold, covariance=bold.covariance / 100.0), ALL)
+    assert found["nees"] > 30.0
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"numerical_failures": 1},
+        {"force": np.nan},
+        {"force": 1e9},
+    ],
+)
+def test_a_run_without_meaning_has_failed(signal: Signal, change: dict[str, float]) -> None:
+    trace = _perfect(signal)
+    if "force" in change:
+        force = trace.force.copy()
+        force[100:] = change["force"]
+        trace = dataclasses.replace(trace, force=force)
+    else:
+        trace = dataclasses.replace(trace, numerical_failures=1)
+    assert score(signal, trace, ALL)["failed"] == 1.0
+
+
+def test_the_change_is_timed_and_false_ones_are_counted() -> None:
+    found = load_experiment("b_table_4")
+    data = make_signal(found.signal, 1)
+    trace = _perfect(data)
+    for instant in (5.0, 15.0, 20.0, 32.05, 40.0):  # the first ten seconds do not count
+        trace.changes[int(np.argmin(np.abs(data.time_s - instant)))] = True
+    result = score(data, trace, ALL)
+    assert result["change_delay_s"] == pytest.approx(0.05, abs=1e-6)
+    assert result["false_changes"] == 2.0
+
+
+def test_the_bound_is_that_of_weighted_least_squares(signal: Signal) -> None:
+    """With the motion known the bound of constant parameters is the inverse information."""
+    exact = dataclasses.replace(signal, displacement_noise_std=np.full_like(signal.time_s, 1e-7))
+    deviations, floors = bounds(exact)
+    step = 1e-6
+    slopes = []
+    for k in range(4):
+        moved = []
+        for sign in (1.0, -1.0):
+            parameters = signal.parameters.copy()
+            if k < 2:
+                parameters[k] *= np.exp(sign * step)
+            else:
+                parameters[k] += sign * step
+            moved.append(
+                hunt_crossley_force(exact.true_displacement, exact.true_velocity, parameters)
+            )
+        slopes.append((moved[0] - moved[1]) / (2.0 * step))
+    jacobian = np.array(slopes).T
+    information = jacobian.T @ jacobian / 0.036**2 + np.diag(1.0 / np.array([4.0, 4.0, 0.25, 0.09]))
+    expected = np.sqrt(np.diagonal(np.linalg.inv(information)))
+    expected[2:] /= signal.parameters[2:]
+    # The velocity is not known exactly, so that the bound may lie a little above.
+    assert np.all(deviations > 0.99 * expected)
+    assert np.all(deviations < 1.3 * expected)
+    assert 0.0 < floors["force_late_rmse"] < floors["force_rmse"] < 0.036
+
+
+@pytest.mark.parametrize("count", [6, 10, 25, 100])
+def test_the_medians_interval_covers(count: int) -> None:
+    low, high = median_ranks(count)
+    coverage = binom.cdf(high, count, 0.5) - binom.cdf(low, count, 0.5)
+    assert coverage >= 0.95
+    narrower = binom.cdf(high - 1, count, 0.5) - binom.cdf(low + 1, count, 0.5)
+    assert narrower < 0.95
+
+
+def test_failed_runs_count_in_the_median_and_not_in_the_mean() -> None:
+    found = summarise([1.0, 2.0, 3.0, 1e30, float("nan")], [0.0, 0.0, 0.0, 1.0, 0.0])
+    assert (found.count, found.failure_rate) == (4, 0.25)
+    assert found.mean == pytest.approx(2.0)
+    assert found.median == pytest.approx(2.5)
+    assert found.median_high == float("inf")
+    half = 4.302652729911275 * 1.0 / np.sqrt(3.0)  # Student's t with 2 degrees of freedom
+    assert found.mean_high - found.mean == pytest.approx(half, rel=1e-9)
+    assert summarise([], []).count == 0
+
+
+def test_the_ratio_is_taken_seed_by_seed() -> None:
+    found = paired_ratio([2.0, 8.0, 1.0, 5.0], [1.0, 2.0, 1.0, 5.0], [0, 0, 1, 1], [0, 0, 0, 1])
+    assert found.count == 3  # where both fail, nothing is said
+    assert found.median == 4.0
+    assert found.median_high == float("inf")
+
+
+def _result(name: str, worse: list[float], better: list[float], failed: float) -> ExperimentResult:
+    experiment = load_experiment(name)
+    columns = {}
+    for column in experiment.columns:
+        values = better if column.published == experiment.better[1] else worse
+        lost = failed if column.published == experiment.better[1] else 0.0
+        columns[column.name] = {
+            "force_rmse": values,
+            "failed": [lost] * len(values),
+            "error_identifiable": [0.01] * len(values),
+        }
+    return ExperimentResult(name, list(range(1, len(worse) + 1)), columns, ("n",), {})
+
+
+@pytest.mark.parametrize(
+    ("worse", "better", "failed", "verdict"),
+    [
+        (30.0e-3, 3.0e-3, 0.0, HOLDS),
+        (6.0e-3, 3.0e-3, 0.0, RANKING),
+        (3.0e-3, 3.0e-3, 0.0, NO_DIFFERENCE),
+        (1.0e-3, 3.0e-3, 0.0, OPPOSITE),
+        (30.0e-3, 3.0e-3, 1.0, FAILS),
+    ],
+)
+def test_the_verdict(worse: float, better: float, failed: float, verdict: str) -> None:
+    experiment = load_experiment("a_table_1")
+    result = _result("a_table_1", [worse] * 10, [better] * 10, failed)
+    found = compare(experiment, result, "paper")
+    assert found is not None
+    assert found.verdict == verdict
+    assert found.published_ratio == pytest.approx(30.2395 / 2.9133)
+    close = sum((15.2e-3 <= worse <= 60e-3, 1.46e-3 <= better <= 5.8e-3 and failed == 0.0))
+    assert found.figures == (close, 2)
+
+
+def test_ours_is_compared_with_the_best_printed_figure() -> None:
+    experiment = load_experiment("a_table_1")
+    found = ours(experiment, _result("a_table_1", [2.9e-3] * 10, [1.0] * 10, 0.0))
+    assert [entry.lower for entry in found] == [True, True]
+    assert found[0].best == pytest.approx(2.9133e-3)
+    found = ours(experiment, _result("a_table_1", [3.0e-3] * 10, [1.0] * 10, 0.0))
+    assert [entry.lower for entry in found] == [False, False]
