@@ -51,11 +51,9 @@ class CommandLine:
 
 
 @pytest.fixture
-def command_line(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[CommandLine]:
-    """A command line in a domain of its own, derived from the test's place in its file."""
-    tests = [item.nodeid for item in request.session.items if item.fspath == request.node.fspath]
-    domain_id = 40 + tests.index(request.node.nodeid) % 25
-    line = CommandLine(domain_id, tmp_path)
+def command_line(ros_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
+    """A command line in a domain of its own; what it started is ended with the test."""
+    line = CommandLine(ros_domain, tmp_path)
     yield line
     for process in line.started:
         if process.poll() is None:

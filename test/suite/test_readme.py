@@ -18,7 +18,6 @@ ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```sh\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
 SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
-DOMAIN_ID = 71
 # Shown for the newcomer, run by other tests or only once in a while.
 NOT_HERE = ("./hc test", "git clone", "cd ", "sudo ", "colcon ", "pip ", "hc bench")
 
@@ -36,13 +35,13 @@ def test_readme_has_commands() -> None:
 @pytest.mark.process
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_commands_of_readme_run(number: int, tmp_path: Path) -> None:
+def test_commands_of_readme_run(number: int, tmp_path: Path, ros_domain: int) -> None:
     for name in ("bags", "config"):
         (tmp_path / name).symlink_to(ROOT / name)
     (tmp_path / "shared").mkdir()
     environment = {
         **os.environ,
-        "ROS_DOMAIN_ID": str(DOMAIN_ID),
+        "ROS_DOMAIN_ID": str(ros_domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PATH": f"{Path(os.sys.executable).parent}:{os.environ['PATH']}",
     }
