@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
-from hc_estimator import Rejection
+from hc_estimator import Rejection, screening
 
 COMBINATIONS = [(f, s) for f in hc.available_filters() for s in hc.available_state_spaces(f)]
 
@@ -161,3 +161,10 @@ def test_specifications_are_complete(filter_name, state_space):
                     s.checked(outside)
         if s.kind == "str":
             assert s.default in s.choices
+
+
+def test_rejection_codes_are_those_of_the_message():
+    message = pytest.importorskip("hc_msgs.msg").HuntCrossleyEstimate
+    for reason in Rejection:
+        assert getattr(message, reason.name) == reason
+        assert getattr(screening, reason.name) == reason

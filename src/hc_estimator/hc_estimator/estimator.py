@@ -254,6 +254,9 @@ class Estimator:
     ) -> EstimateSeries:
         """Use many samples; the same as `step` for each, in one compiled loop.
 
+        A sample takes about 300 bytes in the result. Long recordings can be given in pieces, one
+        call after another: the numbers are the same.
+
         Args:
             time_s: stamps [s], shape (samples,).
             displacement_mm: penetration [mm], shape (samples,).
