@@ -8,11 +8,13 @@ import pytest
 
 from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue, measure
+from hc_evaluation.accuracy.bench import target
 from hc_evaluation.accuracy.measure import Setup, Task
 from hc_evaluation.accuracy.recorded import RecordingTask, recording_run
 from hc_evaluation.accuracy.recordings import RECORDINGS, batch_fit, causal_fit, data_folder
-from hc_evaluation.accuracy.run import quiet_rows, run_accuracy, target
+from hc_evaluation.accuracy.run import run_accuracy
 from hc_evaluation.accuracy.scenarios import simulate
+from hc_evaluation.accuracy.simulated import quiet_rows
 from hc_evaluation.accuracy.table import COLUMNS, markdown_table, text_table, write_tables
 
 needs_recordings = pytest.mark.skipif(

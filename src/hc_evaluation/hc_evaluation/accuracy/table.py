@@ -155,9 +155,11 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
     ),
     "filters": (
         ("filter", _plain("filter")),
-        ("scenario", _plain("scenario")),
         ("median error % of K B n p", _list("median_error", 100.0)),
-        ("force error N", _plain("force_rms", 2)),
+        ("worst tissue", _plain("worst")),
+        ("its error", _share("worst_error")),
+        ("not within 5 %", _share("lost")),
+        ("force error over the first's", _plain("force", 2)),
         ("NEES", _plain("nees", 2)),
         ("NIS", _plain("nis", 2)),
     ),

@@ -1,0 +1,83 @@
+"""What the accuracy experiments share: runs spread over processes, seeds, targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hc_evaluation.accuracy.measure import Numbers, Setup, Task
+from hc_evaluation.accuracy.scenarios import Scenario
+
+REPORT_SEED = 100_000  # far from the seeds with which the defaults were chosen
+WORKERS = 2
+
+Row = dict[str, Any]
+Result = dict[str, Any]
+
+
+def _no_report(done: int, total: int) -> None:
+    del done, total
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where an experiment's runs are done.
+
+    Attributes:
+        pool: Processes.
+        setup: Estimator under test.
+        seeds: Noise seeds per scenario.
+        report: Called with runs done and runs in all.
+    """
+
+    pool: ProcessPoolExecutor
+    setup: Setup
+    seeds: int
+    report: Callable[[int, int], None] = _no_report
+
+    def part(self, setup: Setup, seeds: int) -> Bench:
+        """The same processes for another estimator and number of seeds, without reports."""
+        return Bench(self.pool, setup, seeds)
+
+    def spread(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        """Results of the function for all tasks, in their order."""
+        results = []
+        chunk = max(1, min(8, len(tasks) // (4 * WORKERS)))
+        for done, numbers in enumerate(self.pool.map(function, tasks, chunksize=chunk), start=1):
+            results.append(numbers)
+            self.report(done, len(tasks))
+        return results
+
+    def runs(
+        self, function: Callable[[Task], Numbers], scenarios: Sequence[Scenario]
+    ) -> list[dict[str, np.ndarray[Any, Any]]]:
+        """All seeds of all scenarios; per scenario one array of shape (seeds,) per number."""
+        tasks = [
+            Task(self.setup, scenario, REPORT_SEED + seed)
+            for scenario in scenarios
+            for seed in range(self.seeds)
+        ]
+        flat = self.spread(function, tasks)
+        grouped = []
+        for index in range(len(scenarios)):
+            numbers = flat[index * self.seeds : (index + 1) * self.seeds]
+            grouped.append({key: np.array([n[key] for n in numbers]) for key in numbers[0]})
+        return grouped
+
+
+def target(name: str, value: float, low: float | None = None, high: float | None = None) -> Row:
+    """A figure beside the range that the project asks of it."""
+    met = bool(
+        np.isfinite(value) and (low is None or value >= low) and (high is None or value <= high)
+    )
+    return {"name": name, "value": float(value), "low": low, "high": high, "met": met}
+
+
+def worst(values: Iterable[float], high: bool = True) -> float:
+    """Largest of the values, or smallest."""
+    array = np.array(list(values), dtype=np.float64)
+    return float(np.max(array) if high else np.min(array))

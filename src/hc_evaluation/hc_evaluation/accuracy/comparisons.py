@@ -1,0 +1,149 @@
+"""Comparisons: each default varied on its own, and all filters beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from hc_estimator import available_filters
+from hc_evaluation.accuracy import catalogue, measure
+from hc_evaluation.accuracy.bench import Bench, Result, Row, worst
+from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.accuracy.recorded import RecordingTask, recording_run
+from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder
+from hc_evaluation.accuracy.simulated import quiet_rows
+
+# Settings varied one at a time, and the filter's parts switched off, for `defaults`.
+VARIATIONS: tuple[tuple[str, Mapping[str, object]], ...] = (
+    ("defaults", {}),
+    ("noise given, wrong by 3", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),
+    ("no motion adaptation", {"motion_adaptation": False}),
+    ("no tempering", {"coherence_share": 0.0}),
+    ("coherence_share x 2", {"coherence_share": 0.7}),
+    ("coherence_share / 2", {"coherence_share": 0.175}),
+    ("coherence_shortest x 2", {"coherence_shortest": 0.05}),
+    ("coherence_shortest / 2", {"coherence_shortest": 0.0125}),
+    ("coherence_longest x 3", {"coherence_longest": 0.84}),
+    ("coherence_longest / 3", {"coherence_longest": 0.093}),
+    ("alarm_threshold x 2", {"alarm_threshold": 90.0}),
+    ("alarm_threshold / 2", {"alarm_threshold": 22.5}),
+    ("alarm_drift 8", {"alarm_drift": 8.0}),
+    ("alarm_drift 3.5", {"alarm_drift": 3.5}),
+    ("model_error_time x 3", {"model_error_time": 4.5}),
+    ("model_error_time / 3", {"model_error_time": 0.5}),
+    ("probation x 2", {"probation": 4.0}),
+    ("probation / 2", {"probation": 1.0}),
+    ("contest_memory x 2", {"contest_memory": 1.0}),
+    ("contest_memory / 2", {"contest_memory": 0.25}),
+    ("no change found", {"find_changes": False}),
+    (
+        "walk 1e-8",
+        dict.fromkeys(
+            (
+                "stiffness_log_walk",
+                "damping_log_walk",
+                "displacement_exponent_walk",
+                "velocity_exponent_walk",
+            ),
+            1e-8,
+        ),
+    ),
+    (
+        "walk 1e-6",
+        dict.fromkeys(
+            (
+                "stiffness_log_walk",
+                "damping_log_walk",
+                "displacement_exponent_walk",
+                "velocity_exponent_walk",
+            ),
+            1e-6,
+        ),
+    ),
+    ("noise_memory x 3", {"noise_memory": 3000.0}),
+    ("noise_memory / 3", {"noise_memory": 333.0}),
+    ("motion_memory x 3", {"motion_memory": 1200.0}),
+    ("motion_memory / 3", {"motion_memory": 133.0}),
+)
+DEFAULTS_TISSUES = (catalogue.REFERENCE, catalogue.STIFF, catalogue.SOFT, catalogue.STEEP)
+DEFAULTS_CHANGES = (catalogue.CHANGES[0], catalogue.CHANGES[3])
+DEFAULTS_MISFIT = tuple(catalogue.CHANNEL_FAULTS[i] for i in (1, 3, 4, 6))
+DEFAULTS_WEAK = (catalogue.WEAK_MOTIONS[0], catalogue.WEAK_MOTIONS[2])
+
+
+def defaults(bench: Bench) -> Result:
+    """Every default varied on its own."""
+    few = max(2, bench.seeds // 5)
+    folder = data_folder()
+    rows: list[Row] = []
+    for index, (name, parameters) in enumerate(VARIATIONS):
+        varied = Setup(bench.setup.filter, {**bench.setup.parameters, **parameters})
+        part = bench.part(varied, few)
+
+        quiet = quiet_rows(
+            DEFAULTS_TISSUES,
+            part.runs(measure.quiet_run, DEFAULTS_TISSUES),
+        )
+        changed = part.runs(measure.change_run, DEFAULTS_CHANGES)
+        weak = part.runs(measure.weak_run, DEFAULTS_WEAK)
+        misfit = part.runs(measure.quiet_run, DEFAULTS_MISFIT)
+        row: Row = {
+            "variation": name,
+            "ratio": worst(max(r["ratio"]) for r in quiet),
+            "nees_low": worst((r["nees"] for r in quiet), False),
+            "nees_high": worst(r["nees"] for r in quiet),
+            "nis_low": worst((r["nis"] for r in quiet), False),
+            "nis_high": worst(r["nis"] for r in quiet),
+            "false_alarms": float(sum(r["changes"] for r in quiet)),
+            "settling_s": worst(float(np.median(c["settling_s"])) for c in changed),
+            "misfit_calls": float(np.mean([np.mean(m["changes"]) for m in misfit])),
+            "weak_nees": worst(float(np.mean(w["nees"])) for w in weak),
+        }
+        if folder is not None:
+            sines = [
+                RecordingTask(varied, recording, str(folder), causal=False)
+                for recording in RECORDINGS
+                if recording.palpation and recording.model_fits
+            ]
+            recorded = part.spread(recording_run, sines)
+            row["recordings"] = worst(r["ratio"] for r in recorded[:-1])
+            row["press"] = float(recorded[-1]["ratio"])
+            row["recorded_changes"] = float(sum(r["changes"] for r in recorded))
+        rows.append(row)
+        bench.report(index + 1, len(VARIATIONS))
+    return {"rows": rows, "targets": []}
+
+
+def filters(bench: Bench) -> Result:
+    """All filters on all simulated tissues."""
+    few = max(2, bench.seeds // 5)
+    rows: list[Row] = []
+    names = available_filters()
+    for index, name in enumerate(names):
+        groups = bench.part(Setup(name), few).runs(measure.plain_run, catalogue.TISSUES)
+        errors = np.array([[np.median(runs[f"relative_{i}"]) for i in range(4)] for runs in groups])
+        forces = np.array([np.median(runs["force_rms"]) for runs in groups])
+        if index == 0:
+            first_forces = forces
+        hardest = int(np.argmax(np.max(errors, axis=1)))
+        lost = np.mean(
+            [
+                np.max([runs[f"relative_{i}"] for i in range(4)], axis=0) > measure.TOLERANCE
+                for runs in groups
+            ]
+        )
+        rows.append(
+            {
+                "filter": name,
+                "median_error": np.median(errors, axis=0).tolist(),
+                "worst_error": float(np.max(errors[hardest])),
+                "worst": catalogue.TISSUES[hardest].name,
+                "lost": float(lost),
+                "force": float(np.exp(np.mean(np.log(forces / first_forces)))),
+                "nees": float(np.median([np.median(runs["nees"]) for runs in groups])),
+                "nis": float(np.median([np.median(runs["nis"]) for runs in groups])),
+            }
+        )
+        bench.report(index + 1, len(names))
+    return {"rows": rows, "targets": []}
