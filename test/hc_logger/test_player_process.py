@@ -48,6 +48,7 @@ def test_a_bag_comes_out_as_it_was_recorded(
     )
     assert graph.spin_until(lambda: node.process.poll() is not None)
     assert node.wait() == 0, node.error
+    graph.spin_until(lambda: len(got) >= 1500, timeout=5)
     with BagReader(path) as reader:
         assert got == [m.data for m in reader.messages({"/indenter/sample"})]
     assert headers == []
@@ -83,6 +84,7 @@ def test_services_start_and_pause_it(start_node: Start, graph: Any, make_bag: Ma
     graph.call(SetBool, "/player/run", SetBool.Request(data=True))
     assert graph.spin_until(lambda: node.process.poll() is not None)
     assert node.wait() == 0, node.error
+    graph.spin_until(lambda: len(got) >= 1001, timeout=5)
     assert len(got) == 1001
 
 
@@ -263,6 +265,7 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         os.write(controller, b"\x1b[A\x1b[A\x1b[A\x1b[Bx ")
         assert graph.spin_until(lambda: process.poll() is not None)
         assert process.wait(5) == 0
+        graph.spin_until(lambda: len(got) >= 800, timeout=5)
         assert len(got) == 800
         assert termios.tcgetattr(terminal) == before
         text = process.stderr.read()

@@ -26,8 +26,8 @@ from hc_logger.foreign import open_bag
 from hc_logger.info import bag_info
 from hc_logger.layout import encode, records
 from hc_logger.reader import BagReader
-from hc_logger.recorded import SAMPLE_TYPE
 from hc_logger.recording import read_recording
+from hc_logger.type_names import SAMPLE_TYPE
 from hc_logger.writer import BagWriter
 from hc_msgs_py.topics import JOINT_STATES, NODE_PLAYER, NODE_RECORDER, SAMPLE, TRUTH, WRENCH
 

@@ -15,10 +15,10 @@ from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
-from hc_logger.recorded import SAMPLE_TYPE, only_topic
+from hc_logger.recorded import has_sensors, only_topic
 from hc_logger.recording import stamps_from_seconds
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.sensors import has_sensors, read_sensors
+from hc_logger.type_names import SAMPLE_TYPE
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -174,6 +174,8 @@ def bag_to_csv(
     with open_bag(source) as reader:
         name = full_name(topic) if topic else only_topic(reader, SAMPLE_TYPE, SAMPLE)
         if name is None and has_sensors(reader):
+            from hc_logger.sensors import read_sensors  # loads the estimator package
+
             recording = read_sensors(source)
             columns = (recording.time_s, recording.displacement_mm, recording.force_n)
             return write_csv(target, [np.column_stack(columns)]), recording.findings.lines()

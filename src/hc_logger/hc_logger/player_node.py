@@ -20,9 +20,8 @@ from hc_logger.message_class import message_class
 from hc_logger.playback import Playback
 from hc_logger.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
 from hc_logger.qos_profiles import publisher_profile
-from hc_logger.recorded import SAMPLE_TYPE
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.sensors import FORCE_TYPE, POSITION_TYPES
+from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare

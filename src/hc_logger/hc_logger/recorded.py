@@ -16,12 +16,14 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import records
 from hc_logger.selection import full_name
+from hc_logger.type_names import (
+    CONFIGURATION_TYPE,
+    ESTIMATE_TYPE,
+    FORCE_TYPE,
+    POSITION_TYPES,
+)
 from hc_msgs_py.topics import CONFIGURATION, ESTIMATE
 from hc_msgs_py.units import NANOSECONDS
-
-SAMPLE_TYPE = "hc_msgs/msg/IndenterSample"
-ESTIMATE_TYPE = "hc_msgs/msg/HuntCrossleyEstimate"
-CONFIGURATION_TYPE = "hc_msgs/msg/EstimatorConfiguration"
 
 _PARAMETER_FIELDS = (
     "",
@@ -144,6 +146,12 @@ class Recording:
         if not self.is_bag:
             raise BagError(f"{self.path} is a CSV file: it holds no estimates")
         return open_bag(self.path)
+
+
+def has_sensors(bag: Bag) -> bool:
+    """Whether a bag has exactly one wrench and one position topic, so that neither needs a name."""
+    types = [topic.definition.name for topic in bag.topics.values()]
+    return types.count(FORCE_TYPE) == 1 and sum(types.count(t) for t in POSITION_TYPES) == 1
 
 
 def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:

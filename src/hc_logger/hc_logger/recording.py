@@ -17,9 +17,9 @@ from hc_logger.csv_file import read_csv
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import records, stamps
-from hc_logger.recorded import SAMPLE_TYPE, Recording, findings_of, only_topic
+from hc_logger.recorded import Recording, findings_of, has_sensors, only_topic
 from hc_logger.selection import full_name
-from hc_logger.sensors import has_sensors, read_sensors
+from hc_logger.type_names import SAMPLE_TYPE
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
@@ -64,6 +64,8 @@ def _read_bag(path: Path, topic: str) -> Recording:
     with open_bag(path) as reader:
         name = full_name(topic) if topic else only_topic(reader, SAMPLE_TYPE, SAMPLE)
         if name is None and has_sensors(reader):
+            from hc_logger.sensors import read_sensors  # loads the estimator package
+
             return read_sensors(path)
         if name is None or name not in reader.topics:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"

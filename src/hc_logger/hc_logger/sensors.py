@@ -22,13 +22,8 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.recorded import Recording, findings_of
 from hc_logger.selection import full_name
+from hc_logger.type_names import FORCE_TYPE, JOINT_TYPE, POSE_TYPE, POSITION_TYPES
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
-
-FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
-JOINT_TYPE = "sensor_msgs/msg/JointState"
-POSE_TYPE = "geometry_msgs/msg/PoseStamped"
-TRANSFORM_TYPE = "geometry_msgs/msg/TransformStamped"
-POSITION_TYPES = (JOINT_TYPE, POSE_TYPE, TRANSFORM_TYPE)
 
 
 @dataclass(frozen=True)
@@ -132,12 +127,6 @@ def read_sensors(
         np.ascontiguousarray(rows[:, 1]),
         findings_of(rows, np.diff(stamps), tuple(problems))._replace(notes=(note,)),
     )
-
-
-def has_sensors(bag: Bag) -> bool:
-    """Whether a bag has exactly one wrench and one position topic, so that neither needs a name."""
-    types = [topic.definition.name for topic in bag.topics.values()]
-    return types.count(FORCE_TYPE) == 1 and sum(types.count(t) for t in POSITION_TYPES) == 1
 
 
 def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:

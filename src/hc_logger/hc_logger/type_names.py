@@ -1,0 +1,12 @@
+"""Names of the message types that the logger knows by name."""
+
+from __future__ import annotations
+
+SAMPLE_TYPE = "hc_msgs/msg/IndenterSample"
+ESTIMATE_TYPE = "hc_msgs/msg/HuntCrossleyEstimate"
+CONFIGURATION_TYPE = "hc_msgs/msg/EstimatorConfiguration"
+FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
+JOINT_TYPE = "sensor_msgs/msg/JointState"
+POSE_TYPE = "geometry_msgs/msg/PoseStamped"
+TRANSFORM_TYPE = "geometry_msgs/msg/TransformStamped"
+POSITION_TYPES = (JOINT_TYPE, POSE_TYPE, TRANSFORM_TYPE)
