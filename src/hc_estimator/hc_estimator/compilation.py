@@ -1,14 +1,16 @@
 """The one decorator that compiles the package's kernels, with a disk cache that cannot go stale.
 
 numba recompiles a cached function when the file that holds it changes, but not when a function
-that it calls changes in another file. Here every cached kernel carries a stamp of all sources of
-this package instead, so that an edit anywhere invalidates all of them. Nothing is compiled at
-import; the first call (or `Estimator.warm_up`) compiles or loads from the cache.
+that it calls changes in another file. Here every cached kernel carries a hash of all sources of
+this package that kernels are made of instead: an edit anywhere invalidates all of them, a new
+checkout of the same text none. Nothing is compiled at import; the first call (or
+`Estimator.warm_up`) compiles or loads from the cache.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,20 +19,20 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-WITHOUT_KERNELS = ("node.py", "ros", "input", "online")  # nothing in there is compiled
+# No kernel and no constant of a kernel comes from here: the node and what it needs of its own.
+WITHOUT_KERNELS = ("input", "online", "ros", "node.py")
 
 
 @functools.cache
-def _package_stamp() -> tuple[tuple[str, float, int], ...]:
-    """Name, modification time and size of every source file that may hold or feed a kernel."""
+def _package_stamp() -> str:
+    """Hash of every source file of the package that a kernel may depend on."""
     root = Path(__file__).parent
-    stamps = []
+    content = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
-        if path.relative_to(root).parts[0] in WITHOUT_KERNELS:
-            continue
-        status = path.stat()
-        stamps.append((path.relative_to(root).as_posix(), status.st_mtime, status.st_size))
-    return tuple(stamps)
+        if path.relative_to(root).parts[0] not in WITHOUT_KERNELS:
+            content.update(path.relative_to(root).as_posix().encode())
+            content.update(path.read_bytes())
+    return content.hexdigest()
 
 
 def compiled(function: F) -> F:
