@@ -52,7 +52,7 @@ def picture_consistency(result: Mapping[str, Any], folder: Path) -> Path:
     axes[0].set(xlabel="RMS error / Cramér-Rao bound", xlim=(0, 2), yticks=places)
     axes[0].set_yticklabels(names)
     axes[0].invert_yaxis()
-    axes[0].legend(loc="lower right", ncols=2)
+    axes[0].legend(loc="lower left", ncols=2)
     for axis, key, low, ideal, high in (
         (axes[1], "nees", 2.5, 4.0, 6.0),
         (axes[2], "nis", 1.6, 2.0, 2.4),
