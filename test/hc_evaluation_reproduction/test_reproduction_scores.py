@@ -20,6 +20,7 @@ from hc_evaluation.reproduction.verdict import (
     NO_DIFFERENCE,
     OPPOSITE,
     RANKING,
+    UNRELIABLE,
     compare,
     ours,
 )
@@ -206,6 +207,28 @@ def test_the_verdict(worse: float, better: float, failed: float, verdict: str) -
     assert found.published_ratio == pytest.approx(30.2395 / 2.9133)
     close = sum((15.2e-3 <= worse <= 60e-3, 1.46e-3 <= better <= 5.8e-3 and failed == 0.0))
     assert found.figures == (close, 2)
+
+
+def test_a_filter_that_sometimes_fails_is_unreliable() -> None:
+    experiment = load_experiment("a_table_1")
+    result = _result("a_table_1", [30.0e-3] * 10, [3.0e-3] * 10, 0.0)
+    result.columns["RWSTUKF, paper"]["failed"] = [1.0, 1.0, 1.0, *([0.0] * 7)]
+    found = compare(experiment, result, "paper")
+    assert found is not None
+    assert found.verdict == UNRELIABLE
+
+
+def test_at_constant_velocity_k_and_b_count_together() -> None:
+    found = load_experiment("a_table_1")
+    data = make_signal(found.signal, 1)
+    trace = _perfect(data, spread=0.0)
+    stiffness = 10.0 + 0.1**1.05
+    # All in B: the same force, and another K, B and p.
+    trace.parameters[:] = [0.0, stiffness / 0.1**1.5, 2.0, 1.5]
+    result = score(data, trace, {"identifiable": ("n",)})
+    assert result["error_apparent"] == pytest.approx(0.0, abs=1e-12)
+    assert result["error_identifiable"] == pytest.approx(0.0, abs=1e-12)
+    assert result["error_K"] == 1.0
 
 
 def test_ours_is_compared_with_the_best_printed_figure() -> None:

@@ -10,7 +10,10 @@ from __future__ import annotations
 import hashlib
 import json
 import multiprocessing
+import os
 import signal
+import threading
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
@@ -159,9 +162,16 @@ def _tasks(missing: Mapping[str, Sequence[int]]) -> list[tuple[str, list[int]]]:
     return [(name, c[i]) for i in range(longest) for name, c in chunks.items() if i < len(c)]
 
 
-def _leave_interrupt() -> None:
-    """An interruption is for the main process, which lets the workers finish their chunk."""
+def _prepare_worker(parent: int) -> None:
+    """Leave an interruption to the main process, and do not outlive it if it is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _compute(
@@ -178,7 +188,7 @@ def _compute(
         return [path for name in drawings for path in draw(name, folder)]
     # Not fork: compiled code and its threads do not survive it everywhere.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=_leave_interrupt) as executor:
+    with ProcessPoolExecutor(workers, context, _prepare_worker, (os.getpid(),)) as executor:
         running: dict[Future[dict[int, dict[str, Scores]]], str] = {
             executor.submit(run_seeds, name, seeds): name for name, seeds in tasks
         }

@@ -11,6 +11,7 @@ from hc_evaluation.reproduction.experiment import Column, Experiment
 from hc_evaluation.reproduction.intervals import Summary, paired_ratio, summarise
 from hc_evaluation.reproduction.published import published_table, published_value, unit_of
 
+OFTEN_FAILED = 0.05  # failure rate from which a wide interval is due to failures
 MOSTLY_FAILED = 0.5  # failure rate from which a filter counts as not working
 MET = 0.5  # share of the printed ratio that must be there for the claim to hold in size
 CLOSE = 2.0  # factor within which a figure counts as that of the paper
@@ -20,6 +21,7 @@ HOLDS = "holds"
 RANKING = "ranking only"
 NO_DIFFERENCE = "no difference"
 OPPOSITE = "opposite"
+UNRELIABLE = "unreliable"
 FAILS = "filters fail"
 
 
@@ -51,10 +53,10 @@ class Comparison:
     figures: tuple[int, int]
 
 
-def printed_row(experiment: Experiment) -> str:
-    """The printed quantity that the claim is ranked by; empty if it is not printed."""
-    for row, score in experiment.published_rows.items():
-        if score == experiment.ranked_by:
+def printed_row(experiment: Experiment, score: str) -> str:
+    """The printed quantity that is our score; empty if it is not printed."""
+    for row, name in experiment.published_rows.items():
+        if name == score:
             return row
     return ""
 
@@ -71,18 +73,30 @@ def _pair(experiment: Experiment, setting: str) -> tuple[Column, Column] | None:
     return (found[0], found[1]) if len(found) == 2 else None
 
 
-def compare(experiment: Experiment, result: ExperimentResult, setting: str) -> Comparison | None:
-    """Compare the two filters of the claim in one setting; None if the setting lacks one."""
+def compare(
+    experiment: Experiment, result: ExperimentResult, setting: str, score: str = ""
+) -> Comparison | None:
+    """Compare the two filters of the claim in one setting.
+
+    Args:
+        experiment: the experiment.
+        result: its scores.
+        setting: "paper" or "practical".
+        score: the score to compare in; empty for the one that the claim is ranked by.
+
+    Returns:
+        The comparison, None if the setting lacks one of the filters.
+    """
     pair = _pair(experiment, setting)
     if pair is None:
         return None
     worse, better = pair
-    score = experiment.ranked_by
+    score = score or experiment.ranked_by
     scores = [result.columns[column.name] for column in pair]
     ratio = paired_ratio(
         scores[0][score], scores[1][score], scores[0]["failed"], scores[1]["failed"]
     )
-    row = printed_row(experiment)
+    row = printed_row(experiment, score)
     printed = [
         published_value(experiment.published, column.published, row) for column in (worse, better)
     ]
@@ -97,14 +111,16 @@ def compare(experiment: Experiment, result: ExperimentResult, setting: str) -> C
             count += 1
             ours = summary_of(result, column.name, score).median * scale
             close += bool(value / CLOSE <= ours <= value * CLOSE)
-    failing = [float(np.mean(s["failed"])) >= MOSTLY_FAILED for s in scores]
-    if failing[1]:
+    failing = float(np.mean(scores[1]["failed"]))
+    if failing >= MOSTLY_FAILED:
         verdict = FAILS
     elif ratio.median_low > 1.0:
         met = not np.isfinite(published) or ratio.median >= MET * published
         verdict = HOLDS if met else RANKING
     elif ratio.median_high < 1.0:
         verdict = OPPOSITE
+    elif failing >= OFTEN_FAILED:
+        verdict = UNRELIABLE
     else:
         verdict = NO_DIFFERENCE
     return Comparison(setting, verdict, ratio, published, (close, count))
