@@ -57,6 +57,7 @@ def copy_with(source: Path, target: Path, change: Callable[[Any], Any]) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(300)  # where the filters have to be compiled first
 def test_a_live_run_is_recomputed_to_the_last_bit(
     start_node: Callable[..., Any], graph: Any, tmp_path: Path
 ) -> None:
@@ -76,7 +77,7 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     ]
     for name in ("estimator", "recorder"):
         assert graph.spin_until(
-            lambda name=name: graph.call(Trigger, f"/{name}/ready", timeout=60).success, 60
+            lambda name=name: graph.call(Trigger, f"/{name}/ready", timeout=150).success, 150
         )
     time.sleep(0.5)
     graph.call(SetBool, "/player/run", SetBool.Request(data=True))
