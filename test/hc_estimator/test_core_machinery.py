@@ -15,6 +15,7 @@ from scipy import stats
 
 import hc_estimator as hc
 from hc_estimator import documentation, random_numbers, resampling
+from hc_estimator import estimator as estimator_module
 from hc_estimator.compilation import compiled
 from hc_estimator.estimator import MEMORY, SETTINGS
 from hc_estimator.linear_algebra import cholesky
@@ -205,6 +206,7 @@ def test_warm_up_leaves_no_trace():
     estimator.warm_up()
     assert estimator.state() == before
     assert len(estimator._run.signatures) == 1
+    assert len(estimator_module._set_noise.signatures) == 1  # a reconfiguration must not stall
 
 
 def test_state_spaces_and_contact_models_of_a_filter():

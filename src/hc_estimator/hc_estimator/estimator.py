@@ -300,8 +300,9 @@ class Estimator:
             _set_noise(self._settings, self._memory)
 
     def warm_up(self) -> None:
-        """Compile (or load from the cache) everything that `step` needs; the state stays."""
+        """Compile (or load from the cache) what `step` and `reconfigure` need; the state stays."""
         nothing = np.zeros((0, 3))
+        _set_noise(self._settings, self._memory.copy())
         self._run(self._settings, self._memory, self._particles, nothing, np.zeros((0, COLUMNS)))
 
     def state(self) -> dict[str, Any]:
