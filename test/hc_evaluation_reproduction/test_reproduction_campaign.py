@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -87,3 +90,58 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(ReproductionError, match="cannot write to"):
         run_campaign([NAME], seeds=1, output=tmp_path / "file", workers=1)
+
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from hc_evaluation.reproduction.campaign import run_campaign
+if __name__ == "__main__":
+    run_campaign(["a_table_2"], seeds=int(sys.argv[2]), output=Path(sys.argv[1]), workers=2)
+"""
+
+
+def _children(process: int) -> list[int]:
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                status = (entry / "stat").read_text(encoding="utf-8")
+            except (FileNotFoundError, ProcessLookupError):
+                continue
+            if int(status.rpartition(")")[2].split()[1]) == process:
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.mark.process
+def test_a_killed_command_leaves_no_process_and_is_resumed(
+    tmp_path: Path, computed: list[int]
+) -> None:
+    script = tmp_path / "campaign.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    output = tmp_path / "output"
+    path = output / f"runs/{NAME}.jsonl"
+    command = subprocess.Popen([sys.executable, str(script), str(output), "2000"])
+    try:
+        deadline = time.monotonic() + 60.0
+        while not (path.is_file() and path.read_text(encoding="utf-8").count("\n") > 5):
+            assert command.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        children = _children(command.pid)
+        assert len(children) >= 2
+    finally:
+        command.kill()
+        command.wait()
+    deadline = time.monotonic() + 20.0
+    while any(Path(f"/proc/{child}").exists() for child in children):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    finished = path.read_text(encoding="utf-8").count('"seed"')
+    resumed = run_campaign([NAME], seeds=finished + 1, output=output, workers=1)
+    assert 1 <= len(computed) <= campaign.CHUNK + 2
+    anew = run_campaign([NAME], seeds=4, output=tmp_path / "other", workers=1)
+    for column, scores in anew.experiments[NAME].columns.items():
+        for score, values in scores.items():
+            assert resumed.experiments[NAME].columns[column][score][:4] == values
