@@ -1,34 +1,38 @@
 """The decorator that compiles the rig's kernels, with a disk cache that cannot go stale.
 
-The kernels here call the contact law of hc_estimator, so their cache carries a stamp of its
-sources too (why a stamp is needed at all: hc_estimator.compilation).
+The kernels here call the contact law of hc_estimator, so their cache carries a hash of its
+sources too (why one is needed at all: hc_estimator.compilation).
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 
-import hc_estimator
+from hc_estimator import contact
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+# No kernel and no constant of a kernel comes from files with these endings.
+WITHOUT_KERNELS = ("node", "pictures", "pacing", "records")
+
 
 @functools.cache
-def _source_stamp() -> tuple[tuple[str, float, int], ...]:
-    """Name, modification time and size of every source file that a kernel here may come from."""
-    estimator = Path(hc_estimator.compilation.__file__)
-    paths = [estimator, *Path(hc_estimator.contact.__file__).parent.rglob("*.py")]
-    paths += Path(__file__).parent.rglob("*.py")
-    stamps = []
+def _source_stamp() -> str:
+    """Hash of every source file that a kernel here may come from."""
+    here = Path(__file__).parent
+    paths = [path for path in here.rglob("*.py") if not path.stem.endswith(WITHOUT_KERNELS)]
+    paths += Path(contact.__file__).parent.rglob("*.py")
+    content = hashlib.sha256()
     for path in sorted(paths):
-        status = path.stat()
-        stamps.append((path.name, status.st_mtime, status.st_size))
-    return tuple(stamps)
+        content.update(path.name.encode())
+        content.update(path.read_bytes())
+    return content.hexdigest()
 
 
 def compiled(function: F) -> F:
