@@ -22,16 +22,16 @@ def test_estimates_are_those_of_the_core_and_everything_else_is_told(
     probe.node.create_subscription(WrenchStamped, "hc/reconstructed_wrench", wrenches.append, 100)
     probe.wait_ready()
     time.sleep(0.3)  # the node looks ten times a second who listens to the wrench
-    samples = list(plant.samples(2500))
+    samples = list(plant.samples(1500))
     start_ns = time.time_ns()
     probe.stream(samples, start_ns=start_ns)
-    probe.wait(lambda: len(probe.estimates) == 2500, what="2500 estimates")
+    probe.wait(lambda: len(probe.estimates) == 1500, what="1500 estimates")
     probe.wait(
         lambda: any(s.level == b"\x00" and s.message == "estimating" for s in probe.statuses)
     )
 
     stamps = [nanoseconds_from_stamp(m.header.stamp) for m in probe.estimates]
-    assert [m.sequence for m in probe.estimates] == list(range(2500))
+    assert [m.sequence for m in probe.estimates] == list(range(1500))
     configuration = configuration_from_message(probe.configurations[-1])
     assert configuration.time_origin_ns == stamps[0]
     assert configuration.valid_from_sequence == 0
@@ -58,7 +58,7 @@ def test_estimates_are_those_of_the_core_and_everything_else_is_told(
     computations = np.array([m.computation_time for m in probe.estimates])
     assert (latencies > computations).all()
     assert {m.header.frame_id for m in probe.estimates} == {"indenter_tip"}
-    assert len(wrenches) > 1000
+    assert len(wrenches) > 500
     by_stamp = dict(zip(stamps, series.force_reconstructed, strict=True))
     for wrench in wrenches:
         assert wrench.wrench.force.z == by_stamp[nanoseconds_from_stamp(wrench.header.stamp)]

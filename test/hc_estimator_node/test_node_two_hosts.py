@@ -31,7 +31,7 @@ def take(message):
     got.append(message)
 node.create_subscription(HuntCrossleyEstimate, "hc/estimate", take, ESTIMATE_QOS)
 print("up", flush=True)
-end = time.monotonic() + 60
+end = time.monotonic() + 90
 while time.monotonic() < end and (not got or got[-1].sequence < {SAMPLES - 1 - 50}):
     rclpy.spin_once(node, timeout_sec=0.1)
 last = got[-1]
