@@ -52,6 +52,7 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
     if task.causal:
         causal = held(causal_fit(time, smooth, velocity, force, start_s=start))
     last = series.parameters[-1]
+    fits = recording.model_fits
     stiffness = last[0]
     if recording.elastic:
         speed = float(np.median(np.abs(velocity)))
@@ -67,8 +68,8 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
         "deviations": series.parameters_std[-1].tolist(),
         "identifiability": series.identifiability[-1].tolist(),
         "batch": linear.parameters.tolist(),
-        "k_off": float(stiffness / linear.parameters[0] - 1.0),
-        "n_off": float(last[2] / linear.parameters[2] - 1.0),
+        "k_off": float(stiffness / linear.parameters[0] - 1.0) if fits else float("nan"),
+        "n_off": float(last[2] / linear.parameters[2] - 1.0) if fits else float("nan"),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),
         "force_noise_std": float(series.force_noise_std[-1]),

@@ -45,7 +45,8 @@ def _list(key: str, scale: float = 1.0, digits: int = 2) -> Callable[[Row], str]
 
 def _share(key: str) -> Callable[[Row], str]:
     def text(row: Row) -> str:
-        return f"{100.0 * float(row[key]):.1f} %"
+        value = float(row[key])
+        return "-" if math.isnan(value) else f"{100.0 * value:.1f} %"
 
     return text
 
