@@ -80,6 +80,8 @@ def test_the_main_job(command_line) -> None:
     info = command_line.run("bag", "info", str(bag)).stdout
     for topic in ("/indenter/sample", "/hc/estimate", "/indenter/truth", "/hc/configuration"):
         assert topic in info
+    assert "scenario:" in info
+    assert "seed:" in info
     recorded = yaml.safe_load((bag / "metadata.yaml").read_text())
     counts = {
         t["topic_metadata"]["name"]: t["message_count"]
@@ -157,7 +159,6 @@ def broken_plan(folder: Path, node: str, parameters: dict[str, object]) -> str:
     [
         ("estimator", {"filter": "magic"}, "magic"),
         ("estimator", {"no_such_parameter": 1}, "no_such_parameter"),
-        ("indenter", {"scenario": "atlantis"}, "atlantis"),
         ("indenter", {"speed": -4.0}, "speed"),
         ("recorder", {"flush_interval": 1e9}, "flush_interval"),
     ],
@@ -174,6 +175,14 @@ def test_a_node_that_cannot_start_is_reported_with_what_it_said(
     assert expected in "\n".join(lines[:-1])
     assert "Traceback" not in done.stderr
     assert_clean(command_line)
+
+
+def test_an_unknown_scenario_is_told_before_anything_starts(command_line) -> None:
+    done = command_line.run("run", "--scenario", "atlantis", "--headless")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert "atlantis" in done.stderr
 
 
 def test_a_node_module_that_does_not_exist(command_line) -> None:

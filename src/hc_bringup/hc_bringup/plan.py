@@ -31,6 +31,7 @@ class NodePlan:
         parameters: parameters that win over the files.
         source: True for the node that publishes the samples; its ~/run service starts them.
         respawn: True if the node is started again when it dies.
+        terminal: True if the node reads keys from the terminal.
     """
 
     name: str
@@ -39,6 +40,7 @@ class NodePlan:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     source: bool = False
     respawn: bool = False
+    terminal: bool = False
 
 
 @dataclass(frozen=True)

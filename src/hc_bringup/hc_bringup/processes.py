@@ -20,7 +20,7 @@ import yaml
 
 from hc_bringup.plan import NodePlan
 
-STOP_TIMEOUT_S = 5.0
+STOP_TIMEOUT_S = 10.0
 _TAIL_LINES = 12
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -47,7 +47,7 @@ class NodeProcess:
         with self._output_path.open("ab") as output:
             self._process = subprocess.Popen(
                 self._command_line(),
-                stdin=subprocess.DEVNULL,
+                stdin=None if self.plan.terminal else subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C reaches the runner only, which passes it on

@@ -82,9 +82,13 @@ def _accuracy(arguments: argparse.Namespace) -> int:
 def _bags(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import status_line
     from hc_logger.bench import bench_bags
+    from hc_logger.errors import BagError
 
-    with status_line() as tell:
-        figures = bench_bags(arguments.duration, progress=tell)
+    try:
+        with status_line() as tell:
+            figures = bench_bags(arguments.duration, progress=tell)
+    except BagError as error:
+        raise UserError(str(error)) from error
     _show(figures, arguments.json)
     return 0
 

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import sys
+import termios
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,12 +54,27 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.summary import run_summary, run_text, to_json
 
     plan, bag = _plan(arguments)
-    with Display(enabled=not arguments.headless) as display:
+    if any(node.terminal for node in plan.nodes):
+        print("keys: space pauses, right plays the next message, up and down change the rate")
+    with terminal_restored(), Display(enabled=not arguments.headless) as display:
         state = Runner(plan, display.show).run()
     # Stamps are those of the recording, so there is no latency to speak of.
     summary = run_summary(state, str(bag) if bag else None, with_latency=False)
     print(to_json(summary) if arguments.json else run_text(summary))
     return 0
+
+
+@contextmanager
+def terminal_restored() -> Iterator[None]:
+    """Give the terminal its mode back, even if the player that read its keys was killed."""
+    if not sys.stdin.isatty():
+        yield
+        return
+    mode = termios.tcgetattr(sys.stdin)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, mode)
 
 
 def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
@@ -77,6 +96,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
             settings[name] = getattr(arguments, name)
     with_estimator = arguments.estimator or bool(settings)
     bag = new_bag_folder(arguments.bag) if arguments.bag is not None else None
+    keyboard = sys.stdin.isatty() and not (arguments.headless or arguments.json)
     listeners = int(with_estimator) + int(bag is not None)
     nodes = [
         NodePlan(
@@ -92,8 +112,10 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
                 "start_paused": True,
                 "exit_when_done": True,
                 "expected_sample_subscribers": listeners,
+                "keyboard": keyboard,
             },
             source=True,
+            terminal=keyboard,
         )
     ]
     if with_estimator:

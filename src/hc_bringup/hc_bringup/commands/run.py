@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import seconds
@@ -47,16 +50,18 @@ def run(arguments: argparse.Namespace) -> int:
     plan = load_plan(find_config(arguments.config))
     if arguments.duration is not None:
         plan = dataclasses.replace(plan, duration_s=arguments.duration)
-    bag = None
-    if plan.node("recorder") is not None:
-        bag = new_bag_folder(arguments.bag)
-        plan = with_parameters(plan, "recorder", {"output": str(bag)})
-    elif arguments.bag is not None:
-        raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
     if arguments.scenario is not None:
         if plan.node("indenter") is None:
             raise UserError("--scenario given, but the configuration starts no rig", WRONG_USE)
         plan = with_parameters(plan, "indenter", {"scenario": arguments.scenario})
+    bag = None
+    if plan.node("recorder") is not None:
+        bag = new_bag_folder(arguments.bag)
+        plan = with_parameters(
+            plan, "recorder", {"output": str(bag), "custom_data": custom_data(plan)}
+        )
+    elif arguments.bag is not None:
+        raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
     with Display(enabled=not arguments.headless) as display:
         state = Runner(plan, display.show).run()
     summary = run_summary(state, str(bag) if bag else None)
@@ -78,6 +83,55 @@ def new_bag_folder(given: str | None) -> Path:
     except OSError as error:
         raise UserError(f"cannot make {folder.parent}: {error.strerror}", WRONG_USE) from error
     return folder
+
+
+def custom_data(plan: Any) -> list[str]:
+    """Return what a bag's metadata say of the run: nothing of this machine.
+
+    Args:
+        plan: the run.
+
+    Returns:
+        Entries of the form key=value: the configuration, and scenario and seed of the rig.
+    """
+    from hc_sim_rig.scenario import load_scenario
+    from hc_sim_rig.schema import ScenarioError
+
+    configuration = [
+        {
+            "name": node.name,
+            "module": node.module,
+            "parameter_files": [file.name for file in node.parameter_files],
+            "parameters": dict(node.parameters),
+        }
+        for node in plan.nodes
+    ]
+    entries = [f"configuration={json.dumps(configuration, sort_keys=True)}"]
+    rig = plan.node("indenter")
+    if rig is not None:
+        settings = file_parameters(rig) | dict(rig.parameters)
+        name = str(settings.get("scenario", "multisine"))
+        try:
+            seed = settings.get("seed", load_scenario(name).seed)
+        except (ScenarioError, OSError) as error:
+            raise UserError(str(error), WRONG_USE) from error
+        entries += [f"scenario={Path(name).name}", f"seed={seed}"]
+    return entries
+
+
+def file_parameters(node: Any) -> dict[str, Any]:
+    """Return what the parameter files of a node say; later files win."""
+    merged: dict[str, Any] = {}
+    for file in node.parameter_files:
+        try:
+            data = yaml.safe_load(file.read_text(encoding="utf-8"))
+        except (OSError, yaml.YAMLError) as error:
+            raise UserError(f"{file} cannot be read: {error}", WRONG_USE) from error
+        for key in ("/**", node.name, f"/{node.name}"):
+            section = data.get(key) if isinstance(data, dict) else None
+            if isinstance(section, dict):
+                merged.update(section.get("ros__parameters") or {})
+    return merged
 
 
 def with_parameters(plan: Any, node_name: str, parameters: dict[str, Any]) -> Any:
