@@ -98,4 +98,6 @@ def test_summary_has_the_keys_of_the_design() -> None:
 def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:
     summary = run_summary(RunState(EstimateStatistics(), 0.0), None)
     assert json.loads(to_json(summary))["parameters"]["stiffness"] is None
-    assert "0 estimates of 0 samples" in run_text(summary)
+    text = run_text(summary)
+    assert "0 estimates of 0 samples" in text
+    assert "nan" not in text

@@ -86,6 +86,10 @@ class _RateMeter:
         return self._rate
 
 
+def _number(value: float, form: str) -> str:
+    return "-" if math.isnan(value) else format(value, form)
+
+
 def _milliseconds(seconds: float) -> str:
     return "-" if math.isnan(seconds) else f"{1e3 * seconds:.2f} ms"
 
@@ -117,8 +121,8 @@ def _panel(state: RunState, rate: float) -> Any:
         symbol, unit = SYMBOLS[name]
         grid.add_row(
             f"[bold]{symbol}[/bold] {unit}",
-            f"{values[name]:.5g}",
-            f"{deviations[name]:.2g}",
+            _number(values[name], ".5g"),
+            _number(deviations[name], ".2g"),
             "-" if math.isnan(known[name]) else f"{100 * known[name]:.0f} %",
         )
     latency = statistics.latency
@@ -129,7 +133,7 @@ def _panel(state: RunState, rate: float) -> Any:
         f"rejected {sum(statistics.rejected.values())}",
         f"latency p50 {_milliseconds(latency.quantile(0.5))}"
         f"  p99 {_milliseconds(latency.quantile(0.99))}",
-        f"force error {1e3 * statistics.recent_force_rmse_n:.3g} mN",
+        f"force error {_number(1e3 * statistics.recent_force_rmse_n, '.3g')} mN",
     )
     flags = []
     if statistics.latest is not None:

@@ -96,23 +96,25 @@ def run_text(summary: dict[str, Any]) -> str:
     cpu = ", ".join(f"{name} {percent:.0f} %" for name, percent in summary["cpu_percent"].items())
     lines = [
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
-        f"{summary['duration_s']:.1f} s; lost {summary['lost']}, rejected {rejected}",
-        f"processor use: {cpu}",
-        *parameter_lines(
-            summary["parameters"], summary["parameters_std"], summary["identifiability"]
-        ),
-        f"force one step ahead: RMS error {1e3 * summary['force_rmse_n']:.1f} mN, "
-        f"{1e3 * summary['force_rmse_at_end_n']:.1f} mN over the last thousand samples",
-        f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
-        f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
+        f"{summary['duration_s']:.1f} s; lost {summary['lost']}, rejected {rejected}"
     ]
-    if "latency_us" in summary:
+    if "latency_us" in summary and summary["estimates"]:
         latency = summary["latency_us"]
-        lines.insert(
-            1,
+        lines.append(
             f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
-            f"max {latency['max']:.0f} us",
+            f"max {latency['max']:.0f} us"
         )
+    lines.append(f"processor use: {cpu}")
+    if summary["estimates"]:
+        lines += parameter_lines(
+            summary["parameters"], summary["parameters_std"], summary["identifiability"]
+        )
+        lines += [
+            f"force one step ahead: RMS error {1e3 * summary['force_rmse_n']:.1f} mN, "
+            f"{1e3 * summary['force_rmse_at_end_n']:.1f} mN over the last thousand samples",
+            f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
+            f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
+        ]
     if summary["bag"]:
         lines.append(f"bag: {summary['bag']}")
     return "\n".join(lines)
