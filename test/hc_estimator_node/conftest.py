@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+from hc_estimator import available_filters, create_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 
 # On a machine that others use too, the time of one example says nothing.
@@ -99,8 +100,15 @@ def domain_id():
     return 1 + next(_domains) % 101
 
 
+@pytest.fixture(scope="session")
+def compiled():
+    """Compile all kernels once, so that no node process keeps a test waiting for it."""
+    for name in available_filters():
+        create_estimator(name).warm_up()
+
+
 @pytest.fixture
-def start_process(domain_id):
+def start_process(domain_id, compiled):
     """Start `python -m MODULE` with ROS arguments in the test's domain; killed at the end."""
     processes = []
 

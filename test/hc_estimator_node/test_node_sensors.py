@@ -122,6 +122,7 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     )
     samples = []
     probe.node.create_subscription(IndenterSample, "indenter/sample", samples.append, SAMPLE_QOS)
+    probe.call("ready")
     probe.wait(lambda: probe.node.count_publishers("indenter/sample") == 2, what="the samples")
     readings = play(probe, plant, make_position, message, 1.5)
     assert len(probe.estimates) >= 1200  # a busy machine may lose some on the way
@@ -166,6 +167,7 @@ def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
         input__position__type="pose",
         input__silence_timeout=0.2,
     )
+    probe.call("ready")
     play(probe, plant, pose, PoseStamped, 0.5)
     made = len(probe.estimates)
     assert made > 400

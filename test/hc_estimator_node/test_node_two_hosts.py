@@ -67,7 +67,7 @@ time.sleep(1.0)
 
 
 @pytest.fixture
-def hosts(domain_id):
+def hosts(domain_id, compiled):
     """Run commands on two hosts that a slow link joins; all of it is gone afterwards."""
     names = [f"hc{os.getpid() % 100000}a", f"hc{os.getpid() % 100000}b"]
     if shutil.which("ip") is None or os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
