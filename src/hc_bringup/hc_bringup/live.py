@@ -28,13 +28,15 @@ _LINE_PERIOD_S = 1.0
 class Display:
     """Shows a RunState on standard error. Use as a context manager."""
 
-    def __init__(self, enabled: bool) -> None:
+    def __init__(self, enabled: bool, *, with_latency: bool = True) -> None:
         """Prepare the display.
 
         Args:
             enabled: False shows nothing at all.
+            with_latency: False where the stamps are not of the time of publication (a replay).
         """
         self._enabled = enabled
+        self._with_latency = with_latency
         self._console = Console(stderr=True)
         self._live: Live | None = None
         self._last_line_at = 0.0
@@ -61,12 +63,12 @@ class Display:
             return
         rate = self._rate.update(state.statistics.estimates)
         if self._live is not None:
-            self._live.update(_panel(state, rate), refresh=True)
+            self._live.update(_panel(state, rate, self._with_latency), refresh=True)
             return
         now = time.monotonic()
         if now - self._last_line_at >= _LINE_PERIOD_S:
             self._last_line_at = now
-            sys.stderr.write(_line(state, rate) + "\n")
+            sys.stderr.write(_line(state, rate, self._with_latency) + "\n")
             sys.stderr.flush()
 
 
@@ -94,7 +96,7 @@ def _milliseconds(seconds: float) -> str:
     return "-" if math.isnan(seconds) else f"{1e3 * seconds:.2f} ms"
 
 
-def _line(state: RunState, rate: float) -> str:
+def _line(state: RunState, rate: float, with_latency: bool) -> str:
     if state.phase != "running":
         return state.phase
     statistics = state.statistics
@@ -102,14 +104,17 @@ def _line(state: RunState, rate: float) -> str:
     parameters = " ".join(
         f"{SYMBOLS[name][0]}={values[name]:.4g}±{deviations[name]:.2g}" for name in PARAMETERS
     )
+    latency = ""
+    if with_latency:
+        latency = f"p99 {_milliseconds(statistics.latency.quantile(0.99))}  "
     return (
         f"{state.elapsed_s:6.1f} s  {rate:6.0f} Hz  lost {statistics.lost}  "
-        f"p99 {_milliseconds(statistics.latency.quantile(0.99))}  {parameters}  "
+        f"{latency}{parameters}  "
         f"force error {1e3 * statistics.recent_force_rmse_n:.3g} mN"
     )
 
 
-def _panel(state: RunState, rate: float) -> Any:
+def _panel(state: RunState, rate: float, with_latency: bool) -> Any:
     statistics = state.statistics
     grid = Table.grid(padding=(0, 2))
     for _ in range(4):
@@ -125,16 +130,19 @@ def _panel(state: RunState, rate: float) -> Any:
             _number(deviations[name], ".2g"),
             "-" if math.isnan(known[name]) else f"{100 * known[name]:.0f} %",
         )
-    latency = statistics.latency
     footer = Table.grid(padding=(0, 2))
-    footer.add_row(
+    figures = [
         f"{rate:.0f} Hz",
         f"lost {statistics.lost}",
         f"rejected {sum(statistics.rejected.values())}",
-        f"latency p50 {_milliseconds(latency.quantile(0.5))}"
-        f"  p99 {_milliseconds(latency.quantile(0.99))}",
         f"force error {_number(1e3 * statistics.recent_force_rmse_n, '.3g')} mN",
-    )
+    ]
+    if with_latency:
+        figures.append(
+            f"latency p50 {_milliseconds(statistics.latency.quantile(0.5))}"
+            f"  p99 {_milliseconds(statistics.latency.quantile(0.99))}"
+        )
+    footer.add_row(*figures)
     flags = []
     if statistics.latest is not None:
         flags.append("in contact" if statistics.latest.contact else "free motion")

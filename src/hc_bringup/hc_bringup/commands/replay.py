@@ -56,7 +56,10 @@ def run(arguments: argparse.Namespace) -> int:
     plan, bag = _plan(arguments)
     if any(node.terminal for node in plan.nodes):
         print("keys: space pauses, right plays the next message, up and down change the rate")
-    with terminal_restored(), Display(enabled=not arguments.headless) as display:
+    with (
+        terminal_restored(),
+        Display(enabled=not arguments.headless, with_latency=False) as display,
+    ):
         state = Runner(plan, display.show).run()
     # Stamps are those of the recording, so there is no latency to speak of.
     summary = run_summary(state, str(bag) if bag else None, with_latency=False)
