@@ -44,7 +44,9 @@ def touch_and_leave(seed=3):
 def test_nees_and_nis_lie_in_their_chi_square_bands(filter_name, recording):
     """20 seeds of 3 s with known noise: mean NEES of 4 parameters, mean NIS of 2 channels."""
     runs = 20
-    options = KNOWN if filter_name != "raukf" else {"force_noise_std": 0.02}
+    options = KNOWN
+    if filter_name == "raukf":  # finds R itself, from here
+        options = {"displacement_noise_std": 0.002, "force_noise_std": 0.01}
     truth = coordinates(TRUTH)
     nees, nis = [], []
     for seed in range(runs):
@@ -54,10 +56,8 @@ def test_nees_and_nis_lie_in_their_chi_square_bands(filter_name, recording):
         error = memory["state"][3:] - truth
         nees.append(error @ np.linalg.solve(memory["covariance"][3:, 3:], error))
         nis.append(series.nis[1500:])
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], 4 * runs) / runs
-    if filter_name == "rwstukf":
-        low = 1.5  # its scaling gives information away
-    assert low < np.mean(nees) < high
+    # Above the band is overconfidence; tempering and scaling give some information away.
+    assert 1.5 < np.mean(nees) < chi2.ppf(1 - 1e-4, 4 * runs) / runs
     # Samples of NIS are not quite independent: a band of 10 % is about 6 sigma if they were.
     assert np.mean(nis) == pytest.approx(2.0, rel=0.1)
     assert series.identifiability[-1].min() > 0.9
@@ -108,7 +108,7 @@ def test_force_unit_changes_only_the_scale_of_the_force_parameters(recording):
     time, d, force = recording(1.0)
     newtons = hc.create_estimator("ukf", **KNOWN).run(time, d, force)
     options = KNOWN | {"force_noise_std": 10.0, "force_limit": 1e6}
-    options |= {"initial_stiffness": 1e3, "initial_damping": 10.0}
+    options |= {"initial_stiffness": 1e3, "initial_damping": 70.0}
     milli = hc.create_estimator("ukf", **options).run(time, d, 1e3 * force)
     np.testing.assert_allclose(milli.parameters[:, :2], 1e3 * newtons.parameters[:, :2], rtol=1e-7)
     np.testing.assert_allclose(milli.parameters[:, 2:], newtons.parameters[:, 2:], rtol=1e-8)
