@@ -21,7 +21,9 @@ def estimate(sequence: int, **fields: Any) -> Any:
     values |= {f"{name}_identifiability": 0.5 for name in PARAMETERS}
     flags = {"contact": True, "change_detected": False, "model_mismatch": False, "rejected": 0}
     numbers = {"latency": 1e-3, "innovation_force": 0.0}
-    return SimpleNamespace(**(values | flags | numbers | fields), sequence=sequence)
+    stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
+    header = SimpleNamespace(stamp=stamp)
+    return SimpleNamespace(**(values | flags | numbers | fields), sequence=sequence, header=header)
 
 
 @given(st.lists(st.floats(1e-6, 100.0), min_size=1, max_size=200), st.floats(0.01, 1.0))
@@ -62,13 +64,14 @@ def test_a_sequence_that_starts_again_is_a_restart_and_no_loss() -> None:
     assert statistics.restarts == 1
 
 
-def test_force_error_counts_used_samples_in_contact_only() -> None:
+def test_force_error_counts_used_samples_in_contact_after_the_first_second() -> None:
     statistics = EstimateStatistics()
+    statistics.add(estimate(0, innovation_force=99.0))
     errors = np.array([0.3, -0.4])
-    for sequence, error in enumerate(errors):
+    for sequence, error in enumerate(errors, 1):
         statistics.add(estimate(sequence, innovation_force=error))
-    statistics.add(estimate(2, innovation_force=50.0, contact=False))
-    statistics.add(estimate(3, innovation_force=math.nan, rejected=1))
+    statistics.add(estimate(3, innovation_force=50.0, contact=False))
+    statistics.add(estimate(4, innovation_force=math.nan, rejected=1))
     assert statistics.force_rmse_n == pytest.approx(np.sqrt(np.mean(errors**2)))
     assert statistics.rejected == {"not_finite": 1}
 

@@ -15,9 +15,8 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
     """Return what DESIGN.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
-    used against the measured one, over the whole run, its start included; force_rmse_at_end_n is
-    the same over the last thousand samples. lost counts samples that were published and for which
-    no estimate came.
+    used against the measured one, without the first second. lost counts samples that were
+    published and for which no estimate came.
 
     Args:
         state: the run at its end.
@@ -45,7 +44,6 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
         "parameters_std": statistics.parameters_std(),
         "identifiability": statistics.identifiability(),
         "force_rmse_n": statistics.force_rmse_n,
-        "force_rmse_at_end_n": statistics.recent_force_rmse_n,
         "bag": bag,
     }
     if with_latency:
@@ -90,6 +88,10 @@ def parameter_lines(
     return lines
 
 
+def _millinewton(force_n: float) -> str:
+    return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
+
+
 def run_text(summary: dict[str, Any]) -> str:
     """Return the summary of a run as lines for a person."""
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
@@ -110,8 +112,8 @@ def run_text(summary: dict[str, Any]) -> str:
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         )
         lines += [
-            f"force one step ahead: RMS error {1e3 * summary['force_rmse_n']:.1f} mN, "
-            f"{1e3 * summary['force_rmse_at_end_n']:.1f} mN over the last thousand samples",
+            "force one step ahead, after the first second: RMS error "
+            + _millinewton(summary["force_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
         ]
