@@ -44,10 +44,9 @@ class Summary:
 def _mean(values: np.ndarray) -> tuple[float, float, float]:
     if values.size == 0:
         return float("nan"), float("nan"), float("nan")
-    mean = float(np.mean(values))
-    if values.size == 1:
-        return mean, float("nan"), float("nan")
-    error = float(np.std(values, ddof=1)) / np.sqrt(values.size)
+    with np.errstate(over="ignore", invalid="ignore"):  # diverged runs that did not fail outright
+        mean = float(np.mean(values))
+        error = float(np.std(values, ddof=1)) / np.sqrt(values.size) if values.size > 1 else np.nan
     half = float(t.ppf(0.5 + 0.5 * CONFIDENCE, values.size - 1)) * float(error)
     return mean, mean - half, mean + half
 

@@ -14,6 +14,7 @@ from hc_evaluation.reproduction.published import published_papers, unit_of
 from hc_evaluation.reproduction.tables import (
     experiment_table,
     number,
+    percent,
     quick_section,
     summary_table,
 )
@@ -87,7 +88,7 @@ def _ratio(comparison: Comparison) -> str:
 
 
 def _force_text(comparison: Comparison) -> str:
-    return f"Ratio of their force RMSE in the {comparison.setting} setting: {_ratio(comparison)}."
+    return f"Their force RMSE in the {comparison.setting} setting: {_ratio(comparison)}."
 
 
 def _ours_text(experiment: Experiment, entry: Ours) -> str:
@@ -104,7 +105,7 @@ def _ours_text(experiment: Experiment, entry: Ours) -> str:
     if not math.isnan(entry.parameter_error):
         within = entry.parameter_error <= verdict.TOLERANCE
         text += f"; identifiable parameters {'within' if within else 'not within'} 5 %"
-        text += f" ({number(100.0 * entry.parameter_error)} %)"
+        text += f" ({percent(entry.parameter_error)})"
     return text + "."
 
 

@@ -52,6 +52,7 @@ HONEST_ROWS = (
     ("nees", "NEES per free parameter (ideal near 1)", PLAIN),
     ("nis", "NIS (ideal 2)", PLAIN),
 )
+LOST = 1e3  # a relative error beyond which an estimate says nothing
 LARGEST = 1e9  # what is larger is told in a word
 # Scores that are about the noise jump, which only this experiment asks for.
 CHANGE_ROWS = ("change_delay_s", "false_changes")
@@ -154,6 +155,11 @@ def ratio_text(comparison: Comparison | None) -> str:
     return f"{comparison.verdict} ({number(ratio.median)} [{low}, {high}])"
 
 
+def percent(share: float) -> str:
+    """A relative error in percent, or that there is none worth a number."""
+    return "lost" if not share < LOST else f"{number(100.0 * share)} %"
+
+
 def ours_text(experiment: Experiment, entry: Ours) -> str:
     """Our estimator against the best printed force error, in one cell."""
     unit, scale = unit_of(experiment.published)
@@ -164,7 +170,7 @@ def ours_text(experiment: Experiment, entry: Ours) -> str:
     if math.isfinite(entry.best):
         text += f" ({'below' if entry.lower else 'above'} {number(entry.best * scale)})"
     if not math.isnan(entry.parameter_error):
-        text += f", parameters {number(100.0 * entry.parameter_error)} %"
+        text += f", parameters {percent(entry.parameter_error)}"
     return text
 
 

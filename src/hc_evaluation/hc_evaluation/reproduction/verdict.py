@@ -119,7 +119,7 @@ def compare(
         verdict = HOLDS if met else RANKING
     elif ratio.median_high < 1.0:
         verdict = OPPOSITE
-    elif failing >= OFTEN_FAILED:
+    elif failing >= OFTEN_FAILED and ratio.median_low < ratio.median_high:
         verdict = UNRELIABLE
     else:
         verdict = NO_DIFFERENCE
