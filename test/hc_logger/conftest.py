@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
 import subprocess
@@ -21,7 +20,6 @@ from hc_logger.layout import encode
 from hc_logger.writer import BagWriter
 
 START_NS = 1_700_000_000_123_456_789
-_domains = itertools.count(os.getpid())
 
 
 def sample_bytes(sequence: NDArray[np.int64], stamps: NDArray[np.int64]) -> list[bytes]:
@@ -110,8 +108,9 @@ def environment(domain: int) -> dict[str, str]:
 
 
 @pytest.fixture
-def domain() -> int:
-    return 1 + next(_domains) % 101
+def domain(ros_domain: int) -> int:
+    """A ROS domain of its own for every test."""
+    return ros_domain
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
 import subprocess
@@ -14,7 +13,6 @@ from typing import Any
 
 import pytest
 
-_domains = itertools.count(os.getpid() % 50)
 TIMEOUT_S = 40.0
 
 
@@ -96,18 +94,17 @@ class RigProcess:
 
 @pytest.fixture
 def start_rig(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int
 ) -> Iterator[Callable[..., tuple[RigProcess, Listener]]]:
     """Start a rig node with parameters; gives the process and a listener in its domain."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    domain = 1 + next(_domains) % 100
     processes: list[RigProcess] = []
     listeners: list[Listener] = []
 
     def start(**parameters: Any) -> tuple[RigProcess, Listener]:
-        processes.append(RigProcess(domain, tmp_path, parameters))
+        processes.append(RigProcess(ros_domain, tmp_path, parameters))
         if not listeners:
-            listeners.append(Listener(domain))
+            listeners.append(Listener(ros_domain))
         return processes[-1], listeners[0]
 
     yield start
