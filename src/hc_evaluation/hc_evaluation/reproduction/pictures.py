@@ -108,6 +108,13 @@ def _finish(rows: list[tuple[Axes, list[Column], str]], xlabel: str, ylabel: str
     rows[-1][0].set_xlabel(xlabel, fontsize=9)
 
 
+def _size(curve: FloatArray) -> float:
+    """Median size of a curve: the larger, the further behind it is drawn."""
+    with np.errstate(all="ignore"):
+        size = float(np.median(np.abs(curve)))
+    return size if np.isfinite(size) else np.inf
+
+
 def _draw_force_error(
     figure: Figure, experiment: Experiment, signal: Signal, traces: Traces, _: Mapping[str, Any]
 ) -> None:
@@ -118,7 +125,8 @@ def _draw_force_error(
         for column in group:
             error = scale * (traces[column.name].force - signal.true_force)
             curves.append(error)
-            _plot(panel, signal.time_s, error, _colour(experiment, column), column.name)
+            colour, order = _colour(experiment, column), 2.0 + 1.0 / (1.0 + _size(error))
+            _plot(panel, signal.time_s, error, colour, column.name, zorder=order)
         _frame(panel, curves, False)
     _finish(rows, "time [s]", f"force error [{unit}]")
 
