@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import signal
 import subprocess
@@ -21,7 +20,6 @@ settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
 
 TRUE_PARAMETERS = (0.2, 0.05, 1.8, 1.05)
-_domains = itertools.count(os.getpid())
 
 
 class Plant:
@@ -95,9 +93,9 @@ def recorder():
 
 
 @pytest.fixture
-def domain_id():
+def domain_id(ros_domain):
     """A ROS domain of its own for every test."""
-    return 1 + next(_domains) % 101
+    return ros_domain
 
 
 @pytest.fixture(scope="session")

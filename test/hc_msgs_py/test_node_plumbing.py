@@ -1,6 +1,5 @@
 """How every node starts, declares parameters, tells how it is, and ends."""
 
-import itertools
 import os
 import signal
 import subprocess
@@ -16,8 +15,6 @@ from std_srvs.srv import Trigger
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.services import add_ready_service
-
-_domains = itertools.count(os.getpid() + 50)
 
 SCRIPT = """
 import sys
@@ -48,9 +45,9 @@ sys.exit(run_node(Example))
 
 
 @pytest.fixture
-def environment():
+def environment(ros_domain):
     return os.environ | {
-        "ROS_DOMAIN_ID": str(1 + next(_domains) % 101),
+        "ROS_DOMAIN_ID": str(ros_domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
 
@@ -106,10 +103,10 @@ def test_ways_to_end_have_their_status_and_one_line(environment, arguments, stat
 
 
 @pytest.fixture
-def node(monkeypatch):
+def node(monkeypatch, ros_domain):
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     context = rclpy.Context()
-    rclpy.init(args=[], context=context, domain_id=1 + next(_domains) % 101)
+    rclpy.init(args=[], context=context, domain_id=ros_domain)
     node = rclpy.create_node("example", context=context, enable_rosout=False)
     executor = rclpy.executors.SingleThreadedExecutor(context=context)
     executor.add_node(node)
