@@ -112,7 +112,7 @@ def defaults(bench: Bench) -> Result:
             row["recorded_changes"] = float(sum(r["changes"] for r in recorded))
         rows.append(row)
         bench.report(index + 1, len(VARIATIONS))
-    return {"rows": rows, "targets": []}
+    return {"rows": rows, "targets": [], "seeds": few}
 
 
 def filters(bench: Bench) -> Result:
@@ -146,4 +146,4 @@ def filters(bench: Bench) -> Result:
             }
         )
         bench.report(index + 1, len(names))
-    return {"rows": rows, "targets": []}
+    return {"rows": rows, "targets": [], "seeds": few}

@@ -268,7 +268,8 @@ def write_tables(result: Mapping[str, Any], path: Path) -> tuple[str, ...]:
         if "<!-- end -->" not in lines[first:]:
             raise ValueError(f"{path}: no line <!-- end --> after {start}")
         last = lines.index("<!-- end -->", first)
-        said = f"{result['seeds']} seeds from {result['first_seed']}."
+        seeds = experiment.get("seeds", result["seeds"])
+        said = f"{seeds} seeds from {result['first_seed']}."
         table = markdown_table(name, experiment)
         lines[first : last + 1] = [start, f"{said}\n", *table.split("\n"), "<!-- end -->"]
         replaced.append(name)
