@@ -10,6 +10,8 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,21 @@ def test_readme_has_commands() -> None:
     assert sum(len(commands(block)) for block in BLOCKS) >= 8
 
 
+def wait_until_estimates_flow(environment: dict[str, str]) -> None:
+    """Wait as a person does who sees the live display in the other terminal."""
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline:
+        done = subprocess.run(
+            ["hc", "topic", "echo", "hc/estimate", "--once", "--timeout", "2"],
+            env=environment,
+            capture_output=True,
+            timeout=60,
+        )
+        if done.returncode == 0:
+            return
+    pytest.fail("no estimate within 120 s of the start")
+
+
 @pytest.mark.process
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
@@ -43,7 +60,7 @@ def test_commands_of_readme_run(number: int, tmp_path: Path, ros_domain: int) ->
         **os.environ,
         "ROS_DOMAIN_ID": str(ros_domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "PATH": f"{Path(os.sys.executable).parent}:{os.environ['PATH']}",
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
     background: list[subprocess.Popen[bytes]] = []
     ran = 0
@@ -59,6 +76,7 @@ def test_commands_of_readme_run(number: int, tmp_path: Path, ros_domain: int) ->
             words[0] = "hc"
             if line.endswith("&"):
                 background.append(subprocess.Popen(words, cwd=tmp_path, env=environment))
+                wait_until_estimates_flow(environment)
                 continue
             done = subprocess.run(
                 words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
