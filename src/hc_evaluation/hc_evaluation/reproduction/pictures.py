@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 Traces = Mapping[str, Trace]
 
 COLOURS = ("#555555", "#c0392b", "#2e7d32")  # in the order of an experiment's published filters
-OURS_COLOURS = ("#1565c0", "#ef6c00")
+OURS_COLOURS = ("#1565c0", "#ef6c00", "#00838f")
 TRUTH_COLOUR = "#000000"
 POINTS = 4000  # more are thinned out, keeping extremes
 MARGIN = 1.15

@@ -9,7 +9,7 @@ from hc_evaluation.reproduction.campaign import QUICK_SEEDS, ExperimentResult
 from hc_evaluation.reproduction.experiment import Column, Experiment, load_experiment
 from hc_evaluation.reproduction.intervals import Summary
 from hc_evaluation.reproduction.published import published_value, unit_of
-from hc_evaluation.reproduction.verdict import Comparison, Ours, compare, ours, summary_of
+from hc_evaluation.reproduction.verdict import FAILS, Comparison, Ours, compare, ours, summary_of
 
 QUICK_BEGIN = "<!-- quick: begin -->"
 QUICK_END = "<!-- quick: end -->"
@@ -149,7 +149,7 @@ def ratio_text(comparison: Comparison | None) -> str:
     if comparison is None:
         return "–"
     ratio = comparison.ratio
-    if ratio.count == 0:
+    if ratio.count == 0 or comparison.verdict == FAILS:
         return f"{comparison.verdict}"
     low, high = number(ratio.median_low), number(ratio.median_high)
     return f"{comparison.verdict} ({number(ratio.median)} [{low}, {high}])"
@@ -176,21 +176,20 @@ def ours_text(experiment: Experiment, entry: Ours) -> str:
 
 def summary_table(results: Sequence[ExperimentResult]) -> list[str]:
     """The table that opens the page: experiment, claim, what holds."""
-    lines = [
-        "| experiment | claim of the paper | printed ratio | paper setting | practical setting "
-        "| our default | RWSTUKF kinematic |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    names = [c.name for c in load_experiment(results[0].name).columns if c.setting == "ours"]
+    heads = ["experiment", "claim of the paper", "printed ratio", "paper setting"]
+    heads += ["practical setting", *("our " + name for name in names)]
+    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for result in results:
         experiment = load_experiment(result.name)
         found = {s: compare(experiment, result, s) for s in ("paper", "practical")}
         known = next((c for c in found.values() if c is not None), None)
         printed = "–" if known is None else number(known.published_ratio)
-        mine = [ours_text(experiment, entry) for entry in ours(experiment, result)]
+        mine = {e.column: ours_text(experiment, e) for e in ours(experiment, result)}
         lines.append(
             f"| [{result.name}](#{result.name}): {', '.join(experiment.covers)} "
             f"| {experiment.claim} | {printed} | {ratio_text(found['paper'])} "
-            f"| {ratio_text(found['practical'])} | {' | '.join(mine)} |"
+            f"| {ratio_text(found['practical'])} | {' | '.join(mine.get(name, '–') for name in names)} |"
         )
     return lines
 
