@@ -186,10 +186,11 @@ def summary_table(results: Sequence[ExperimentResult]) -> list[str]:
         known = next((c for c in found.values() if c is not None), None)
         printed = "–" if known is None else number(known.published_ratio)
         mine = {e.column: ours_text(experiment, e) for e in ours(experiment, result)}
+        cells = " | ".join(mine.get(name, "–") for name in names)
         lines.append(
             f"| [{result.name}](#{result.name}): {', '.join(experiment.covers)} "
             f"| {experiment.claim} | {printed} | {ratio_text(found['paper'])} "
-            f"| {ratio_text(found['practical'])} | {' | '.join(mine.get(name, '–') for name in names)} |"
+            f"| {ratio_text(found['practical'])} | {cells} |"
         )
     return lines
 
