@@ -14,7 +14,7 @@ _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_
 
 
 def set_defaults() -> None:
-    """Keep discovery on this machine and take the profile in fast_dds.xml; children inherit both."""
+    """Keep discovery on this machine, with the profile of fast_dds.xml; children inherit both."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     if not any(name in os.environ for name in _PROFILE_VARIABLES):
         os.environ[_PROFILE_VARIABLES[0]] = str(PROFILE)
