@@ -65,3 +65,9 @@ def test_ports_without_any_lock_go_in_the_own_domain_only(tmp_path: Path) -> Non
 def test_segments_without_any_lock_stay(tmp_path: Path) -> None:
     (tmp_path / "fastrtps_0123").write_bytes(b"x")
     assert remove_orphans(tmp_path, domain_id=3) == 0
+
+
+def test_ports_of_the_own_domain_go_whatever_their_age(tmp_path: Path) -> None:
+    make(tmp_path, f"fastrtps_port{7400 + 250 * 3 + 11}")
+    assert remove_orphans(tmp_path, domain_id=3, since=time.time() + 60.0) == 1
+    assert names(tmp_path) == set()

@@ -55,7 +55,9 @@ def test_two_publishers_are_an_error_and_the_first_keeps_the_floor(start_process
     probe.stream(plant.samples(500, start=300), first=number, publish=publish_both)
     probe.wait(lambda: len(probe.estimates) >= 800, what="estimates")
     assert all(m.force_measured < 90.0 for m in probe.estimates)
-    probe.wait(lambda: probe.statuses[-1].level == b"\x02", what="an error status")
+    probe.wait(
+        lambda: probe.statuses and probe.statuses[-1].level == b"\x02", what="an error status"
+    )
     assert "2 publishers on indenter/sample" in probe.statuses[-1].message
     probe.node.destroy_publisher(intruder)
     probe.wait(lambda: probe.statuses[-1].level != b"\x02", what="the end of the error")

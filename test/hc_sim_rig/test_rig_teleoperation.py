@@ -282,12 +282,13 @@ def test_the_estimator_can_be_in_the_loop() -> None:
         ),
     )
     rig = Rig(scenario)
-    series = rig.run(4.0)
-    fed, true = series.coupling.feedback_force_n[3000:], series.truth.force_n[3000 - 126 : -126]
+    series = rig.run(6.0)
+    # contact begins at 1.9 s, and the motion in it is slow: the filter needs two seconds of it
+    fed, true = series.coupling.feedback_force_n[4500:], series.truth.force_n[4500 - 126 : -126]
     assert not np.array_equal(fed, true)
-    assert np.abs(fed - true).max() < 0.2
+    assert np.abs(fed - true).max() < 0.1
     rig.reset()
-    assert np.array_equal(rig.run(4.0).force_n, series.force_n)
+    assert np.array_equal(rig.run(6.0).force_n, series.force_n)
 
 
 def test_an_estimator_that_does_not_exist_is_named() -> None:

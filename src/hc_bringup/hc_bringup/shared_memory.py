@@ -27,8 +27,9 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
 
     Args:
         folder: where the shared-memory files are.
-        domain_id: ROS domain whose ports may be removed even if they never had a lock.
-        since: leave alone what was last changed before this time (seconds since 1970).
+        domain_id: ROS domain whose ports are removed whatever their age, and without a lock.
+        since: leave alone what was last changed before this time (seconds since 1970), but for the
+            ports of the own domain.
 
     Returns:
         How many were removed.
@@ -42,7 +43,8 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
     removed = 0
     for name, own_port in sorted(names.items()):
         locks = [folder / f"{name}{s}" for s in _LOCK_SUFFIXES if (folder / f"{name}{s}").exists()]
-        orphan = own_port if not locks else all(_is_free(lock, since) for lock in locks)
+        earliest = 0.0 if own_port else since
+        orphan = all(_is_free(lock, earliest) for lock in locks) if locks else own_port
         if orphan:
             for path in (folder / name, folder / f"sem.{name}_mutex", *locks):
                 path.unlink(missing_ok=True)
