@@ -56,11 +56,12 @@ while not publisher.get_subscription_count():
     time.sleep(0.05)
 time.sleep(1.0)
 message = new_sample_message()
-begin = time.monotonic()
+begin, begin_ns = time.monotonic(), time.time_ns()
 for i, (time_s, displacement, force) in enumerate(Plant(rate_hz=500.0).samples({SAMPLES})):
     while (left := begin + time_s - time.monotonic()) > 0:
         time.sleep(left)
-    fill_sample(message, time.time_ns(), i, displacement, force)
+    # stamped with the time that it was taken at, however late this process got to run
+    fill_sample(message, begin_ns + round(1e9 * time_s), i, displacement, force)
     publisher.publish(message)
 time.sleep(1.0)
 """
