@@ -9,7 +9,6 @@ from hc_msgs.msg import (
     ContactSummary,
     EstimatorConfiguration,
     EstimatorEvent,
-    HuntCrossleyEstimate,
 )
 from hypothesis import given
 from hypothesis import strategies as st
@@ -56,52 +55,11 @@ def test_a_sample_survives_the_wire_in_si(stamp, sequence, displacement, force):
     assert sample.displacement_mm == pytest.approx(displacement, rel=1e-15)
 
 
-def test_truth_and_force_are_in_si():
-    message = conversion.new_truth_message()
-    conversion.fill_truth(message, 5, 6, 2.0, 30.0, 1.5, (0.1, 0.2, 1.3, 1.4), True)
-    assert (message.displacement, message.velocity, message.force) == (0.002, 0.03, 1.5)
-    assert (message.stiffness, message.damping) == (0.1, 0.2)
-    assert (message.displacement_exponent, message.velocity_exponent) == (1.3, 1.4)
+def test_a_force_fills_a_wrench():
     wrench = WrenchStamped()
     conversion.fill_force(wrench, 7_000_000_001, 2.5)
     assert wrench.wrench.force.z == 2.5
     assert (wrench.header.stamp.sec, wrench.header.stamp.nanosec) == (7, 1)
-
-
-def test_an_estimate_fills_every_field_of_its_message():
-    generator = np.random.default_rng(1)
-    estimate = SimpleNamespace(
-        parameters=generator.random(4) + 1,
-        parameters_std=generator.random(4) + 1,
-        covariance=generator.random((4, 4)) + 1,
-        identifiability=generator.random(4) + 0.1,
-        innovation=np.array([3.0, 4.0]),
-        displacement=5.0,
-        velocity=6.0,
-        force_predicted=7.0,
-        force_reconstructed=8.0,
-        nis=9.0,
-        force_noise_std=10.0,
-        displacement_noise_std=11.0,
-        contact=True,
-        change_detected=True,
-        model_mismatch=True,
-        rejected=4,
-    )
-    message = conversion.new_estimate_message()
-    message.header.frame_id = "tip"
-    conversion.fill_estimate(message, estimate, 10**9 + 1, 12, 13.0, 14, 15.0)
-    message.latency = 16.0
-    empty = HuntCrossleyEstimate()
-    for field in HuntCrossleyEstimate.get_fields_and_field_types():
-        left_out = np.array_equal(getattr(message, field), getattr(empty, field))
-        assert not left_out, f"{field} was not filled"
-    assert (message.displacement, message.velocity) == (0.005, 0.006)
-    assert (message.innovation_displacement, message.innovation_force) == (0.003, 4.0)
-    assert message.displacement_noise_std == 0.011
-    np.testing.assert_array_equal(message.covariance, estimate.covariance.ravel())
-    received = deserialize_message(serialize_message(message), HuntCrossleyEstimate)
-    assert received == message
 
 
 def test_a_contact_fills_every_field_of_its_message_in_si():

@@ -263,7 +263,7 @@ def _compare(
 def _fields(series: Any, force: NDArray[np.float64]) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield each field of hc_msgs/HuntCrossleyEstimate that follows from the samples.
 
-    The same divisions as in hc_msgs_py.conversion.fill_estimate, or the last bit would differ.
+    The same divisions as in hc_msgs_py.wire.EstimateEncoder, or the last bit would differ.
     """
     names = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
     for i, name in enumerate(names):

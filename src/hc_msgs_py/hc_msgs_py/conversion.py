@@ -1,17 +1,16 @@
 """Messages to plain data and back, in the core's units (mm, mm/s, N, s).
 
-Functions named fill_* write into an existing message, because a node that publishes a thousand
-messages a second should not make a thousand objects.
+Functions named fill_* write into an existing message. The streams of a thousand messages a second
+do without message objects: wire.py.
 """
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from hc_msgs.msg import EstimatorConfiguration, HuntCrossleyEstimate, IndenterSample, IndenterTruth
+from hc_msgs.msg import EstimatorConfiguration, IndenterSample
 from numpy.typing import NDArray
 from rclpy.parameter import Parameter
 
@@ -23,15 +22,11 @@ __all__ = [
     "Sample",
     "configuration_from_message",
     "fill_contact",
-    "fill_estimate",
     "fill_event",
     "fill_force",
     "fill_sample",
-    "fill_truth",
     "message_from_configuration",
-    "new_estimate_message",
     "new_sample_message",
-    "new_truth_message",
     "sample_from_message",
 ]
 
@@ -46,43 +41,6 @@ class Sample(NamedTuple):
     sequence: int
     displacement_mm: float
     force_n: float
-
-
-class _EstimateLike(Protocol):
-    """What fill_estimate reads; hc_estimator.Estimate has it. Units mm, mm/s, N."""
-
-    @property
-    def parameters(self) -> NDArray[np.float64]: ...
-    @property
-    def parameters_std(self) -> NDArray[np.float64]: ...
-    @property
-    def covariance(self) -> NDArray[np.float64]: ...
-    @property
-    def identifiability(self) -> NDArray[np.float64]: ...
-    @property
-    def innovation(self) -> NDArray[np.float64]: ...
-    @property
-    def displacement(self) -> float: ...
-    @property
-    def velocity(self) -> float: ...
-    @property
-    def force_predicted(self) -> float: ...
-    @property
-    def force_reconstructed(self) -> float: ...
-    @property
-    def nis(self) -> float: ...
-    @property
-    def force_noise_std(self) -> float: ...
-    @property
-    def displacement_noise_std(self) -> float: ...
-    @property
-    def contact(self) -> bool: ...
-    @property
-    def change_detected(self) -> bool: ...
-    @property
-    def model_mismatch(self) -> bool: ...
-    @property
-    def rejected(self) -> int: ...
 
 
 class _ContactLike(Protocol):
@@ -151,18 +109,6 @@ def new_sample_message(frame_id: str = FRAME_INDENTER_TIP) -> Any:
     return message
 
 
-def new_truth_message(frame_id: str = FRAME_INDENTER_TIP) -> Any:
-    """Return an empty IndenterTruth with its frame set."""
-    message = IndenterTruth()
-    message.header.frame_id = frame_id
-    return message
-
-
-def new_estimate_message() -> Any:
-    """Return an empty HuntCrossleyEstimate."""
-    return HuntCrossleyEstimate()
-
-
 def fill_sample(
     message: Any, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
 ) -> None:
@@ -183,86 +129,10 @@ def sample_from_message(message: Any) -> Sample:
     )
 
 
-def fill_truth(
-    message: Any,
-    stamp_ns: int,
-    sequence: int,
-    displacement_mm: float,
-    velocity_mm_s: float,
-    force_n: float,
-    parameters: Sequence[float],
-    contact: bool,
-) -> None:
-    """Write the rig's true state into an IndenterTruth; parameters are K, B, n, p."""
-    set_stamp(message.header.stamp, stamp_ns)
-    message.sequence = sequence
-    message.displacement = displacement_mm / METRE_IN_MM
-    message.velocity = velocity_mm_s / METRE_IN_MM
-    message.force = force_n
-    message.stiffness = float(parameters[0])
-    message.damping = float(parameters[1])
-    message.displacement_exponent = float(parameters[2])
-    message.velocity_exponent = float(parameters[3])
-    message.contact = contact
-
-
 def fill_force(message: Any, stamp_ns: int, force_n: float) -> None:
     """Write a force along z into a geometry_msgs/WrenchStamped; the frame stays as it is."""
     set_stamp(message.header.stamp, stamp_ns)
     message.wrench.force.z = force_n
-
-
-def fill_estimate(
-    message: Any,
-    estimate: _EstimateLike,
-    stamp_ns: int,
-    sequence: int,
-    force_measured_n: float,
-    configuration_revision: int,
-    computation_time_s: float,
-) -> None:
-    """Write an estimate into a HuntCrossleyEstimate, in SI but for the parameters themselves.
-
-    The field latency is left to the caller, who sets it last, just before publishing.
-    """
-    set_stamp(message.header.stamp, stamp_ns)
-    message.sequence = sequence
-    message.configuration_revision = configuration_revision
-    (
-        message.stiffness,
-        message.damping,
-        message.displacement_exponent,
-        message.velocity_exponent,
-    ) = estimate.parameters.tolist()
-    (
-        message.stiffness_std,
-        message.damping_std,
-        message.displacement_exponent_std,
-        message.velocity_exponent_std,
-    ) = estimate.parameters_std.tolist()
-    (
-        message.stiffness_identifiability,
-        message.damping_identifiability,
-        message.displacement_exponent_identifiability,
-        message.velocity_exponent_identifiability,
-    ) = estimate.identifiability.tolist()
-    innovation_displacement, innovation_force = estimate.innovation.tolist()
-    message.displacement = estimate.displacement / METRE_IN_MM
-    message.velocity = estimate.velocity / METRE_IN_MM
-    message.force_measured = force_measured_n
-    message.force_predicted = estimate.force_predicted
-    message.force_reconstructed = estimate.force_reconstructed
-    message.innovation_displacement = innovation_displacement / METRE_IN_MM
-    message.innovation_force = innovation_force
-    message.nis = estimate.nis
-    message.force_noise_std = estimate.force_noise_std
-    message.displacement_noise_std = estimate.displacement_noise_std / METRE_IN_MM
-    message.computation_time = computation_time_s
-    message.contact = estimate.contact
-    message.change_detected = estimate.change_detected
-    message.model_mismatch = estimate.model_mismatch
-    message.rejected = int(estimate.rejected)
-    message.covariance = estimate.covariance.reshape(16)
 
 
 def fill_event(

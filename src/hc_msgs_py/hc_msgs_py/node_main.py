@@ -87,7 +87,8 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
         status = 0
         try:
             # spin() of this executor busy-loops in these wheels; spin_once with a timeout works.
-            while not stop and rclpy.ok() and not node.finished():
+            # Nothing but this function shuts the context down, so it is not asked each time.
+            while not stop and not node.finished():
                 executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
         except NodeStartError as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201

@@ -1,4 +1,4 @@
-"""Topics of the indenter node: one publisher and one reused message each."""
+"""Topics of the indenter node: a publisher each, the fast ones as bytes (hc_msgs_py.wire)."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ from hc_msgs.msg import IndenterSample, IndenterTruth
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from hc_msgs_py.conversion import (
-    fill_force,
-    fill_sample,
-    fill_truth,
-    new_sample_message,
-    new_truth_message,
-)
+from hc_msgs_py.conversion import fill_force
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TRUTH, WRENCH
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
+from hc_msgs_py.wire import SampleEncoder, TruthEncoder
 from hc_sim_rig.records import RigSample
 
 LISTENERS_EVERY = 20
@@ -40,8 +35,8 @@ class Outputs:
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
         self._joints = node.create_publisher(JointState, JOINT_STATES, SAMPLE_QOS)
-        self._sample_message = new_sample_message()
-        self._truth_message = new_truth_message()
+        self._sample_encoder = SampleEncoder()
+        self._truth_encoder = TruthEncoder()
         self._wrench_message = WrenchStamped()
         self._wrench_message.header.frame_id = FRAME_INDENTER_TIP
         self._joints_message = JointState(name=["master", "slave"])
@@ -86,17 +81,12 @@ class Outputs:
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read, and the truth behind it."""
-        fill_sample(
-            self._sample_message,
-            stamp_ns,
-            sample.sequence,
-            sample.displacement_mm,
-            sample.force_n,
+        sequence = sample.sequence
+        self._sample.publish(
+            self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
         )
-        self._sample.publish(self._sample_message)
         if self._truth_wanted:
-            fill_truth(self._truth_message, stamp_ns, sample.sequence, *sample.truth)
-            self._truth.publish(self._truth_message)
+            self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._wrench_wanted:
             fill_force(self._wrench_message, stamp_ns, sample.force_n)
             self._wrench.publish(self._wrench_message)

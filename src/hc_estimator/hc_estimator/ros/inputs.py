@@ -15,7 +15,7 @@ from rclpy.node import Node
 
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 from hc_msgs_py.topics import SAMPLE
-from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
+from hc_msgs_py.wire import SampleDecoder
 
 
 class Receiver(Protocol):
@@ -71,13 +71,16 @@ class Drain:
         self._skip = skip
         self._waiting: deque[Any] = deque()
 
-    def take(self, subscription: Any, message_type: Any, first: Any = None) -> deque[Any]:
+    def take(
+        self, subscription: Any, message_type: Any, first: Any = None, *, raw: bool = False
+    ) -> deque[Any]:
         """Return the first message and all that wait behind it, but for those to be skipped.
 
         Args:
             subscription: subscription to take from.
             message_type: its type.
             first: message that the executor handed over; None if it did not.
+            raw: take the messages' bytes.
         """
         waiting = self._waiting
         if first is not None:
@@ -85,7 +88,7 @@ class Drain:
         handle = subscription.handle
         with handle:
             while len(waiting) <= STREAM_DEPTH:
-                taken = handle.take_message(message_type, False)
+                taken = handle.take_message(message_type, raw)
                 if taken is None:
                     break
                 waiting.append(taken[0])
@@ -105,10 +108,12 @@ class SampleInput:
         self._node = node
         self._receiver = receiver
         self._drain = Drain(receiver.on_skip)
+        self._decoder = SampleDecoder()
+        self._undecodable = 0
         self.configure(values)
         self._frame_id = ""
         self._subscription = node.create_subscription(
-            IndenterSample, SAMPLE, self._on_message, SAMPLE_QOS
+            IndenterSample, SAMPLE, self._on_message, SAMPLE_QOS, raw=True
         )
 
     def configure(self, values: Mapping[str, Any]) -> None:
@@ -124,26 +129,28 @@ class SampleInput:
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """Nothing that the session does not count."""
-        return {}
+        """Messages that were none."""
+        return {"undecodable": self._undecodable}
 
     def close(self) -> None:
         """Stop listening."""
         self._node.destroy_subscription(self._subscription)
 
-    def _on_message(self, message: Any) -> None:
-        waiting = self._drain.take(self._subscription, IndenterSample, message)
+    def _on_message(self, data: bytes) -> None:
+        waiting = self._drain.take(self._subscription, IndenterSample, data, raw=True)
         while waiting:
             self._take(waiting.popleft())
 
-    def _take(self, message: Any) -> None:
-        header = message.header
-        if header.frame_id != self._frame_id:
-            self._frame_id = header.frame_id
-            self._receiver.on_frame(header.frame_id)
+    def _take(self, data: bytes) -> None:
+        decoder = self._decoder
+        try:
+            stamp_ns, sequence, displacement_mm, force_n = decoder.decode(data)
+        except ValueError:
+            self._undecodable += 1
+            return
+        if decoder.frame_id != self._frame_id:
+            self._frame_id = decoder.frame_id
+            self._receiver.on_frame(self._frame_id)
         self._receiver.on_sample(
-            nanoseconds_from_stamp(header.stamp),
-            message.sequence,
-            message.displacement * METRE_IN_MM - self._position_zero,
-            message.force - self._force_zero,
+            stamp_ns, sequence, displacement_mm - self._position_zero, force_n - self._force_zero
         )

@@ -1,6 +1,6 @@
 """Publishers of the node and what they send: estimate, wrench, configuration, events, contacts.
 
-Messages of the 1 kHz streams are made once and filled again for every sample.
+Estimates go out as bytes: hc_msgs_py.wire says why.
 """
 
 from __future__ import annotations
@@ -22,11 +22,9 @@ from hc_estimator.online.vocabulary import Event, Revision
 from hc_msgs_py.conversion import (
     Configuration,
     fill_contact,
-    fill_estimate,
     fill_event,
     fill_force,
     message_from_configuration,
-    new_estimate_message,
 )
 from hc_msgs_py.qos import CONFIGURATION_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import (
@@ -37,6 +35,7 @@ from hc_msgs_py.topics import (
     FRAME_INDENTER_TIP,
     RECONSTRUCTED_WRENCH,
 )
+from hc_msgs_py.wire import EstimateEncoder
 
 
 class Outputs:
@@ -56,7 +55,8 @@ class Outputs:
         )
         self._events = node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
         self._contacts = node.create_publisher(ContactSummary, CONTACTS, CONFIGURATION_QOS)
-        self._estimate_message = new_estimate_message()
+        self._encoder = EstimateEncoder()
+        self._clock = node.get_clock()
         self._wrench_message = WrenchStamped()
         self.wrench_wanted = False
         self.frame_id = ""
@@ -76,7 +76,7 @@ class Outputs:
     def set_frame(self, frame_id: str) -> None:
         """Name the frame of the samples in what is published from now on."""
         self.frame_id = frame_id
-        self._estimate_message.header.frame_id = frame_id
+        self._encoder.set_frame(frame_id)
         self._wrench_message.header.frame_id = frame_id
 
     def look_who_listens(self) -> None:
@@ -102,15 +102,20 @@ class Outputs:
         Returns:
             The latency [ns]: from the stamp to now, by the node's clock.
         """
-        message = self._estimate_message
-        fill_estimate(
-            message, estimate, stamp_ns, sequence, force_n, revision, computation_ns * 1e-9
+        latency_ns: int = self._clock.now().nanoseconds - stamp_ns
+        self._estimate.publish(
+            self._encoder.encode(
+                estimate,
+                stamp_ns,
+                sequence,
+                force_n,
+                revision,
+                computation_ns * 1e-9,
+                latency_ns * 1e-9,
+            )
         )
-        latency_ns: int = self._node.get_clock().now().nanoseconds - stamp_ns
-        message.latency = latency_ns * 1e-9
-        self._estimate.publish(message)
         if self.wrench_wanted:
-            fill_force(self._wrench_message, stamp_ns, message.force_reconstructed)
+            fill_force(self._wrench_message, stamp_ns, estimate.force_reconstructed)
             self._wrench.publish(self._wrench_message)
         return latency_ns
 
@@ -128,7 +133,7 @@ class Outputs:
         self._configuration.publish(
             message_from_configuration(
                 Configuration(
-                    stamp_ns=self._node.get_clock().now().nanoseconds,
+                    stamp_ns=self._clock.now().nanoseconds,
                     revision=revision.number,
                     valid_from_sequence=revision.valid_from_sequence,
                     time_origin_ns=revision.time_origin_ns,
@@ -147,7 +152,7 @@ class Outputs:
         """Publish an event; one that no sample belongs to carries the node's time."""
         message = EstimatorEvent()
         message.header.frame_id = self.frame_id
-        stamp_ns = event.stamp_ns or self._node.get_clock().now().nanoseconds
+        stamp_ns = event.stamp_ns or self._clock.now().nanoseconds
         fill_event(message, int(event.kind), stamp_ns, event.sequence, revision, event.reason)
         self._events.publish(message)
 

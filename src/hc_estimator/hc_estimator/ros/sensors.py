@@ -18,10 +18,10 @@ from sensor_msgs.msg import JointState
 from hc_estimator.input.pairing import Paired, Pairer
 from hc_estimator.ros.inputs import Drain, Receiver
 from hc_estimator.ros.node_settings import sensor_mapping
-from hc_msgs_py.conversion import fill_sample, new_sample_message
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
+from hc_msgs_py.wire import SampleEncoder
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
 
@@ -43,7 +43,7 @@ class SensorInput:
         self._samples = None
         if values["input.publish_samples"]:
             self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
-        self._sample_message = new_sample_message()
+        self._encoder = SampleEncoder()
         kind = values["input.position.type"]
         self._position_type = _POSITION_TYPES[kind]
         self._take_position = {
@@ -117,7 +117,7 @@ class SensorInput:
             one = waiting.popleft()
             if one.header.frame_id != self._frame_id:
                 self._frame_id = one.header.frame_id
-                self._sample_message.header.frame_id = self._frame_id
+                self._encoder.set_frame(self._frame_id)
                 self._receiver.on_frame(self._frame_id)
             force = one.wrench.force
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
@@ -159,6 +159,5 @@ class SensorInput:
     def _hand_on(self, samples: list[Paired]) -> None:
         for sample in samples:
             if self._samples is not None:
-                fill_sample(self._sample_message, *sample)
-                self._samples.publish(self._sample_message)
+                self._samples.publish(self._encoder.encode(*sample))
             self._receiver.on_sample(*sample)
