@@ -149,6 +149,8 @@ def _panel(state: RunState, rate: float, with_latency: bool) -> Any:
         if statistics.latest.model_mismatch:
             flags.append("[yellow]contact law does not fit[/yellow]")
     flags.append(f"changes {statistics.changes}")
+    if state.respawns:
+        flags.append(f"[yellow]started again {state.respawns}[/yellow]")
     flags += [f"{name} {percent:.0f} %" for name, percent in state.cpu_percent.items()]
     footer.add_row(*flags[:5])
     if len(flags) > 5:

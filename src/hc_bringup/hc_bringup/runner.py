@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
-from hc_bringup.errors import UserError
+from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit
@@ -169,7 +169,8 @@ class Runner:
             status = process.exit_status()
             if status is None or (process.plan.source and status == 0):
                 continue
-            if process.plan.respawn and status != 0:
+            # Status 2 is that of a node that cannot start with what it was given: it never will.
+            if process.plan.respawn and status not in (0, WRONG_USE):
                 state.respawns += 1
                 process.respawn()
                 continue

@@ -39,6 +39,7 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
         "changes_detected": statistics.changes,
         "model_mismatch_share": _share(statistics.mismatch, statistics.estimates),
         "duration_s": state.elapsed_s,
+        "respawns": state.respawns,
         "cpu_percent": dict(state.cpu_percent),
         "parameters": statistics.parameters(),
         "parameters_std": statistics.parameters_std(),
@@ -106,6 +107,8 @@ def run_text(summary: dict[str, Any]) -> str:
             f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
             f"max {latency['max']:.0f} us"
         )
+    if summary["respawns"]:
+        lines.append(f"nodes that died and were started again: {summary['respawns']}")
     lines.append(f"processor use: {cpu}")
     if summary["estimates"]:
         lines += parameter_lines(

@@ -180,6 +180,38 @@ def diagnose_channels(
     )
 
 
+def evenly_spaced(
+    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a recording with jitter or bad rows on the even instants that the diagnosis needs.
+
+    Args:
+        time_s: Instants, shape (N,); rows out of order or not finite are left out.
+        displacement_mm: Displacement readings, shape (N,).
+        force_n: Force readings, shape (N,).
+
+    Returns:
+        The three at the median step, by linear interpolation where they are not there already.
+
+    Raises:
+        ValueError: fewer than two usable rows.
+    """
+    rows = np.column_stack((time_s, displacement_mm, force_n))
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if len(rows):
+        newest = np.maximum.accumulate(rows[:, 0])
+        rows = rows[np.concatenate(([True], rows[1:, 0] > newest[:-1]))]
+    if len(rows) < 2:
+        raise ValueError(f"{len(rows)} usable rows are no recording")
+    times = rows[:, 0]
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    if float(np.max(np.abs(steps - step))) <= 1e-3 * step:
+        return times, rows[:, 1], rows[:, 2]
+    even = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
+    return even, np.interp(even, times, rows[:, 1]), np.interp(even, times, rows[:, 2])
+
+
 def _colour(residual: FloatArray) -> float:
     """How many residuals count as one: 1 + 2 sum of the autocorrelation up to its first zero."""
     centred = residual - np.mean(residual)

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import assignment
 
@@ -22,7 +23,7 @@ COLUMNS = (
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("input", metavar="INPUT", help="CSV file, bag folder or .mcap file")
+    recording_input.add_options(parser)
     parser.add_argument("--filter", metavar="F", help="filter (default: the node's)")
     parser.add_argument("--state-space", metavar="S", help="state space (default: kinematic)")
     parser.add_argument("--contact-model", metavar="M", help="contact law (default: hunt_crossley)")
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.verify:
         return _verify(arguments)
-    recording = load_recording(arguments.input)
+    recording = recording_input.load(arguments)
     estimator = make_estimator(arguments)
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
@@ -74,13 +75,22 @@ def _verify(arguments: argparse.Namespace) -> int:
     from hc_logger.errors import BagError
     from hc_logger.verify import verify
 
-    if any((arguments.filter, arguments.state_space, arguments.contact_model, arguments.param)):
+    if any(
+        (
+            arguments.filter,
+            arguments.state_space,
+            arguments.contact_model,
+            arguments.param,
+            arguments.sensors,
+        )
+    ):
         raise UserError(
-            "--verify takes filter and settings from the bag: leave the others away", WRONG_USE
+            "--verify takes filter, settings and zeros from the bag: leave the others away",
+            WRONG_USE,
         )
     if arguments.output is not None:
         raise UserError("--verify writes no estimates: leave -o away", WRONG_USE)
-    recording = load_recording(arguments.input)
+    recording = recording_input.load(arguments)
     try:
         report = verify(recording)
     except BagError as error:
@@ -97,21 +107,6 @@ def _verify(arguments: argparse.Namespace) -> int:
     else:
         print("\n".join(report.lines()))
     return 0 if report.equal else FAILURE
-
-
-def load_recording(path: str) -> Any:
-    """Read a recording.
-
-    Raises:
-        UserError: if it cannot be read; the message says why.
-    """
-    from hc_logger.errors import BagError
-    from hc_logger.recording import read_recording
-
-    try:
-        return read_recording(path)
-    except (BagError, OSError) as error:
-        raise UserError(str(error)) from error
 
 
 def make_estimator(arguments: argparse.Namespace) -> Any:

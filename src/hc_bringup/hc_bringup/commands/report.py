@@ -9,6 +9,7 @@ import io
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import recording_input
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment
@@ -32,7 +33,7 @@ td:first-child, th:first-child {{ text-align: left }}
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("input", metavar="INPUT", help="CSV file, bag folder or .mcap file")
+    recording_input.add_options(parser)
     parser.add_argument(
         "-o", "--output", required=True, metavar="OUT", help="page (.html) or .png, .svg, .pdf"
     )
@@ -61,8 +62,16 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"{target} must end in .html, {', '.join(_PICTURES)}", WRONG_USE)
     if target.exists():
         raise UserError(f"{target} exists already: choose another file", WRONG_USE)
-    recording = estimate.load_recording(arguments.input)
-    anew = any((arguments.filter, arguments.state_space, arguments.contact_model, arguments.param))
+    recording = recording_input.load(arguments)
+    anew = any(
+        (
+            arguments.filter,
+            arguments.state_space,
+            arguments.contact_model,
+            arguments.param,
+            arguments.sensors,
+        )
+    )
     data = None if anew else recorded(recording)
     if data is None:
         data = estimated(recording, estimate.make_estimator(arguments))
@@ -85,7 +94,10 @@ def _page(data: Any, figure: Any, findings: list[str]) -> str:
     return _PAGE.format(
         title=html.escape(data.title),
         picture=base64.b64encode(buffer.getvalue()).decode("ascii"),
-        tables=_parameter_table(data) + _figure_table(data) + _list(findings),
+        tables=_parameter_table(data)
+        + _figure_table(data)
+        + _channel_table(data)
+        + _list(findings),
     )
 
 
@@ -123,6 +135,34 @@ def _figure_table(data: Any) -> str:
         ["contact law did not fit", f"{100 * np.mean(data.model_mismatch):.0f} % of the samples"],
     ]
     return _table(["figure", "value"], rows)
+
+
+def _channel_table(data: Any) -> str:
+    """Say what stands between the channels: it looks like damping and like other exponents."""
+    from hc_evaluation.channels import diagnose_channels, evenly_spaced
+
+    title = "<h2>Between force and displacement</h2>\n"
+    try:
+        found = diagnose_channels(*evenly_spaced(data.time_s, data.displacement_mm, data.force_n))
+    except ValueError as error:
+        return f"{title}<p>Not compared: {html.escape(str(error))}.</p>\n"
+    clear = found.clear_faults
+    rows = [
+        [what, f"{value:.3g}", f"{deviation:.2g}", unit, "yes" if name in clear else "no"]
+        for name, what, value, deviation, unit in (
+            ("delay", "force lags by", 1e3 * found.delay_s, 1e3 * found.delay_std_s, "ms"),
+            ("zero", "force zero", 1e3 * found.zero_n, 1e3 * found.zero_std_n, "mN"),
+            ("contact", "contact position", found.contact_mm, found.contact_std_mm, "mm"),
+        )
+    ]
+    head = ["one fit to the whole recording", "value", "± 1 sd", "unit", "stands out (3 sd)"]
+    stiffness, damping, exponent, power = found.parameters
+    text = (
+        f"With the three taken out: K = {stiffness:.4g}, B = {damping:.4g}, n = {exponent:.4g}, "
+        f"p = {power:.4g}; force residual {1e3 * found.residual_rms_n:.3g} mN, left in "
+        f"{1e3 * found.residual_rms_without_n:.3g} mN. For one tissue in contact throughout."
+    )
+    return f"{title}{_table(head, rows)}<p>{text}</p>\n"
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:

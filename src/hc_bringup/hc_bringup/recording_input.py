@@ -1,0 +1,115 @@
+"""Which recording a command works on, and how its sensors are read: shared by estimate and report.
+
+`--input` takes the names of the estimator node's parameters input.*, so that what one found out on
+a recording goes into the node's parameter file as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import assignment
+
+ZEROS = ("force.zero", "position.zero")
+"""What can be said of any recording; the rest is for a bag with two sensors' topics."""
+
+_TEXT, _NUMBER, _WHOLE, _NUMBERS = "a word", "a number", "a whole number", "a list of numbers"
+_SENSOR = {
+    "topic": _TEXT,
+    "axis": _TEXT,
+    "direction": _NUMBERS,
+    "sign": _WHOLE,
+    "scale": _NUMBER,
+    "zero": _NUMBER,
+    "time_offset": _NUMBER,
+}
+_KINDS = {
+    "force": _SENSOR,
+    "position": _SENSOR | {"joint": _TEXT, "child_frame": _TEXT},
+    "pairing": dict.fromkeys(("maximum_wait", "reorder_window", "maximum_gap"), _NUMBER),
+}
+KIND_OF = {f"{group}.{name}": kind for group in _KINDS for name, kind in _KINDS[group].items()}
+_IN_SECONDS = ("time_offset", *_KINDS["pairing"])
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the recording and how its sensors are read."""
+    parser.add_argument("input", metavar="INPUT", help="CSV file, bag folder or .mcap file")
+    parser.add_argument(
+        "--input",
+        dest="sensors",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
+        "position.zero (mm) of any recording; of a bag with a wrench and a position topic also "
+        "force.topic, force.axis, force.sign, position.joint, pairing.maximum_gap and so on",
+    )
+
+
+def load(arguments: argparse.Namespace) -> Any:
+    """Read the recording that the options name.
+
+    Returns:
+        hc_logger.recorded.Recording, zeros taken off.
+
+    Raises:
+        UserError: if it cannot be read, or an option is not allowed; the message says why.
+    """
+    from hc_logger.errors import BagError
+    from hc_logger.recording import read_recording
+
+    sensors = dict(arguments.sensors)
+    for name, value in sensors.items():
+        if name not in KIND_OF:
+            raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
+        if not _is(value, KIND_OF[name]):
+            raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
+    try:
+        if set(sensors) <= set(ZEROS):
+            return _less_zeros(read_recording(arguments.input), sensors)
+        return _read_sensors(arguments.input, sensors)
+    except ValueError as error:
+        raise UserError(f"--input: {error}", WRONG_USE) from error
+    except (BagError, OSError) as error:
+        raise UserError(str(error)) from error
+
+
+def _is(value: Any, kind: str) -> bool:
+    if kind is _TEXT:
+        return isinstance(value, str)
+    if kind is _NUMBERS:
+        return isinstance(value, list) and all(_is(item, _NUMBER) for item in value)
+    allowed = int if kind is _WHOLE else (int, float)
+    return isinstance(value, allowed) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _less_zeros(recording: Any, zeros: Mapping[str, float]) -> Any:
+    return dataclasses.replace(
+        recording,
+        displacement_mm=recording.displacement_mm - zeros.get("position.zero", 0.0),
+        force_n=recording.force_n - zeros.get("force.zero", 0.0),
+    )
+
+
+def _read_sensors(path: str, settings: Mapping[str, Any]) -> Any:
+    from hc_logger.sensors import Pairing, Sensor, read_sensors
+
+    groups: dict[str, dict[str, Any]] = {group: {} for group in _KINDS}
+    for full_name, value in settings.items():
+        group, name = full_name.split(".")
+        groups[group][f"{name}_s" if name in _IN_SECONDS else name] = (
+            tuple(value) if isinstance(value, list) else value
+        )
+    return read_sensors(
+        path,
+        Sensor(**groups["force"]),
+        Sensor(**groups["position"]),
+        Pairing(**groups["pairing"]),
+    )

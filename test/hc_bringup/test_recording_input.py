@@ -1,0 +1,129 @@
+"""Sensors of one's own in a recording: --input with the names of the node's parameters."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from rclpy.serialization import serialize_message
+
+from hc_bringup.cli import main
+from hc_logger.writer import BagWriter
+
+START_NS = 1_700_000_000_000_000_000
+K, B, N = 0.5, 0.1, 1.5
+FORCE_ZERO, SURFACE_MM = 0.7, 3.0
+
+REAL_SENSORS = (
+    "force.topic=/ft/wrench",
+    "force.axis=direction",
+    "force.direction=[0, -3, 4]",
+    "force.sign=-1",
+    f"force.zero={FORCE_ZERO}",
+    "position.axis=y",
+    "position.sign=-1",
+    f"position.zero={-SURFACE_MM}",
+    "pairing.maximum_gap=0.05",
+)
+
+
+def reading(time_s: float) -> tuple[float, float]:
+    """Return the true displacement [mm] and force [N]."""
+    depth = 3.0 + 1.5 * math.sin(9.0 * time_s) + 0.5 * math.sin(31.0 * time_s)
+    speed = 13.5 * math.cos(9.0 * time_s) + 15.5 * math.cos(31.0 * time_s)
+    return depth, depth**N * (K + B * speed)
+
+
+@pytest.fixture
+def robot_bag(tmp_path: Path) -> Path:
+    """A wrist sensor askew and an arm whose y points out of the tissue, from another robot."""
+    generator = np.random.default_rng(5)
+    path = tmp_path / "robot"
+    with BagWriter(path) as writer:
+        force = writer.add_topic("/ft/wrench", "geometry_msgs/msg/WrenchStamped")
+        other = writer.add_topic("/other/wrench", "geometry_msgs/msg/WrenchStamped")
+        pose = writer.add_topic("/arm/pose", "geometry_msgs/msg/PoseStamped")
+        for k in range(3000):
+            stamp = START_NS + k * 1_000_000
+            depth, true_force = reading(k * 1e-3)
+            wrench = WrenchStamped()
+            wrench.header.stamp.sec, wrench.header.stamp.nanosec = divmod(stamp, 10**9)
+            along = -(true_force + FORCE_ZERO + 0.005 * generator.standard_normal())
+            wrench.wrench.force.y, wrench.wrench.force.z = -0.6 * along, 0.8 * along
+            writer.write(force, stamp, serialize_message(wrench))
+            writer.write(other, stamp, serialize_message(WrenchStamped(header=wrench.header)))
+            position = PoseStamped(header=wrench.header)
+            noise = 0.002 * generator.standard_normal()
+            position.pose.position.y = (SURFACE_MM - depth + noise) * 1e-3
+            writer.write(pose, stamp, serialize_message(position))
+    return path
+
+
+def options(*settings: str) -> list[str]:
+    return [word for setting in settings for word in ("--input", setting)]
+
+
+def test_a_bag_of_another_robot_gives_its_tissue(robot_bag: Path, capsys) -> None:
+    assert main(["estimate", str(robot_bag), "--json", *options(*REAL_SENSORS)]) == 0
+    found = json.loads(capsys.readouterr().out)["parameters"]
+    assert found["stiffness"] == pytest.approx(K, rel=0.05)
+    assert found["damping"] == pytest.approx(B, rel=0.05)
+    assert found["displacement_exponent"] == pytest.approx(N, rel=0.05)
+
+
+def test_the_zeros_of_a_csv_are_taken_off(tmp_path: Path, capsys) -> None:
+    rows = {"true": [], "off": []}
+    for k in range(2000):
+        depth, force = reading(k * 1e-3)
+        rows["true"].append(f"{k * 1e-3!r},{depth!r},{force!r}")
+        rows["off"].append(f"{k * 1e-3!r},{depth + 4.0!r},{force - 2.0!r}")
+    found = []
+    for name, zeros in (("true", ()), ("off", ("position.zero=4", "force.zero=-2.0"))):
+        path = tmp_path / f"{name}.csv"
+        path.write_text("time_s,displacement_mm,force_N\n" + "\n".join(rows[name]) + "\n")
+        assert main(["estimate", str(path), "--json", *options(*zeros)]) == 0
+        found.append(json.loads(capsys.readouterr().out)["parameters"])
+    for name, value in found[0].items():
+        assert found[1][name] == pytest.approx(value, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        (["force.colour=1"], "force.colour is none of force.topic, "),
+        (["force.sign=0.5"], "force.sign=0.5 is not a whole number"),
+        (["force.sign=2"], "sign = 2 is not 1 or -1"),
+        (["force.zero=high"], "force.zero=high is not a number"),
+        (["force.zero=true"], "force.zero=True is not a number"),
+        (["force.direction=3", "force.axis=direction"], "is not a list of numbers"),
+        (["force.axis=w"], "axis = 'w' is not one of"),
+        (["force.topic=/no"], "no force topic /no"),
+        ([], "2 force topics"),
+    ],
+)
+def test_what_is_wrong_is_one_line(robot_bag: Path, capsys, settings, expected) -> None:
+    assert main(["estimate", str(robot_bag), *options(*settings)]) in (1, 2)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1
+    assert expected in captured.err
+
+
+def test_the_report_compares_the_channels(robot_bag: Path, tmp_path: Path, capsys) -> None:
+    target = tmp_path / "page.html"
+    off = [s for s in REAL_SENSORS if not s.startswith("position.zero")]
+    wrong = (*off, f"position.zero={-SURFACE_MM - 0.5}")
+    assert main(["report", str(robot_bag), "-o", str(target), *options(*wrong)]) == 0
+    page = target.read_text(encoding="utf-8")
+    row = next(line for line in page.split("<tr>") if "contact position" in line)
+    cells = [cell.split("</td>")[0] for cell in row.split("<td>")[1:]]
+    assert float(cells[1]) == pytest.approx(0.5, abs=0.1)
+    assert cells[-1] == "yes"
+
+
+def test_a_verification_takes_its_input_as_recorded(robot_bag: Path, capsys) -> None:
+    words = ["estimate", str(robot_bag), "--verify", *options("force.zero=1")]
+    assert main(words) == 2
+    assert "leave the others away" in capsys.readouterr().err
