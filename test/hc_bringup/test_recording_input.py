@@ -94,13 +94,14 @@ def test_the_zeros_of_a_csv_are_taken_off(tmp_path: Path, capsys) -> None:
     [
         (["force.colour=1"], "force.colour is none of force.topic, "),
         (["force.sign=0.5"], "force.sign=0.5 is not a whole number"),
-        (["force.sign=2"], "sign = 2 is not 1 or -1"),
+        (["force.sign=2", "force.topic=/ft/wrench"], "sign = 2 is not 1 or -1"),
         (["force.zero=high"], "force.zero=high is not a number"),
         (["force.zero=true"], "force.zero=True is not a number"),
         (["force.direction=3", "force.axis=direction"], "is not a list of numbers"),
-        (["force.axis=w"], "axis = 'w' is not one of"),
+        (["force.axis=w", "force.topic=/ft/wrench"], "axis = 'w' is not one of"),
         (["force.topic=/no"], "no force topic /no"),
-        ([], "2 force topics"),
+        (["force.sign=1"], "2 force topics (/ft/wrench, /other/wrench); name one"),
+        ([], "name them (force.topic, position.topic)"),
     ],
 )
 def test_what_is_wrong_is_one_line(robot_bag: Path, capsys, settings, expected) -> None:

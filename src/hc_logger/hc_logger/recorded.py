@@ -150,8 +150,18 @@ class Recording:
 
 def has_sensors(bag: Bag) -> bool:
     """Whether a bag has exactly one wrench and one position topic, so that neither needs a name."""
+    return _sensors(bag) == (1, 1)
+
+
+def has_several_sensors(bag: Bag) -> bool:
+    """Whether a bag has wrench and position topics, but more than one of either."""
+    return min(_sensors(bag)) >= 1 and not has_sensors(bag)
+
+
+def _sensors(bag: Bag) -> tuple[int, int]:
+    """Return the number of wrench and of position topics."""
     types = [topic.definition.name for topic in bag.topics.values()]
-    return types.count(FORCE_TYPE) == 1 and sum(types.count(t) for t in POSITION_TYPES) == 1
+    return types.count(FORCE_TYPE), sum(types.count(kind) for kind in POSITION_TYPES)
 
 
 def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:

@@ -17,7 +17,7 @@ from hc_logger.csv_file import read_csv
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import records, stamps
-from hc_logger.recorded import Recording, findings_of, has_sensors, only_topic
+from hc_logger.recorded import Recording, findings_of, has_sensors, has_several_sensors, only_topic
 from hc_logger.selection import full_name
 from hc_logger.type_names import SAMPLE_TYPE
 from hc_msgs_py.topics import SAMPLE
@@ -70,6 +70,8 @@ def _read_bag(path: Path, topic: str) -> Recording:
         if name is None or name not in reader.topics:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
             has = ", ".join(reader.topics) or "nothing"
+            if not topic and has_several_sensors(reader):
+                has += ": several sensors, name them (force.topic, position.topic)"
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
         table = records(reader.topics[name].definition, reader.columns(name))
         if not len(table):
