@@ -121,11 +121,16 @@ def _parameter_table(data: Any) -> str:
 def _figure_table(data: Any) -> str:
     import numpy as np
 
-    error = data.force_n - data.force_predicted_n
+    elapsed = data.time_s - data.time_s[0]
+    settled = elapsed >= min(estimate.SETTLING_S, 0.5 * elapsed[-1])
+    error = (data.force_n - data.force_predicted_n)[settled]
     rows = [
         ["samples", str(len(data.time_s))],
         ["length", f"{data.time_s[-1] - data.time_s[0]:.2f} s"],
-        ["force error one step ahead, RMS", f"{1e3 * np.sqrt(np.nanmean(error**2)):.3g} mN"],
+        [
+            "force error one step ahead after the first second, RMS",
+            f"{1e3 * np.sqrt(np.nanmean(error**2)):.3g} mN",
+        ],
         [
             "the same over the second half",
             f"{1e3 * np.sqrt(np.nanmean(error[len(error) // 2 :] ** 2)):.3g} mN",
@@ -147,10 +152,11 @@ def _channel_table(data: Any) -> str:
     except ValueError as error:
         return f"{title}<p>Not compared: {html.escape(str(error))}.</p>\n"
     clear = found.clear_faults
+    late = "displacement lags force by" if found.delay_s < 0.0 else "force lags displacement by"
     rows = [
         [what, f"{value:.3g}", f"{deviation:.2g}", unit, "yes" if name in clear else "no"]
         for name, what, value, deviation, unit in (
-            ("delay", "force lags by", 1e3 * found.delay_s, 1e3 * found.delay_std_s, "ms"),
+            ("delay", late, 1e3 * abs(found.delay_s), 1e3 * found.delay_std_s, "ms"),
             ("zero", "force zero", 1e3 * found.zero_n, 1e3 * found.zero_std_n, "mN"),
             ("contact", "contact position", found.contact_mm, found.contact_std_mm, "mm"),
         )
