@@ -128,3 +128,35 @@ def test_a_verification_takes_its_input_as_recorded(robot_bag: Path, capsys) -> 
     words = ["estimate", str(robot_bag), "--verify", *options("force.zero=1")]
     assert main(words) == 2
     assert "leave the others away" in capsys.readouterr().err
+
+
+def test_the_surface_of_a_recording_is_found(tmp_path: Path, capsys) -> None:
+    generator = np.random.default_rng(9)
+    time = np.arange(4000) * 1e-3
+    later = np.maximum(time - 1.4, 0.0)
+    depth = np.minimum(8.0 * time - 8.0, 3.2) + 1.5 * np.sin(9.0 * later) + 0.5 * np.sin(31 * later)
+    speed = np.gradient(depth, time)
+    force = np.maximum(depth, 0.0) ** N * (K + B * speed)
+    columns = (
+        time,
+        depth + 5.0 + 0.002 * generator.standard_normal(4000),
+        force - 1.0 + 0.01 * generator.standard_normal(4000),
+    )
+    rows = [",".join(map(repr, row)) for row in np.column_stack(columns).tolist()]
+    path = tmp_path / "raw.csv"
+    path.write_text("time_s,displacement_mm,force_N\n" + "\n".join(rows) + "\n")
+    assert main(["estimate", str(path), "--find-surface", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert "surface found at 5" in captured.err or "surface found at 4.9" in captured.err
+    assert "force zero -1" in captured.err or "force zero -0.99" in captured.err
+    assert json.loads(captured.out)["parameters"]["displacement_exponent"] == pytest.approx(
+        N, rel=0.1
+    )
+
+
+def test_a_recording_without_an_approach_says_so(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "pressed.csv"
+    rows = "\n".join(f"{k * 1e-3!r},1.0,2.0" for k in range(500))
+    path.write_text("time_s,displacement_mm,force_N\n" + rows + "\n")
+    assert main(["estimate", str(path), "--find-surface"]) == 1
+    assert "does not go from free motion into contact" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import json
 import signal
 
+import numpy as np
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -104,6 +105,28 @@ def test_reset_tare_save_and_load(start_process, end_process, probe, plant, tmp_
     assert status == 0
     assert "Traceback" not in errors
     assert sorted(p.name for p in folder.iterdir()) == ["saved_state.json"]
+
+
+def test_the_surface_is_found_while_the_tool_presses(start_process, end_process, probe, plant):
+    """Sensors that read 0.7 N and 6 mm at the surface; the service finds both from an approach."""
+    process = start_process()
+    probe.wait_ready()
+    assert "press from free motion" in probe.call("find_surface").message
+    time_s = np.arange(3000) * 1e-3
+    depth = 5.0 * time_s - 5.0
+    noise = np.random.default_rng(4).normal(0.0, 1.0, (2, 3000))
+    force = np.array([plant.force(d, 5.0) if d > 0.0 else 0.0 for d in depth.tolist()])
+    readings = zip(
+        time_s, depth + 6.0 + 0.002 * noise[0], force + 0.7 + 0.01 * noise[1], strict=True
+    )
+    probe.stream([(float(t), float(d), float(f)) for t, d, f in readings])
+    probe.wait(lambda: 15 in probe.kinds(), what="the event of the surface")
+    zeros = probe.get("input.force.zero", "input.position.zero")
+    assert zeros[0] == pytest.approx(0.7, abs=0.005)
+    assert zeros[1] == pytest.approx(6.0, abs=0.1)
+    last = probe.estimates[-1]
+    assert last.displacement == pytest.approx(0.010, abs=2e-4)  # 10 mm deep, told in metres
+    assert end_process(process)[0] == 0
 
 
 def test_a_node_that_was_killed_goes_on_where_it_was(

@@ -51,6 +51,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "position.zero (mm) of any recording; of a bag with a wrench and a position topic also "
         "force.topic, force.axis, force.sign, position.joint, pairing.maximum_gap and so on",
     )
+    parser.add_argument(
+        "--find-surface",
+        action="store_true",
+        help="take force zero and contact position from the first approach of the recording",
+    )
 
 
 def load(arguments: argparse.Namespace) -> Any:
@@ -73,12 +78,38 @@ def load(arguments: argparse.Namespace) -> Any:
             raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
     try:
         if set(sensors) <= set(ZEROS):
-            return _less_zeros(read_recording(arguments.input), sensors)
-        return _read_sensors(arguments.input, sensors)
+            recording = _less_zeros(read_recording(arguments.input), sensors)
+        else:
+            recording = _read_sensors(arguments.input, sensors)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except (BagError, OSError) as error:
         raise UserError(str(error)) from error
+    return _from_surface(recording) if arguments.find_surface else recording
+
+
+def is_given(arguments: argparse.Namespace) -> bool:
+    """Whether the recording is to be read otherwise than as it stands."""
+    return bool(arguments.sensors or arguments.find_surface)
+
+
+def _from_surface(recording: Any) -> Any:
+    from hc_estimator.input.surface import find_surface
+
+    found = find_surface(recording.displacement_mm, recording.force_n)
+    if found is None:
+        raise UserError(
+            f"--find-surface: {recording.path} does not go from free motion into contact"
+        )
+    note = (
+        f"surface found at {found.displacement_mm:.4g} mm (± {found.displacement_std_mm:.2g}), "
+        f"force zero {found.force_n:.4g} N: taken off"
+    )
+    zeroed = _less_zeros(
+        recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
+    )
+    findings = recording.findings
+    return dataclasses.replace(zeroed, findings=findings._replace(notes=(*findings.notes, note)))
 
 
 def _is(value: Any, kind: str) -> bool:

@@ -20,7 +20,7 @@ REJECTION_NAMES: Final = {
 PARAMETERS: Final = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
 SETTLING_S = 1.0
-"""Start of a run that the force error leaves out: the estimator knows nothing yet."""
+"""From the first contact on, left out of the force error: the estimator knows nothing yet."""
 _RECENT = 1000
 
 
@@ -83,7 +83,7 @@ class EstimateStatistics:
     rejected: Counter[str] = field(default_factory=Counter)
     latest: Any = None
     first_sequence: int | None = None
-    _first_stamp_s: float = math.nan
+    _first_contact_s: float = math.nan
     _last_sequence: int = -1
     _force_error_square_sum: float = 0.0
     _force_errors: int = 0
@@ -96,7 +96,6 @@ class EstimateStatistics:
         stamp_s = stamp.sec + 1e-9 * stamp.nanosec
         if self.first_sequence is None:
             self.first_sequence = sequence
-            self._first_stamp_s = stamp_s
         elif sequence > self._last_sequence:
             self.lost += sequence - self._last_sequence - 1
         else:
@@ -112,14 +111,16 @@ class EstimateStatistics:
         self.mismatch += message.model_mismatch
         if message.contact:
             square = message.innovation_force**2
-            if stamp_s - self._first_stamp_s >= SETTLING_S:
+            if math.isnan(self._first_contact_s):
+                self._first_contact_s = stamp_s
+            if stamp_s - self._first_contact_s >= SETTLING_S:
                 self._force_error_square_sum += square
                 self._force_errors += 1
             self._recent_square_errors.append(square)
 
     @property
     def force_rmse_n(self) -> float:
-        """RMS of the one-step-ahead force error in contact, after the first second [N]."""
+        """RMS of the one-step-ahead force error in contact, after its first second [N]."""
         if not self._force_errors:
             return math.nan
         return math.sqrt(self._force_error_square_sum / self._force_errors)

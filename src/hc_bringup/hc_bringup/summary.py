@@ -15,8 +15,8 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
     """Return what DESIGN.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
-    used against the measured one, without the first second. lost counts samples that were
-    published and for which no estimate came.
+    used against the measured one, without the first second of contact. lost counts samples
+    that were published and for which no estimate came.
 
     Args:
         state: the run at its end.
@@ -115,7 +115,7 @@ def run_text(summary: dict[str, Any]) -> str:
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         )
         lines += [
-            "force one step ahead, after the first second: RMS error "
+            "force one step ahead, after the first second of contact: RMS error "
             + _millinewton(summary["force_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",

@@ -17,6 +17,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimate, Estimator, available_filters, create_estimator
+from hc_estimator.input.surface import SurfaceFinder
 from hc_estimator.input.tare import Tare
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
@@ -67,7 +68,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
         self._input: Input | None = None
-        self._tare: Tare | None = None
+        self._tare: Tare | SurfaceFinder | None = None
         self._crowded = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
         self.add_on_set_parameters_callback(self._settings.check)
@@ -75,6 +76,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         add_ready_service(self, self._missing)
         add_service(self, "reset", self._reset)
         add_service(self, "tare", self._start_tare)
+        add_service(self, "find_surface", self._start_finding_surface)
         add_service(self, "save", lambda: self._keeper.save(self._active_session()))
         add_service(self, "load", self._load)
         # The machine's own steady clock: simulated time may stand still.
@@ -305,6 +307,11 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         samples = self._settings.values["tare.samples"]
         self._tare = Tare(samples)
         return f"takes the mean of the next {samples} samples; hc/events says when it is done"
+
+    def _start_finding_surface(self) -> str:
+        self._active_session()
+        self._tare = SurfaceFinder()
+        return "press from free motion into the tissue; hc/events says where the surface was"
 
     def _collect_tare(self, displacement_mm: float, force_n: float) -> None:
         assert self._tare is not None

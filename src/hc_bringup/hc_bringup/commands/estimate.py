@@ -12,7 +12,7 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import assignment
 
 SETTLING_S = 1.0
-"""Start of a recording that force errors leave out."""
+"""From the first contact on, left out of force errors: the estimator knows nothing yet."""
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
@@ -81,7 +81,7 @@ def _verify(arguments: argparse.Namespace) -> int:
             arguments.state_space,
             arguments.contact_model,
             arguments.param,
-            arguments.sensors,
+            recording_input.is_given(arguments),
         )
     ):
         raise UserError(
@@ -133,7 +133,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     """Return what DESIGN.md lists for hc estimate --json.
 
     Force errors and NIS are those of the samples in contact that were used, without the first
-    second (at most half of the recording), in which the estimator knows nothing yet.
+    second after the first contact (at most half of what is left from there).
     """
     import numpy as np
 
@@ -141,10 +141,11 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
 
     rejected = series.rejected
     used = rejected == 0
-    elapsed = recording.time_s - np.nanmin(recording.time_s)
+    touching = used & series.contact
+    since_contact = recording.time_s - (recording.time_s[touching][0] if touching.any() else 0.0)
     with np.errstate(invalid="ignore"):
-        settled = elapsed >= min(SETTLING_S, 0.5 * float(np.nanmax(elapsed)))
-    counted = used & series.contact & settled
+        settled = since_contact >= min(SETTLING_S, 0.5 * float(np.nanmax(since_contact)))
+    counted = touching & settled
     last = series[len(series) - 1]
 
     def named(values: Any) -> dict[str, float]:
@@ -188,9 +189,10 @@ def _text(summary: dict[str, Any]) -> str:
             *parameter_lines(
                 summary["parameters"], summary["parameters_std"], summary["identifiability"]
             ),
-            f"after the first second: force error {1e3 * summary['force_predicted_rmse_n']:.1f} mN "
-            f"one step ahead, {1e3 * summary['force_reconstructed_rmse_n']:.1f} mN after the "
-            f"update; mean NIS {summary['nis_mean']:.2f} (ideal 2)",
+            "after the first second of contact: force error "
+            f"{1e3 * summary['force_predicted_rmse_n']:.1f} mN one step ahead, "
+            f"{1e3 * summary['force_reconstructed_rmse_n']:.1f} mN after the update; "
+            f"mean NIS {summary['nis_mean']:.2f} (ideal 2)",
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the samples",
         ]

@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.state_space,
             arguments.contact_model,
             arguments.param,
-            arguments.sensors,
+            recording_input.is_given(arguments),
         )
     )
     data = None if anew else recorded(recording)
@@ -121,14 +121,15 @@ def _parameter_table(data: Any) -> str:
 def _figure_table(data: Any) -> str:
     import numpy as np
 
-    elapsed = data.time_s - data.time_s[0]
+    contact = data.displacement_mm > 0.0
+    elapsed = data.time_s - (data.time_s[contact][0] if contact.any() else data.time_s[0])
     settled = elapsed >= min(estimate.SETTLING_S, 0.5 * elapsed[-1])
     error = (data.force_n - data.force_predicted_n)[settled]
     rows = [
         ["samples", str(len(data.time_s))],
         ["length", f"{data.time_s[-1] - data.time_s[0]:.2f} s"],
         [
-            "force error one step ahead after the first second, RMS",
+            "force error one step ahead after the first second of contact, RMS",
             f"{1e3 * np.sqrt(np.nanmean(error**2)):.3g} mN",
         ],
         [

@@ -1,4 +1,4 @@
-"""The node's services: ~/reset, ~/tare, ~/save, ~/load (std_srvs/Trigger), and the kept state.
+"""The node's services (std_srvs/Trigger: reset, tare, find_surface, save, load), the kept state.
 
 Thin: each asks one thing of the node and answers with a line.
 """

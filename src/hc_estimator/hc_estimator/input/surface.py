@@ -1,0 +1,119 @@
+"""Finds the surface while the tool presses: force zero and contact position from one approach.
+
+A tool that cannot be brought to rest at the surface (the contact position is not known, that is
+why one palpates) moves freely at first, and the force of that time is its zero. When the force
+stands out of its noise the tool is in contact, but the surface lies before that point: the
+readings that follow are fitted with F = c (d - surface)^n, whose zero is the surface. At the
+nearly constant speed of an approach the damping only changes c.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from hc_estimator.input.tare import TareResult
+
+FREE_SAMPLES = 100
+"""Samples free of contact that say force zero and noise; fewer are not enough."""
+FORGETTING = 1.0 / 10_000.0
+"""Of the force zero: a sensor drifts, but a slow approach must not pass for drift."""
+CLEAR = 5.0
+"""A force beyond so many times its noise is contact, if it stays there."""
+LARGEST_TERM = 3.0
+"""A reading further off than so many times the noise counts as that."""
+CONFIRMATIONS = 5
+ENOUGH = 100.0
+"""Force in units of its noise up to which the approach is fitted: shallow, so that one n fits."""
+MOST_SAMPLES = 20_000
+SMALLEST_EXPONENT = 0.8
+LARGEST_EXPONENT = 3.0
+
+FloatArray = NDArray[np.float64]
+
+
+class SurfaceFinder:
+    """Takes samples of an approach from free motion into the tissue; used like a Tare."""
+
+    def __init__(self) -> None:
+        self._free = 0
+        self._zero = 0.0
+        self._variance = 0.0
+        self._above = 0
+        self._approach: list[tuple[float, float]] = []
+
+    def add(self, displacement_mm: float, force_n: float) -> TareResult | None:
+        """Take in a sample; return force zero and surface once the tool has pressed enough.
+
+        Readings that are not finite are passed over. A touch that ends before it says enough is
+        forgotten, and the next one counts.
+        """
+        if not (math.isfinite(displacement_mm) and math.isfinite(force_n)):
+            return None
+        deviation = math.sqrt(self._variance)
+        excess = force_n - self._zero
+        if self._free < FREE_SAMPLES or excess <= CLEAR * deviation:
+            self._take_free(displacement_mm, force_n)
+            return None
+        self._above += 1
+        self._approach.append((displacement_mm, excess))
+        enough = excess > ENOUGH * deviation or len(self._approach) >= MOST_SAMPLES
+        if self._above < CONFIRMATIONS or not enough:
+            return None
+        return self._fit(deviation)
+
+    def _take_free(self, displacement_mm: float, force_n: float) -> None:
+        if self._above:
+            self._above = 0
+            self._approach.clear()
+        self._free += 1
+        weight = max(1.0 / self._free, FORGETTING)
+        before = force_n - self._zero
+        if self._free > FREE_SAMPLES:  # or the beginning of a contact would drag zero and noise
+            limit = LARGEST_TERM * math.sqrt(self._variance)
+            before = min(max(before, -limit), limit)
+            force_n = self._zero + before
+        self._zero += weight * before
+        self._variance += weight * (before * (force_n - self._zero) - self._variance)
+
+    def _fit(self, deviation: float) -> TareResult:
+        displacement, force = np.array(self._approach).T
+        first, last = float(displacement[0]), float(np.max(displacement))
+        stroke = max(last - first, 1e-6)
+        lower = np.array([first - 2.0 * stroke, 0.0, SMALLEST_EXPONENT])
+        # The surface is not deeper than where contact was sure.
+        upper = np.array([first, np.inf, LARGEST_EXPONENT])
+
+        def misfit(x: FloatArray) -> FloatArray:
+            depth = np.maximum(displacement - x[0], 1e-9)
+            error: FloatArray = x[1] * depth ** x[2] - force
+            return error
+
+        start = np.array([first - 0.1 * stroke, force[-1] / stroke**1.5, 1.5])
+        fit = least_squares(misfit, start, bounds=(lower, upper), x_scale=(stroke, start[1], 1.0))
+        freedom = max(len(force) - 3, 1)
+        jacobian: FloatArray = np.asarray(fit.jac)
+        covariance = 2.0 * float(fit.cost) / freedom * np.linalg.pinv(jacobian.T @ jacobian)
+        spread = math.sqrt(max(float(covariance[0, 0]), 0.0))
+        return TareResult(float(fit.x[0]), spread, self._zero, deviation, len(force))
+
+
+def find_surface(displacement_mm: FloatArray, force_n: FloatArray) -> TareResult | None:
+    """Find the surface in a recording from its first approach.
+
+    Args:
+        displacement_mm: displacement readings, shape (samples,).
+        force_n: force readings, shape (samples,).
+
+    Returns:
+        Force zero and surface; None if the recording does not go from free motion into contact.
+    """
+    finder = SurfaceFinder()
+    for displacement, force in zip(displacement_mm.tolist(), force_n.tolist(), strict=True):
+        result = finder.add(displacement, force)
+        if result is not None:
+            return result
+    return None
