@@ -1,10 +1,12 @@
-"""What the tests of all packages share: a ROS domain that no other test uses at the same time."""
+"""What the tests of all packages share: a ROS domain of one's own, and two hosts on one machine."""
 
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -33,3 +35,16 @@ def ros_domain() -> Iterator[int]:
             os.close(descriptor)
         return
     pytest.fail(f"all {HIGHEST_DOMAIN} ROS domains are in use by other tests")
+
+
+@pytest.fixture
+def join_hosts(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """Make two hosts (network namespaces) and the link between them; see delayed_link.py."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parent))
+    import delayed_link
+
+    reason = delayed_link.why_not()
+    if reason:
+        pytest.skip(reason)
+    with ExitStack() as stack:
+        yield lambda *delay, **loss: stack.enter_context(delayed_link.DelayedLink(*delay, **loss))

@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -68,24 +67,14 @@ time.sleep(1.0)
 
 
 @pytest.fixture
-def hosts(domain_id, compiled):
+def hosts(join_hosts, domain_id, compiled):
     """Run commands on two hosts that a slow link joins; all of it is gone afterwards."""
-    names = [f"hc{os.getpid() % 100000}a", f"hc{os.getpid() % 100000}b"]
-    if shutil.which("ip") is None or os.geteuid() != 0 or not os.path.exists("/dev/net/tun"):
-        pytest.skip("network namespaces need root, the ip command and /dev/net/tun")
-    made, processes = [], []
-    for name in names:
-        result = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True)
-        if result.returncode != 0:
-            for other in made:
-                subprocess.run(["ip", "netns", "del", other], check=True)
-            pytest.skip(f"network namespaces are not allowed here: {result.stderr.strip()}")
-        made.append(name)
+    link = join_hosts(DELAY_S, loss=LOSS)
+    processes = []
 
-    def start(command, host=None):
-        prefix = [] if host is None else ["ip", "netns", "exec", names[host]]
+    def start(command, host):
         process = subprocess.Popen(
-            [*prefix, sys.executable, *command],
+            ["ip", "netns", "exec", link.namespaces[host], sys.executable, *command],
             env=os.environ
             | {"ROS_DOMAIN_ID": str(domain_id), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
             stdout=subprocess.PIPE,
@@ -94,26 +83,15 @@ def hosts(domain_id, compiled):
         processes.append(process)
         return process
 
-    link = Path(__file__).with_name("delayed_link.py")
-    addresses = ["10.231.7.1/24", "10.231.7.2/24"]
-    relay = start(
-        [str(link), names[0], addresses[0], names[1], addresses[1], str(DELAY_S), str(LOSS)]
-    )
-    try:
-        if relay.stdout.readline() != "up\n":
-            pytest.skip("TAP devices are not allowed here")
-        yield start
-    finally:
-        for process in processes:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-            try:
-                process.communicate(timeout=10)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.communicate()
-        for name in names:
-            subprocess.run(["ip", "netns", "del", name], check=True)
+    yield start
+    for process in processes:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.communicate(timeout=10)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
 
 
 def test_estimates_go_on_across_a_slow_and_lossy_link_and_the_latency_is_true(hosts, plant):

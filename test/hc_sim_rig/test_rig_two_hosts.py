@@ -22,19 +22,8 @@ DELAY_S = 0.06
 SECONDS = 5.0
 
 
-@pytest.fixture
-def link(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.syspath_prepend(str(HERE))
-    import delayed_link
-
-    reason = delayed_link.why_not()
-    if reason:
-        pytest.skip(reason)
-    with delayed_link.DelayedLink(DELAY_S, 0.002) as made:
-        yield made
-
-
-def test_master_and_slave_on_two_hosts(link, tmp_path: Path) -> None:
+def test_master_and_slave_on_two_hosts(join_hosts, tmp_path: Path) -> None:
+    link = join_hosts(DELAY_S, 0.002)
     quiet = (SCENARIO_FOLDER / "teleoperation.yaml").read_text()
     quiet = quiet.replace("enters: velocity", "enters: none").replace("0.7071068", "0.01")
     scenario = tmp_path / "quiet.yaml"

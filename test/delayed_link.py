@@ -1,7 +1,7 @@
-"""Two network namespaces joined by a link that delays every frame: two hosts far apart, on one.
+"""Two network namespaces joined by a link with delay and loss: two hosts far apart, on one.
 
 A TAP device in each namespace; what goes into one comes out of the other after N(mean, deviation),
-in order. Needs root, `ip` and /dev/net/tun, no kernel module for delays. After
+in order, or not at all. Needs root, `ip` and /dev/net/tun, no kernel module for delays. After
 ../shared/recipes/delayed_link.py.
 """
 
@@ -44,11 +44,12 @@ def why_not() -> str:
 class DelayedLink:
     """Makes two namespaces and joins them; a context manager that leaves nothing behind."""
 
-    def __init__(self, mean_s: float, deviation_s: float = 0.0) -> None:
+    def __init__(self, mean_s: float, deviation_s: float = 0.0, loss: float = 0.0) -> None:
         self.namespaces = (f"hc_a_{os.getpid()}", f"hc_b_{os.getpid()}")
         self.addresses = ("10.77.0.1", "10.77.0.2")
         self.frames = 0
         self._delay = (mean_s, deviation_s)
+        self._loss = loss
         self._random = random.Random(1)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._carry)
@@ -97,6 +98,8 @@ class DelayedLink:
         try:
             while True:
                 frame = os.read(tap, LARGEST_FRAME)
+                if self._random.random() < self._loss:
+                    continue
                 due = time.monotonic() + max(0.0, self._random.gauss(*self._delay))
                 queue.append((max(due, queue[-1][0]) if queue else due, frame))
         except BlockingIOError:
