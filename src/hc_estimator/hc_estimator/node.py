@@ -17,8 +17,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimate, Estimator, available_filters, create_estimator
-from hc_estimator.input.surface import SurfaceFinder
-from hc_estimator.input.tare import Tare
+from hc_estimator.input.tare import TareResult
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
@@ -33,6 +32,7 @@ from hc_estimator.ros.sensors import SensorInput
 from hc_estimator.ros.services import NotPossibleError, StateKeeper, add_service
 from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.status import StatusReporter
+from hc_estimator.ros.zeroing import ZEROS, Zeroing
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
@@ -44,8 +44,6 @@ WATCH_PERIOD_S = 0.1
 CONFIRMATIONS = 5
 CONFIRMATIONS_IN_CONFLICT = 500
 """With two publishers on one topic the first keeps the floor until it is silent."""
-
-ZEROS = ("input.force.zero", "input.position.zero")
 
 
 class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no types
@@ -68,7 +66,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
         self._input: Input | None = None
-        self._tare: Tare | SurfaceFinder | None = None
+        self._zeroing = Zeroing()
         self._crowded = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
         self.add_on_set_parameters_callback(self._settings.check)
@@ -189,7 +187,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._input = kind(self, self, values)
 
     def _stop_listening(self) -> None:
-        self._tare = None
+        self._zeroing.cancel()
         if self._input is not None:
             self._input.close()
             self._input = None
@@ -202,8 +200,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
     ) -> None:
         """Hand a sample to the session, and to a tare that is under way."""
-        if self._tare is not None:
-            self._collect_tare(displacement_mm, force_n)
+        if self._zeroing.active:
+            found = self._zeroing.add(displacement_mm, force_n)
+            if found is not None:
+                self._take_zeros(found)
         if self._session is not None:
             self._session.process(stamp_ns, sequence, displacement_mm, force_n)
 
@@ -304,28 +304,15 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _start_tare(self) -> str:
         self._active_session()
-        samples = self._settings.values["tare.samples"]
-        self._tare = Tare(samples)
-        return f"takes the mean of the next {samples} samples; hc/events says when it is done"
+        return self._zeroing.tare(self._settings.values["tare.samples"])
 
     def _start_finding_surface(self) -> str:
         self._active_session()
-        self._tare = SurfaceFinder()
-        return "press from free motion into the tissue; hc/events says where the surface was"
+        return self._zeroing.find_surface()
 
-    def _collect_tare(self, displacement_mm: float, force_n: float) -> None:
-        assert self._tare is not None
-        result = self._tare.add(displacement_mm, force_n)
-        if result is None:
-            return
-        self._tare = None
-        values = self._settings.values
-        means = (result.force_n, result.displacement_mm)
-        # The samples came with the old zeros taken off.
-        zeros = [
-            Parameter(name, value=values[name] + mean)
-            for name, mean in zip(ZEROS, means, strict=True)
-        ]
+    def _take_zeros(self, found: TareResult) -> None:
+        """Subtract what a tare found from now on, and start afresh."""
+        zeros = self._zeroing.parameters(found, self._settings.values)
         answer = self.set_parameters_atomically(zeros)
         session = self._active_session()
         if not answer.successful:
@@ -333,11 +320,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             return
         # What was learnt with other zeros belongs to another displacement.
         session.reset(Cause.RESET, self._new_estimator())
-        session.report(
-            EventKind.TARED,
-            f"force zero {zeros[0].value:.6g} N (deviation {result.force_std_n:.2g} N), contact at "
-            f"{zeros[1].value:.6g} mm (deviation {result.displacement_std_mm:.2g} mm)",
-        )
+        session.report(EventKind.TARED, self._zeroing.describe(found, zeros))
 
     def _load(self) -> str:
         self._active_session()
