@@ -24,7 +24,7 @@ def test_the_shipped_configuration_is_valid() -> None:
 
 
 def test_reads_every_key(tmp_path: Path) -> None:
-    (tmp_path / "p.yaml").write_text("x: 1")
+    (tmp_path / "p.yaml").write_text("a: {ros__parameters: {x: 1}}")
     path = write(
         tmp_path,
         """
@@ -93,3 +93,40 @@ def test_refuses_what_is_no_text(tmp_path: Path) -> None:
 def test_refuses_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="cannot read"):
         load_plan(tmp_path / "no.yaml")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: {ros__parameters: {x: 1}}",
+        "/**: {ros__parameters: {x: 1}}",
+        "/ns: {a: {ros__parameters: {}}}",
+        "/ns/a: {ros__parameters: {}}",
+        "b: {ros__parameters: {}}\n'*': {ros__parameters: {}}",
+    ],
+)
+def test_a_parameter_file_for_the_node_is_taken(tmp_path: Path, text: str) -> None:
+    (tmp_path / "p.yaml").write_text(text)
+    path = write(tmp_path, "nodes: [{name: a, module: pkg.node, parameter_files: [p.yaml]}]")
+    assert load_plan(path).nodes[0].parameter_files == (tmp_path / "p.yaml",)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("hello world", "is no ROS parameter file"),
+        ("", "is no ROS parameter file"),
+        ("- x", "is no ROS parameter file"),
+        ("a: {parameters: {x: 1}}", "is no ROS parameter file"),
+        ("a:\n\tx: 1", "is not valid YAML"),
+        ("aa: {ros__parameters: {x: 1}}", "has no parameters for node a, only for aa"),
+    ],
+)
+def test_a_parameter_file_that_would_be_passed_over_is_refused(
+    tmp_path: Path, text: str, words: str
+) -> None:
+    (tmp_path / "p.yaml").write_text(text)
+    path = write(tmp_path, "nodes: [{name: a, module: pkg.node, parameter_files: [p.yaml]}]")
+    with pytest.raises(UserError, match=words) as caught:
+        load_plan(path)
+    assert "\n" not in str(caught.value)

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.parameter_file import check_parameter_file, read_yaml
 
 _RUN_KEYS = ("duration_s", "nodes")
 _NODE_KEYS = ("name", "module", "parameter_files", "parameters", "source", "respawn")
@@ -61,14 +60,7 @@ def load_plan(path: Path) -> RunPlan:
     Raises:
         UserError: with the file, the key and what is allowed, for whatever is wrong in it.
     """
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}", WRONG_USE) from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path} is not a text file in UTF-8", WRONG_USE) from error
-    except yaml.YAMLError as error:
-        raise UserError(f"{path} is not valid YAML: {error}", WRONG_USE) from error
+    data = read_yaml(path)
     if not isinstance(data, dict):
         raise UserError(f"{path} must have the keys {', '.join(_RUN_KEYS)}", WRONG_USE)
     _check_keys(data, _RUN_KEYS, str(path))
@@ -101,6 +93,7 @@ def _node(entry: Any, path: Path, number: int) -> NodePlan:
     for file in resolved:
         if not file.is_file():
             raise UserError(f"{where}: there is no parameter file {file}", WRONG_USE)
+        check_parameter_file(file, entry["name"])
     parameters = entry.get("parameters", {})
     if not isinstance(parameters, dict):
         raise UserError(f"{where}: parameters must be names with values", WRONG_USE)

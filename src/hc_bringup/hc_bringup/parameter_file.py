@@ -1,0 +1,67 @@
+"""Looks into a ROS parameter file before a node gets it.
+
+The middleware takes a file that is plain text, or one with parameters for a node of another name,
+without a word, and the node then runs with its defaults.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from hc_bringup.errors import WRONG_USE, UserError
+
+PARAMETERS_KEY = "ros__parameters"
+WILDCARDS = ("*", "**")
+
+
+def read_yaml(path: Path) -> Any:
+    """Return what a YAML file holds.
+
+    Raises:
+        UserError: if it cannot be read or is not YAML; one line.
+    """
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise UserError(f"cannot read {path}: {error.strerror}", WRONG_USE) from error
+    except UnicodeDecodeError as error:
+        raise UserError(f"{path} is not a text file in UTF-8", WRONG_USE) from error
+    except yaml.YAMLError as error:
+        raise UserError(f"{path} is not valid YAML: {_one_line(error)}", WRONG_USE) from error
+
+
+def check_parameter_file(path: Path, node_name: str) -> None:
+    """See that a file has parameters for a node.
+
+    Raises:
+        UserError: if it has none; the message says what it has.
+    """
+    data = read_yaml(path)
+    names = list(_node_names(data)) if isinstance(data, dict) else []
+    if not names:
+        raise UserError(
+            f"{path} is no ROS parameter file: give {node_name}: {PARAMETERS_KEY}: with the "
+            "parameters below",
+            WRONG_USE,
+        )
+    if not any(name.rsplit("/", 1)[-1] in (node_name, *WILDCARDS) for name in names):
+        raise UserError(
+            f"{path} has no parameters for node {node_name}, only for {', '.join(names)}", WRONG_USE
+        )
+
+
+def _node_names(data: dict[Any, Any], prefix: str = "") -> list[str]:
+    """Return the full names of the nodes that have parameters."""
+    found = []
+    for key, value in data.items():
+        name = f"{prefix}/{str(key).strip('/')}" if prefix else str(key).strip("/")
+        if isinstance(value, dict):
+            found += [name] if PARAMETERS_KEY in value else _node_names(value, name)
+    return found
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
