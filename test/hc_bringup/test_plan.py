@@ -23,6 +23,13 @@ def test_the_shipped_configuration_is_valid() -> None:
     assert all(f.is_file() for node in plan.nodes for f in node.parameter_files)
 
 
+def test_the_configuration_for_a_robot_is_valid_and_has_no_source() -> None:
+    plan = load_plan(ROOT / "config" / "robot_run.yaml")
+    assert [node.name for node in plan.nodes] == ["estimator", "recorder"]
+    assert not any(node.source for node in plan.nodes)
+    assert plan.nodes[0].respawn
+
+
 def test_reads_every_key(tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_text("a: {ros__parameters: {x: 1}}")
     path = write(
