@@ -3,12 +3,15 @@
 import fcntl
 import os
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from hc_bringup.shared_memory import remove_orphans
 
 HIGHEST_DOMAIN = 101  # above it the ports of DDS leave the range that Linux keeps free
 
@@ -29,9 +32,11 @@ def ros_domain() -> Iterator[int]:
         except BlockingIOError:
             os.close(descriptor)
             continue
+        since = time.time()
         try:
             yield number
         finally:
+            remove_orphans(domain_id=number, since=since)  # of nodes that a test has killed
             os.close(descriptor)
         return
     pytest.fail(f"all {HIGHEST_DOMAIN} ROS domains are in use by other tests")
