@@ -84,6 +84,21 @@ def test_the_added_error_is_an_error_of_the_prediction() -> None:
     assert abs(trace.parameters[30, 0] - undisturbed.parameters[30, 0]) > 1.0
 
 
+@pytest.mark.parametrize("name", ["default", "RWSTUKF kinematic", "RLS"])
+def test_the_added_error_reaches_every_estimator(name: str) -> None:
+    """K and B of the next estimate are larger by the error, but for one small update."""
+    found = load_experiment("a_table_3")
+    signal = make_signal(found.signal, 1)
+    column = found.column(name)
+    error = {"first_step": 300, "last_step": 300, "K": 0.8, "B": 0.8}
+    plain = run_column(column, signal, {}).parameters
+    disturbed = run_column(column, signal, {"added_error": error}).parameters
+    assert np.array_equal(disturbed[:300], plain[:300])
+    moved = disturbed[300, :2] - plain[300, :2]
+    assert moved == pytest.approx([0.8, 0.8], abs=0.4)
+    assert np.sum(moved) == pytest.approx(1.6, abs=0.25)
+
+
 def test_with_r_known_as_one_the_literal_q_never_moves() -> None:
     found = load_experiment("b_table_1")
     signal = make_signal(found.signal, 1)

@@ -6,12 +6,20 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from scipy.stats import binom
 
+from hc_estimator import DEFAULT_FILTER, create_estimator
 from hc_evaluation.reproduction import load_experiment
 from hc_evaluation.reproduction.campaign import ExperimentResult
+from hc_evaluation.reproduction.floor import first_guess, regression_error, regression_floor
 from hc_evaluation.reproduction.intervals import median_ranks, paired_ratio, summarise
-from hc_evaluation.reproduction.scores import bounds, score
+from hc_evaluation.reproduction.scores import (
+    SMALLEST_JERK_DENSITY,
+    bounds,
+    jerk_density,
+    score,
+)
 from hc_evaluation.reproduction.signals import Signal, hunt_crossley_force, make_signal
 from hc_evaluation.reproduction.trace import Trace
 from hc_evaluation.reproduction.verdict import (
@@ -22,6 +30,7 @@ from hc_evaluation.reproduction.verdict import (
     RANKING,
     UNRELIABLE,
     compare,
+    meets_goal,
     ours,
 )
 
@@ -49,6 +58,7 @@ def _perfect(signal: Signal, spread: float = 0.01, seed: int = 0) -> Trace:
         noise_std=signal.force_noise_std.copy(),
         nis=np.full(count, 2.0),
         changes=np.zeros(count, np.bool_),
+        mismatch=np.zeros(count, np.bool_),
         numerical_failures=0,
     )
 
@@ -147,6 +157,60 @@ def test_the_bound_is_that_of_weighted_least_squares(signal: Signal) -> None:
     assert 0.0 < floors["force_late_rmse"] < floors["force_rmse"] < 0.036
 
 
+def test_the_restlessness_is_that_of_the_white_jerk_behind_it(signal: Signal) -> None:
+    assert jerk_density(signal) == SMALLEST_JERK_DENSITY  # two slow sines
+    density, step, count = 3e7, 1e-3, 40_000
+    generator = np.random.default_rng(5)
+    # Exact steps of an integrated Wiener process: velocity and acceleration under white jerk.
+    covariance = density * np.array([[step**3 / 3.0, step**2 / 2.0], [step**2 / 2.0, step]])
+    kicks = generator.multivariate_normal(np.zeros(2), covariance, count)
+    acceleration = np.cumsum(kicks[:, 1])
+    velocity = np.cumsum(step * (acceleration - kicks[:, 1]) + kicks[:, 0])
+    restless = dataclasses.replace(signal, time_s=step * np.arange(count), true_velocity=velocity)
+    assert jerk_density(restless) == pytest.approx(density, rel=0.05)
+
+
+def test_the_first_guess_is_the_defaults() -> None:
+    estimate = create_estimator(DEFAULT_FILTER).step(0.0, -1.0, 0.0)  # no contact
+    mean, deviations = first_guess()
+    assert estimate.parameters == pytest.approx([*np.exp(mean[:2]), *mean[2:]], rel=1e-12)
+    scale = np.array([*np.exp(mean[:2]), 1.0, 1.0])
+    assert estimate.parameters_std == pytest.approx(deviations * scale, rel=1e-6)
+
+
+def test_the_regression_ends_at_the_batch_fit(signal: Signal) -> None:
+    error = regression_error(signal)
+    assert regression_floor(signal) == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
+    mean, deviations = first_guess()
+    depth, velocity = signal.true_displacement, signal.true_velocity
+
+    def cost(guess: np.ndarray) -> float:
+        parameters = np.array([np.exp(guess[0]), np.exp(guess[1]), guess[2], guess[3]])
+        force = hunt_crossley_force(depth, velocity, parameters)
+        misfit = (signal.force_n - force) / signal.force_noise_std
+        return float(np.sum(misfit**2) + np.sum(((guess - mean) / deviations) ** 2))
+
+    stiffness, damping, n, p = signal.parameters
+    fit = minimize(cost, [np.log(stiffness), np.log(damping), n, p], method="Nelder-Mead",
+                   options={"xatol": 1e-9, "fatol": 1e-9, "maxiter": 4000})  # fmt: skip
+    parameters = np.array([*np.exp(fit.x[:2]), *fit.x[2:]])
+    force = hunt_crossley_force(depth[-1:], velocity[-1:], parameters)
+    assert error[-1] == pytest.approx(force[0] - signal.true_force[-1], abs=1e-7)
+    _, floors = bounds(signal)
+    late = error[signal.time_s.size // 2 :]
+    assert np.sqrt(np.mean(late**2)) < 2.5 * floors["force_late_rmse"]
+
+
+def test_less_noise_makes_a_lower_floor(signal: Signal) -> None:
+    noise = signal.force_n - signal.true_force
+    calm = dataclasses.replace(
+        signal,
+        force_n=signal.true_force + 0.01 * noise,
+        force_noise_std=0.01 * signal.force_noise_std,
+    )
+    assert regression_floor(calm) < 0.1 * regression_floor(signal)
+
+
 @pytest.mark.parametrize("count", [6, 10, 25, 100])
 def test_the_medians_interval_covers(count: int) -> None:
     low, high = median_ranks(count)
@@ -238,3 +302,23 @@ def test_ours_is_compared_with_the_best_printed_figure() -> None:
     assert found[0].best == pytest.approx(2.9133e-3)
     found = ours(experiment, _result("a_table_1", [3.0e-3] * 10, [1.0] * 10, 0.0))
     assert not any(entry.lower for entry in found)
+    assert not any(meets_goal(entry) for entry in found)
+
+
+def test_the_goal_asks_for_force_and_parameters() -> None:
+    experiment = load_experiment("a_table_1")
+    result = _result("a_table_1", [1e-3] * 10, [1e-3] * 10, 0.0)
+    result.columns["default"]["error_identifiable"] = [0.06] * 10
+    assert {e.column: meets_goal(e) for e in ours(experiment, result)} == {
+        "default": False,
+        "RWSTUKF kinematic": True,
+        "RLS": True,
+    }
+
+
+def test_the_misfit_that_is_told_is_counted_in_the_second_half(signal: Signal) -> None:
+    trace = _perfect(signal)
+    count = signal.time_s.size
+    trace.mismatch[: count // 2] = True
+    trace.mismatch[count // 2 : count // 2 + count // 8] = True
+    assert score(signal, trace, ALL)["mismatch_share"] == pytest.approx(0.25, abs=1e-3)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hc_evaluation import metrics
 from hc_evaluation.bounds import posterior_cramer_rao_bound
 from hc_evaluation.reproduction.experiment import load_experiment
+from hc_evaluation.reproduction.floor import regression_floor
 from hc_evaluation.reproduction.signals import Signal, hunt_crossley_force, make_signal
 from hc_evaluation.reproduction.trace import Trace
 
@@ -35,7 +36,7 @@ HORIZON_S, HORIZON_SHARE = 0.5, 0.2  # of the hold-forward error; the share coun
 STRIDE_S, STRIDE_SHARE = 0.05, 0.005
 # Prior of the bound: as wide as any first guess in the experiments, in ln K, ln B, n, p.
 PRIOR_STD = (1.0, 50.0, 500.0, 2.0, 2.0, 0.5, 0.3)
-BOUND_JERK_DENSITY = 1e4  # mm^2/s^5; the bound of the parameters hardly depends on it
+SMALLEST_JERK_DENSITY = 1e4  # mm^2/s^5; below it the bound of the parameters hardly changes
 
 
 def _rms(values: FloatArray) -> float:
@@ -167,6 +168,7 @@ def score(signal: Signal, trace: Trace, settings: Mapping[str, Any]) -> Scores:
             "one_step_rmse": _rms(
                 np.nan_to_num(trace.force_predicted - signal.true_force, nan=0.0)[first:]
             ),
+            "mismatch_share": float(np.mean(trace.mismatch[first:])),
         }
     lost = trace.numerical_failures > 0 or not finite
     result["failed"] = float(lost or result["force_rmse"] > DIVERGED * _rms(signal.true_force))
@@ -185,6 +187,17 @@ def score(signal: Signal, trace: Trace, settings: Mapping[str, Any]) -> Scores:
     if settings.get("teleoperation"):
         result |= _teleoperation_scores(signal, trace)
     return result
+
+
+def jerk_density(signal: Signal) -> float:
+    """Density of the white jerk that is as restless as the true motion [mm^2/s^5].
+
+    The second difference of a velocity driven by white jerk of density q has the variance
+    2/3 q dt^3. Steps of the velocity make it large: then the bound does not know them beforehand.
+    """
+    second = np.diff(signal.true_velocity, 2)
+    found = 1.5 * float(np.mean(second * second)) / signal.time_step**3
+    return max(found, SMALLEST_JERK_DENSITY)
 
 
 def bounds(signal: Signal) -> tuple[FloatArray, Scores]:
@@ -206,7 +219,7 @@ def bounds(signal: Signal) -> tuple[FloatArray, Scores]:
         truth,
         displacement_noise_std=signal.displacement_noise_std,
         force_noise_std=signal.force_noise_std,
-        jerk_density=BOUND_JERK_DENSITY,
+        jerk_density=jerk_density(signal),
         parameter_density=np.zeros(4),
         initial_covariance=np.diag(np.square(PRIOR_STD)),
     )
@@ -245,6 +258,16 @@ def identifiable(name: str) -> tuple[str, ...]:
     return _completed(name)[0]
 
 
+@functools.cache
 def floors(name: str) -> Scores:
-    """The floors of the force error of an experiment [N]; empty without a Hunt-Crossley truth."""
-    return dict(_completed(name)[1])
+    """The floors of the force error of an experiment [N]; empty without a Hunt-Crossley truth.
+
+    `force_rmse` and `force_late_rmse` are those of `bounds`; `regression_rmse` is what the start
+    costs (see `floor`), `regression_root_sum` the same as a root of the sum of squares.
+    """
+    found = dict(_completed(name)[1])
+    if found:
+        signal = make_signal(load_experiment(name).signal, 0)
+        found["regression_rmse"] = regression_floor(signal)
+        found["regression_root_sum"] = found["regression_rmse"] * signal.time_s.size**0.5
+    return found

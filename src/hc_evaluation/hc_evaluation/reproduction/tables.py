@@ -51,6 +51,7 @@ HONEST_ROWS = (
     ("error_p", "error of p at the end", SHARE),
     ("nees", "NEES per free parameter (ideal near 1)", PLAIN),
     ("nis", "NIS (ideal 2)", PLAIN),
+    ("mismatch_share", "samples in the second half with a misfit of the law told", SHARE),
 )
 LOST = 1e3  # a relative error beyond which an estimate says nothing
 LARGEST = 1e9  # what is larger is told in a word
@@ -174,11 +175,18 @@ def ours_text(experiment: Experiment, entry: Ours) -> str:
     return text
 
 
+def regression_text(experiment: Experiment, entries: Sequence[Ours]) -> str:
+    """What a regression that knows motion and noise reaches, in one cell."""
+    unit, scale = unit_of(experiment.published)
+    floor = entries[0].floor
+    return "–" if math.isnan(floor) else f"{number(floor * scale)} {unit}"
+
+
 def summary_table(results: Sequence[ExperimentResult]) -> list[str]:
     """The table that opens the page: experiment, claim, what holds."""
     names = [c.name for c in load_experiment(results[0].name).columns if c.setting == "ours"]
     heads = ["experiment", "claim of the paper", "printed ratio", "paper setting"]
-    heads += ["practical setting", *("our " + name for name in names)]
+    heads += ["practical setting", *("our " + name for name in names), "regression"]
     lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
     for result in results:
         experiment = load_experiment(result.name)
@@ -187,6 +195,7 @@ def summary_table(results: Sequence[ExperimentResult]) -> list[str]:
         printed = "–" if known is None else number(known.published_ratio)
         mine = {e.column: ours_text(experiment, e) for e in ours(experiment, result)}
         cells = " | ".join(mine.get(name, "–") for name in names)
+        cells += f" | {regression_text(experiment, ours(experiment, result))}"
         lines.append(
             f"| [{result.name}](#{result.name}): {', '.join(experiment.covers)} "
             f"| {experiment.claim} | {printed} | {ratio_text(found['paper'])} "

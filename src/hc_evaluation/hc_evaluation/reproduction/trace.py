@@ -60,6 +60,7 @@ class Trace:
         noise_std: estimated standard deviation of the noise that the experiment adapts [N].
         nis: normalised innovation squared.
         changes: True where a change was called.
+        mismatch: True where the estimator said that the contact law does not fit.
         numerical_failures: samples at which the update had no meaning.
     """
 
@@ -72,6 +73,7 @@ class Trace:
     noise_std: FloatArray
     nis: FloatArray
     changes: NDArray[np.bool_]
+    mismatch: NDArray[np.bool_]
     numerical_failures: int
 
 
@@ -115,6 +117,14 @@ def _add_error(estimator: Estimator, error: Mapping[str, float]) -> None:
     predicted state: neither K nor B is measured, so that the error passes the update unchanged.
     """
     saved = estimator.state()
+    if estimator.filter == "rls":  # its estimate is ln K, n and B/K
+        regression = saved["memory"]["regression"]
+        stiffness = float(np.exp(regression[0]))
+        damping = stiffness * regression[2] + error["B"]
+        regression[0] = float(np.log(stiffness + error["K"]))
+        regression[2] = damping / (stiffness + error["K"])
+        estimator.restore(saved)
+        return
     state = saved["memory"]["state"]
     for index, name in ((3, "K"), (4, "B")):
         if estimator.state_space == "kinematic":
@@ -139,6 +149,7 @@ def _of_series(series: EstimateSeries, column: Column) -> Trace:
         noise,
         series.nis,
         series.change_detected,
+        series.model_mismatch.astype(np.bool_),
         int(np.count_nonzero(series.rejected == Rejection.NUMERICAL)),
     )
 
@@ -196,6 +207,7 @@ def _run_position_filter(column: Column, signal: Signal) -> Trace:
         np.full((nothing.size, 4, 4), np.nan),
         nothing,
         nothing,
+        np.zeros(nothing.size, np.bool_),
         np.zeros(nothing.size, np.bool_),
         int(np.count_nonzero(~np.isfinite(result[:, 0]))),
     )

@@ -135,7 +135,8 @@ class Ours:
         force: its force RMSE [N], or the position error of paper C as printed there.
         best: the smallest printed figure in the same unit; NaN if none is printed.
         lower: whether its median is below that.
-        floor: floor of the force error over the whole run [N], NaN if there is none.
+        floor: what a regression on all readings so far reaches, in the same unit; NaN if there is
+            none (see `floor`).
         parameter_error: median of the largest error of an identifiable parameter; NaN if none is.
     """
 
@@ -145,6 +146,11 @@ class Ours:
     lower: bool
     floor: float
     parameter_error: float
+
+
+def meets_goal(entry: Ours) -> bool:
+    """Below the best printed force error, and no identifiable parameter beyond the tolerance."""
+    return entry.lower and not entry.parameter_error > TOLERANCE
 
 
 def force_row(experiment: Experiment) -> tuple[str, str]:
@@ -170,6 +176,7 @@ def ours(experiment: Experiment, result: ExperimentResult) -> list[Ours]:
         if column.setting == "ours":
             force = summary_of(result, column.name, score)
             error = summary_of(result, column.name, "error_identifiable").median
-            floor = result.floors.get("force_rmse", float("nan"))
+            name = "regression_rmse" if score == "force_rmse" else "regression_root_sum"
+            floor = result.floors.get(name, float("nan"))
             found.append(Ours(column.name, force, best, force.median < best, floor, error))
     return found
