@@ -248,6 +248,7 @@ def _result(name: str, worse: list[float], better: list[float], failed: float) -
             "force_rmse": values,
             "failed": [lost] * len(values),
             "error_identifiable": [0.01] * len(values),
+            "mismatch_share": [0.25] * len(values),
         }
     return ExperimentResult(name, list(range(1, len(worse) + 1)), columns, ("n",), {})
 
@@ -300,6 +301,7 @@ def test_ours_is_compared_with_the_best_printed_figure() -> None:
     found = ours(experiment, _result("a_table_1", [2.9e-3] * 10, [1.0] * 10, 0.0))
     assert all(entry.lower for entry in found)
     assert found[0].best == pytest.approx(2.9133e-3)
+    assert found[0].mismatch == 0.25
     found = ours(experiment, _result("a_table_1", [3.0e-3] * 10, [1.0] * 10, 0.0))
     assert not any(entry.lower for entry in found)
     assert not any(meets_goal(entry) for entry in found)

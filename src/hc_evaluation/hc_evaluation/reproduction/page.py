@@ -113,6 +113,8 @@ def _ours_text(experiment: Experiment, entry: Ours) -> str:
         within = entry.parameter_error <= verdict.TOLERANCE
         text += f"; identifiable parameters {'within' if within else 'not within'} 5 %"
         text += f" ({percent(entry.parameter_error)})"
+    if entry.mismatch > 0.0:
+        text += f"; says in {percent(entry.mismatch)} of the second half that the law does not fit"
     return text + "."
 
 

@@ -51,7 +51,6 @@ HONEST_ROWS = (
     ("error_p", "error of p at the end", SHARE),
     ("nees", "NEES per free parameter (ideal near 1)", PLAIN),
     ("nis", "NIS (ideal 2)", PLAIN),
-    ("mismatch_share", "samples in the second half with a misfit of the law told", SHARE),
 )
 LOST = 1e3  # a relative error beyond which an estimate says nothing
 LARGEST = 1e9  # what is larger is told in a word

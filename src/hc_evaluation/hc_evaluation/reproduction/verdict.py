@@ -138,6 +138,8 @@ class Ours:
         floor: what a regression on all readings so far reaches, in the same unit; NaN if there is
             none (see `floor`).
         parameter_error: median of the largest error of an identifiable parameter; NaN if none is.
+        mismatch: share of the samples of the second half at which it says that the contact law
+            does not fit, median.
     """
 
     column: str
@@ -146,6 +148,7 @@ class Ours:
     lower: bool
     floor: float
     parameter_error: float
+    mismatch: float
 
 
 def meets_goal(entry: Ours) -> bool:
@@ -178,5 +181,7 @@ def ours(experiment: Experiment, result: ExperimentResult) -> list[Ours]:
             error = summary_of(result, column.name, "error_identifiable").median
             name = "regression_rmse" if score == "force_rmse" else "regression_root_sum"
             floor = result.floors.get(name, float("nan"))
-            found.append(Ours(column.name, force, best, force.median < best, floor, error))
+            mismatch = float(np.median(result.columns[column.name]["mismatch_share"]))
+            lower = force.median < best
+            found.append(Ours(column.name, force, best, lower, floor, error, mismatch))
     return found
