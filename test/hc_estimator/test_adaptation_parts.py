@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
+from scipy.optimize import least_squares
 
 import hc_estimator as hc
 from hc_estimator.adaptation import (
     contest,
     difference_noise,
+    history,
     linearisation,
     model_error,
     motion_density,
@@ -235,3 +237,105 @@ def test_newcomer_that_is_no_better_in_the_end_leaves_nothing_behind(records):
             assert memory["state"][3] == 0.7
     assert memory["contest"] == 0
     np.testing.assert_array_equal(memory["state"], veteran)
+
+
+def law(d, v, parameters):
+    stiffness, damping, n, p = parameters
+    return d**n * (stiffness + damping * np.sign(v) * np.abs(v) ** p)
+
+
+def remember(memory, settings, time, d, v, force):
+    """Let the history take samples at its own interval, the last of them the latest."""
+    memory["elapsed"] = settings["history_interval"]
+    memory["restart"] = 0
+    for k in range(time.size):
+        memory["state"][0], memory["state"][1] = d[k], v[k]
+        memory["measurement"][1] = force[k]
+        assert history.learn(settings, memory)
+
+
+@pytest.fixture
+def felt(records):
+    """A history of the law with a slow error on top that it cannot explain."""
+    settings, memory = records
+    time = np.arange(120) * 0.02
+    d, v = 3.0 + 2.0 * np.sin(3.0 * time), 6.0 * np.cos(3.0 * time)
+    force = law(d, v, (0.5, 0.02, 1.6, 1.0)) + 0.15 * np.sin(1.3 * time)
+    remember(memory, settings, time, d, v, force)
+    memory["sensor_noise"] = [1e-6, 1e-4]
+    memory["model_error"][0] = 4e-4
+    return settings, memory, d, v, force
+
+
+def test_history_keeps_samples_in_contact_at_its_interval_and_the_latest_only(records):
+    settings, memory = records
+    memory["elapsed"] = 0.25 * settings["history_interval"]
+    memory["state"][0] = -1.0
+    assert not any(history.learn(settings, memory) for _ in range(20))
+    memory["state"][0] = 1.0
+    kept = []
+    for k in range(4 * history.POINTS + 40):
+        memory["measurement"][1] = k
+        if history.learn(settings, memory):
+            kept.append(k)
+    assert np.all(np.diff(kept) == 4)
+    assert memory["history_count"] == len(kept) > history.POINTS
+    assert sorted(memory["history"][:, 2]) == kept[-history.POINTS :]
+
+
+def test_estimate_that_forgot_is_replaced_by_the_least_squares_fit(felt):
+    settings, memory, d, v, force = felt
+    memory["state"][3:] = np.log(0.4), np.log(0.08), 1.7, 0.6
+    memory["covariance"] = 1e-6 * np.eye(7)
+    history.hold(settings, memory)
+    guess = math.log(settings["initial_damping"] / settings["initial_stiffness"])
+    prior = memory["prior_variance"]
+
+    def residuals(x, noise):
+        values = (np.exp(x[0]), np.exp(x[1]), x[2], x[3])
+        distance = (
+            (x[1] - x[0] - guess) / math.sqrt(prior[1]),
+            (x[2] - settings["initial_displacement_exponent"]) / math.sqrt(prior[2]),
+            (x[3] - settings["initial_velocity_exponent"]) / math.sqrt(prior[3]),
+        )
+        return np.append((law(d, v, values) - force) / math.sqrt(noise), distance)
+
+    expected = least_squares(residuals, (-0.7, -4.0, 1.6, 1.0), args=(5e-4,), x_scale="jac")
+    np.testing.assert_allclose(memory["state"][3:], expected.x, atol=2e-3)
+    left = residuals(memory["state"][3:], 1.0)[:-3]
+    noise = memory["sensor_noise"][1] + memory["model_error"][0]
+    assert noise == pytest.approx(np.mean(left**2), rel=1e-6)
+    # One remembered sample stands for one used sample here, so that the share is 1.
+    jacobian = least_squares(residuals, memory["state"][3:], args=(noise,), max_nfev=1).jac
+    np.testing.assert_allclose(
+        memory["covariance"][3:, 3:], np.linalg.inv(jacobian.T @ jacobian), rtol=0.02
+    )
+
+
+def test_estimate_that_explains_the_history_stays(felt):
+    settings, memory, *_ = felt
+    memory["state"][3:] = np.log(0.4), np.log(0.08), 1.7, 0.6
+    history.hold(settings, memory)  # now it is the fit
+    memory["state"][3] += 0.005
+    before = memory["state"].copy()
+    history.hold(settings, memory)
+    np.testing.assert_array_equal(memory["state"], before)
+    memory["state"][3] = 0.5
+    memory["model_error"][0] = 0.0  # where the law fits nothing is ever replaced
+    history.hold(settings, memory)
+    assert memory["state"][3] == 0.5
+
+
+def test_history_tells_a_changed_tissue_from_more_of_the_same_misfit(felt):
+    settings, memory, d, v, _ = felt
+    memory["state"][3:] = np.log(0.5), np.log(0.02), 1.6, 1.0
+    history.hold(settings, memory)  # says how large the misfit is
+    later = slice(0, 20)
+    time = np.arange(20) * 0.02
+    misfit = 0.15 * np.sin(1.3 * time + 2.0)
+    for factor, expected in ((1.0, True), (1.4, False)):
+        force = factor * law(d, v, (0.5, 0.02, 1.6, 1.0))[later] + misfit
+        count = int(memory["history_count"])
+        remember(memory, settings, time, d[later], v[later], force)
+        assert history.same_tissue(settings, memory) == expected
+        memory["history_count"] = count

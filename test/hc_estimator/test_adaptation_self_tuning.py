@@ -123,6 +123,35 @@ def test_steady_misfit_becomes_model_error_and_a_flag_not_changes(recording):
     assert np.mean(series.nis[time > 3.0]) < 3.0
 
 
+@pytest.mark.parametrize("relaxing", [0.0, 0.15])
+def test_second_press_is_foreseen_from_the_first_under_misfit(relaxing):
+    """Two presses, force 20 ms early, relaxing: the first must not be forgotten.
+
+    As the tool let go, K and B once left what the first press had shown.
+    """
+    rate, parameters = 500.0, np.array([0.8, 0.004, 1.65, 1.0])
+    time = np.arange(round(9.0 * rate)) / rate
+    knots = (0.0, 2.0, 4.0, 4.5, 5.5, 8.0, 9.0)
+    depth = np.interp(time, knots, (-2.0, 8.0, -1.0, -1.0, 8.0, -2.0, -2.0))
+    depth = np.convolve(np.pad(depth, 20, mode="edge"), np.ones(41) / 41, mode="valid")
+    v = np.gradient(depth, time)
+    stiffness, damping, n, p = parameters
+    force = np.maximum(depth, 0.0) ** n * (stiffness + damping * np.sign(v) * np.abs(v) ** p)
+    slow = np.zeros_like(force)
+    for k in range(1, time.size):
+        slow[k] = slow[k - 1] + (force[k] - slow[k - 1]) / (0.5 * rate)
+    late = np.interp(time - 0.02, time, depth)
+    series = make().run(*noisy(time, late, force - relaxing * slow, 0.003, 0.05, 13))
+    assert np.any(series.model_mismatch)
+    assert not np.any(series.change_detected)
+    second = (time > 4.7) & (time < 5.5)
+    for instant in (4.5, 4.9, 5.1):
+        k, n, b, p = (series.parameters[np.searchsorted(time, instant), i] for i in (0, 2, 1, 3))
+        ahead = np.maximum(late, 0.0) ** n * (k + b * np.sign(v) * np.abs(v) ** p)
+        error = (ahead - force + relaxing * slow)[second]
+        assert np.sqrt(np.mean(error**2)) < 0.1 * np.max(force)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_stiff_tissue_does_not_collapse_at_the_start(seed):
     """Without tempering by curvature one start in twelve ended with K and p thousands off."""

@@ -7,6 +7,7 @@ What each part answers, in the order of use:
 - `linearisation`: how far can the linearised contact law be trusted yet?
 - `model_error`: do the innovations say more than noise, and how large is the misfit?
 - `contest`: is it a changed tissue or a contact law that does not fit?
+- `history`: does the estimate still explain what was felt before?
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from hc_estimator.adaptation import (
     contest,
     difference_noise,
+    history,
     linearisation,
     model_error,
     motion_density,
@@ -74,6 +76,7 @@ SPECIFICATIONS = (
     *linearisation.SPECIFICATIONS,
     *model_error.SPECIFICATIONS,
     *contest.SPECIFICATIONS,
+    *history.SPECIFICATIONS,
     *LIMIT_SPECIFICATIONS,
 )
 
@@ -97,6 +100,7 @@ FIELDS = (
     *linearisation.FIELDS,
     *model_error.FIELDS,
     *contest.FIELDS,
+    *history.FIELDS,
 )
 
 
@@ -111,6 +115,7 @@ def initialise(settings: Any, memory: Any) -> None:
     motion_density.initialise(memory)
     linearisation.initialise(memory)
     contest.initialise(memory)
+    history.restart(memory)
 
 
 @compiled
@@ -226,6 +231,7 @@ def decide(settings: Any, memory: Any, alarm: bool) -> None:
                 memory.fitting_time = 0.0
     if memory.contest != 0 and not (alarm and memory.contest_time == 0.0):
         contest.judge(settings, memory)
+    _recollect(settings, memory)
     if memory.model_error[0] > 0.0:
         memory.fitting_time = 0.0
     elif memory.predicted_state[0] > 0.0:
@@ -234,6 +240,20 @@ def decide(settings: Any, memory: Any, alarm: bool) -> None:
     # What is reported and handed over: the model error is noise to whoever uses the force.
     memory.noise[0] = memory.sensor_noise[0]
     memory.noise[1] = memory.sensor_noise[1] + memory.model_error[0]
+
+
+@compiled
+def _recollect(settings: Any, memory: Any) -> None:
+    """Hold the estimate, or the newcomer of a contest, against what was felt before."""
+    if memory.change_detected != 0:
+        history.restart(memory)
+    if memory.calibrated == 0 or not history.learn(settings, memory):
+        return
+    if memory.contest == 0:
+        history.hold(settings, memory)
+    elif memory.newcomer_leads != 0 and history.same_tissue(settings, memory):
+        contest.cancel(memory)
+        history.hold(settings, memory)
 
 
 @compiled

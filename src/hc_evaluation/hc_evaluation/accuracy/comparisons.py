@@ -37,6 +37,11 @@ VARIATIONS: tuple[tuple[str, Mapping[str, object]], ...] = (
     ("contest_memory x 2", {"contest_memory": 1.0}),
     ("contest_memory / 2", {"contest_memory": 0.25}),
     ("no change found", {"find_changes": False}),
+    ("no refit", {"refit_ratio": 1e6, "history_interval": 10.0}),
+    ("refit_ratio 2", {"refit_ratio": 2.0}),
+    ("refit_ratio 1.1", {"refit_ratio": 1.1}),
+    ("history_interval x 2", {"history_interval": 0.04}),
+    ("history_interval / 2", {"history_interval": 0.01}),
     (
         "walk 1e-8",
         dict.fromkeys(
