@@ -10,6 +10,7 @@ from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue, measure
 from hc_evaluation.accuracy.bench import target
 from hc_evaluation.accuracy.measure import Setup, Task
+from hc_evaluation.accuracy.misfit import MOTIONS, MisfitTask, misfit_contact, misfit_run
 from hc_evaluation.accuracy.recorded import RecordingTask, recording_run
 from hc_evaluation.accuracy.recordings import RECORDINGS, batch_fit, causal_fit, data_folder
 from hc_evaluation.accuracy.run import run_accuracy
@@ -149,3 +150,20 @@ def test_every_experiment_has_its_columns():
     from hc_evaluation.accuracy.run import EXPERIMENTS, SUMMARIES
 
     assert set(COLUMNS) == set(EXPERIMENTS) == set(SUMMARIES)
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_contact_outside_the_law_is_reproducible_and_does_not_fit(motion):
+    time, displacement, force = misfit_contact(motion, 7)
+    for first, again in zip((time, displacement, force), misfit_contact(motion, 7), strict=True):
+        np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(force, misfit_contact(motion, 8)[2])
+    assert np.any(displacement < 0.0) == (motion != "sines")
+    assert np.all(np.abs(force[displacement < -0.5]) < 0.05 * np.max(force))
+
+
+def test_history_holds_the_estimate_where_the_contact_law_does_not_fit():
+    runs = [misfit_run(MisfitTask(Setup(), "press", seed)) for seed in range(700, 708)]
+    ratio, without = (np.array([r[key] for r in runs]) for key in ("ratio", "ratio_without"))
+    assert np.median(ratio) < 1.3 < np.median(without)
+    assert not any(r["changes"] for r in runs)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
-from hc_evaluation.accuracy import comparisons, real, simulated
+from hc_evaluation.accuracy import comparisons, misfit, real, simulated
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
 
@@ -27,6 +27,7 @@ EXPERIMENTS = (
     "excitation",
     "channels",
     "random",
+    "misfit",
     "defaults",
     "filters",
 )
@@ -38,6 +39,7 @@ SUMMARIES = {
     "excitation": "what a motion that shows too little leaves unknown",
     "channels": "time shift, force zero and contact position found between the channels",
     "random": "tissues, motions, rates and noises drawn at random",
+    "misfit": "half a second predicted where the contact law does not fit",
     "defaults": "what each default of the recommended filter is worth",
     "filters": "all filters on all simulated tissues",
 }
@@ -50,6 +52,7 @@ _RUNNERS: dict[str, Callable[[Bench], Result]] = {
     "excitation": simulated.excitation,
     "channels": real.channels,
     "random": simulated.random,
+    "misfit": misfit.misfit,
     "defaults": comparisons.defaults,
     "filters": comparisons.filters,
 }
@@ -65,7 +68,7 @@ def run_accuracy(
     """Run experiments and compare with their targets.
 
     Args:
-        names: some of EXPERIMENTS; none for the first seven.
+        names: some of EXPERIMENTS; none for the first eight.
         seeds: noise seeds per scenario (50; 6 where quick).
         quick: few seeds, for a first look.
         progress: called with the experiment's name, runs done and runs in all.
@@ -78,7 +81,7 @@ def run_accuracy(
     Raises:
         ValueError: an unknown name, or seeds below 1.
     """
-    chosen = tuple(names) or EXPERIMENTS[:7]
+    chosen = tuple(names) or EXPERIMENTS[:8]
     for name in chosen:
         if name not in EXPERIMENTS:
             raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")

@@ -139,6 +139,18 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("false alarms", _plain("changes")),
         ("mismatch told", _share("mismatch")),
     ),
+    "misfit": (
+        ("motion", _plain("motion")),
+        ("hold-forward / floor", _plain("ratio")),
+        ("9 of 10 below", _plain("ratio_90")),
+        ("without history", _plain("ratio_without")),
+        ("9 of 10 below", _plain("ratio_without_90")),
+        ("K off the batch fit", _share("k_off")),
+        ("changes", _plain("changes")),
+        ("without history", _plain("changes_without")),
+        ("misfit / force", _share("misfit")),
+        ("mismatch told", _share("mismatch")),
+    ),
     "defaults": (
         ("variation", _plain("variation")),
         ("worst over bound", _plain("ratio")),

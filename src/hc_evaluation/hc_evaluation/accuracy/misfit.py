@@ -1,0 +1,144 @@
+"""Contacts that the contact law does not describe: half a second predicted, against least squares.
+
+Drawn at random: a tissue, presses (with or without a hold at the bottom) or sines, a force ahead of
+the displacement by up to 25 ms, a contact position that is off, a force that relaxes. The floor is
+a least-squares fit of the contact law over the whole run, as for the real recordings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter
+
+from hc_evaluation.accuracy import catalogue
+from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.measure import Numbers, Setup
+from hc_evaluation.accuracy.recorded import FIRST_CONTACT_S
+from hc_evaluation.accuracy.recordings import batch_fit, contact_start, smoothed
+from hc_evaluation.accuracy.scenarios import hunt_crossley_force
+from hc_evaluation.metrics import hold_forward_errors
+
+FloatArray = NDArray[np.float64]
+
+RATE_HZ = 500.0
+DURATION_S = 12.0
+CORNER_S = 0.015  # over which the presses turn round
+HOLD_S = 0.3
+DISPLACEMENT_NOISE_MM = 0.003
+FORCE_NOISE = 0.003  # of the largest force
+MOTIONS = ("press", "press_hold", "sines")
+# The same filter without what `adaptation.history` adds.
+WITHOUT_HISTORY = {"refit_ratio": 1e6, "history_interval": 10.0}
+
+
+@dataclass(frozen=True)
+class MisfitTask:
+    """One run: estimator, motion and the seed of everything else."""
+
+    setup: Setup
+    motion: str
+    seed: int
+
+
+def misfit_contact(motion: str, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Time [s], displacement [mm] and force [N] of a contact with faults, each of shape (N,)."""
+    draw = np.random.default_rng([seed, MOTIONS.index(motion), 77])
+    tissue = catalogue.random_scenario(seed).tissue.as_array()
+    tissue[1] *= 0.3  # little damping, as in the phantoms of the recordings
+    time = np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
+    depth = _motion(motion, time, draw)
+    velocity = np.gradient(depth, time)
+    delay = float(draw.choice([0.0, 0.01, 0.025]))
+    position = float(draw.choice([0.0, 0.0, 0.2]))
+    relaxing = float(draw.choice([0.0, 0.1, 0.25]))
+    share = 1.0 / (float(draw.uniform(0.2, 1.0)) * RATE_HZ)
+    force = hunt_crossley_force(depth, velocity, tissue)
+    # A tissue that relaxed lets go of the tool early; it does not pull.
+    force = np.maximum(force - relaxing * lfilter([share], [1.0, share - 1.0], force), 0.0)
+    displacement = np.interp(time - delay, time, depth) + position
+    return (
+        time,
+        displacement + DISPLACEMENT_NOISE_MM * draw.standard_normal(time.size),
+        force + FORCE_NOISE * np.max(force) * draw.standard_normal(time.size),
+    )
+
+
+def _motion(motion: str, time: FloatArray, draw: np.random.Generator) -> FloatArray:
+    if motion == "sines":
+        slow = float(draw.uniform(1.0, 2.5)) * np.sin(2.0 * np.pi * draw.uniform(0.3, 2.0) * time)
+        quick = float(draw.uniform(0.0, 0.5)) * np.sin(2.0 * np.pi * draw.uniform(2.0, 4.0) * time)
+        sines: FloatArray = float(draw.uniform(3.0, 4.0)) + slow + quick
+        return sines
+    deepest = float(draw.uniform(3.0, 8.0))
+    instants, depths = [0.0], [-float(draw.uniform(0.5, 3.0))]
+    while instants[-1] < DURATION_S:
+        for turn in (deepest * draw.uniform(0.8, 1.1), -draw.uniform(0.5, 3.0)):
+            instants.append(instants[-1] + abs(turn - depths[-1]) / draw.uniform(3.0, 12.0))
+            depths.append(float(turn))
+            if motion == "press_hold" and turn > 0.0:
+                instants.append(instants[-1] + HOLD_S)
+                depths.append(float(turn))
+    presses: FloatArray = gaussian_filter1d(np.interp(time, instants, depths), CORNER_S * RATE_HZ)
+    return presses
+
+
+def misfit_run(task: MisfitTask) -> Numbers:
+    """Hold-forward error over that of the batch fit, with the history and without."""
+    time, displacement, force = misfit_contact(task.motion, task.seed)
+    smooth, velocity = smoothed(time, displacement)
+    batch = batch_fit(smooth, velocity, force)
+    start = FIRST_CONTACT_S + contact_start(time, force)
+
+    def held(parameters: FloatArray) -> float:
+        errors = hold_forward_errors(time, smooth, velocity, force, parameters, start_s=start)[1]
+        return float(np.sqrt(np.mean(errors**2)))
+
+    floor = held(batch.parameters)
+    series = task.setup.create().run(time, displacement, force)
+    bare = Setup(task.setup.filter, {**task.setup.parameters, **WITHOUT_HISTORY})
+    without = bare.create().run(time, displacement, force)
+    return {
+        "ratio": held(series.parameters) / floor,
+        "ratio_without": held(without.parameters) / floor,
+        "k_off": abs(float(series.parameters[-1, 0] / batch.parameters[0]) - 1.0),
+        "changes": float(np.count_nonzero(series.change_detected)),
+        "changes_without": float(np.count_nonzero(without.change_detected)),
+        "misfit": batch.residual_rms / float(np.sqrt(np.mean(force**2))),
+        "mismatch": float(np.mean(series.model_mismatch)),
+    }
+
+
+def misfit(bench: Bench) -> Result:
+    """Contacts that the contact law does not describe."""
+    tasks = [
+        MisfitTask(bench.setup, motion, REPORT_SEED + seed)
+        for motion in MOTIONS
+        for seed in range(bench.seeds)
+    ]
+    runs = bench.spread(misfit_run, tasks)
+    rows: list[Row] = []
+    for index, motion in enumerate(MOTIONS):
+        chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
+        columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
+        row: Row = {"motion": motion}
+        for key in ("ratio", "ratio_without", "k_off", "misfit", "mismatch"):
+            row[key] = float(np.median(columns[key]))
+        for key in ("ratio", "ratio_without"):
+            row[f"{key}_90"] = float(np.quantile(columns[key], 0.9))
+        for key in ("changes", "changes_without"):
+            row[key] = float(np.sum(columns[key]))
+        rows.append(row)
+    targets = [
+        target(
+            f"{row['motion']}: median hold-forward error over that without the history",
+            row["ratio"] / row["ratio_without"],
+            high=1.05,
+        )
+        for row in rows
+    ]
+    targets.append(target("changes called", float(sum(r["changes"] for r in rows)), high=0.0))
+    return {"rows": rows, "targets": targets}
