@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 from scipy.optimize import least_squares
+from scipy.stats import chi2
 
 import hc_estimator as hc
 from hc_estimator.adaptation import (
     contest,
     difference_noise,
+    hindsight,
     history,
+    history_fit,
     linearisation,
     model_error,
     motion_density,
@@ -267,33 +270,52 @@ def felt(records):
     return settings, memory, d, v, force
 
 
-def test_history_keeps_samples_in_contact_at_its_interval_and_the_latest_only(records):
+def test_history_remembers_all_at_first_and_thins_out_to_its_interval(records):
     settings, memory = records
     memory["elapsed"] = 0.25 * settings["history_interval"]
     memory["state"][0] = -1.0
     assert not any(history.learn(settings, memory) for _ in range(20))
     memory["state"][0] = 1.0
     kept = []
-    for k in range(4 * history.POINTS + 40):
+    for k in range(8 * history.POINTS):
         memory["measurement"][1] = k
+        count = int(memory["history_count"])
         if history.learn(settings, memory):
             kept.append(k)
-    assert np.all(np.diff(kept) == 4)
-    assert memory["history_count"] == len(kept) > history.POINTS
-    assert sorted(memory["history"][:, 2]) == kept[-history.POINTS :]
+            if memory["history_count"] <= count:  # every second one was forgotten
+                kept = kept[1::2]
+        # What is remembered is spread evenly over the contact, the none skipped.
+        latest = np.sort(memory["history"][: min(len(kept), history.POINTS), 2])
+        np.testing.assert_array_equal(latest, kept[-history.POINTS :])
+        if len(kept) > 2 and k % 50 == 0:
+            assert len(set(np.diff(kept)[-history.POINTS :])) == 1
+    assert memory["history_spacing"] == settings["history_interval"]
+    assert np.all(np.diff(kept)[-history.POINTS :] == 4)
+
+
+def test_history_takes_a_velocity_within_its_noise_for_rest(records):
+    settings, memory = records
+    memory["elapsed"] = 1e-3
+    memory["state"][0] = 1.0
+    memory["covariance"][1, 1] = 0.04
+    for velocity, expected in ((0.5, 0.0), (-0.5, 0.0), (0.7, 0.7), (-0.7, -0.7)):
+        memory["state"][1] = velocity
+        assert history.learn(settings, memory)
+        assert memory["history"][memory["history_count"] - 1, 1] == expected
 
 
 def test_estimate_that_forgot_is_replaced_by_the_least_squares_fit(felt):
     settings, memory, d, v, force = felt
     memory["state"][3:] = np.log(0.4), np.log(0.08), 1.7, 0.6
     memory["covariance"] = 1e-6 * np.eye(7)
-    history.hold(settings, memory)
+    hindsight.hold(settings, memory)
     guess = math.log(settings["initial_damping"] / settings["initial_stiffness"])
     prior = memory["prior_variance"]
 
     def residuals(x, noise):
         values = (np.exp(x[0]), np.exp(x[1]), x[2], x[3])
         distance = (
+            (x[0] - math.log(settings["initial_stiffness"])) / math.sqrt(prior[0]),
             (x[1] - x[0] - guess) / math.sqrt(prior[1]),
             (x[2] - settings["initial_displacement_exponent"]) / math.sqrt(prior[2]),
             (x[3] - settings["initial_velocity_exponent"]) / math.sqrt(prior[3]),
@@ -302,7 +324,7 @@ def test_estimate_that_forgot_is_replaced_by_the_least_squares_fit(felt):
 
     expected = least_squares(residuals, (-0.7, -4.0, 1.6, 1.0), args=(5e-4,), x_scale="jac")
     np.testing.assert_allclose(memory["state"][3:], expected.x, atol=2e-3)
-    left = residuals(memory["state"][3:], 1.0)[:-3]
+    left = residuals(memory["state"][3:], 1.0)[:-4]
     noise = memory["sensor_noise"][1] + memory["model_error"][0]
     assert noise == pytest.approx(np.mean(left**2), rel=1e-6)
     # One remembered sample stands for one used sample here, so that the share is 1.
@@ -315,21 +337,23 @@ def test_estimate_that_forgot_is_replaced_by_the_least_squares_fit(felt):
 def test_estimate_that_explains_the_history_stays(felt):
     settings, memory, *_ = felt
     memory["state"][3:] = np.log(0.4), np.log(0.08), 1.7, 0.6
-    history.hold(settings, memory)  # now it is the fit
+    hindsight.hold(settings, memory)  # now it is the fit
     memory["state"][3] += 0.005
     before = memory["state"].copy()
-    history.hold(settings, memory)
+    memory["history_held"] = 1.0
+    hindsight.hold(settings, memory)
     np.testing.assert_array_equal(memory["state"], before)
     memory["state"][3] = 0.5
     memory["model_error"][0] = 0.0  # where the law fits nothing is ever replaced
-    history.hold(settings, memory)
+    memory["history_held"] = 1.0
+    hindsight.hold(settings, memory)
     assert memory["state"][3] == 0.5
 
 
 def test_history_tells_a_changed_tissue_from_more_of_the_same_misfit(felt):
     settings, memory, d, v, _ = felt
     memory["state"][3:] = np.log(0.5), np.log(0.02), 1.6, 1.0
-    history.hold(settings, memory)  # says how large the misfit is
+    hindsight.hold(settings, memory)  # says how large the misfit is
     later = slice(0, 20)
     time = np.arange(20) * 0.02
     misfit = 0.15 * np.sin(1.3 * time + 2.0)
@@ -337,5 +361,74 @@ def test_history_tells_a_changed_tissue_from_more_of_the_same_misfit(felt):
         force = factor * law(d, v, (0.5, 0.02, 1.6, 1.0))[later] + misfit
         count = int(memory["history_count"])
         remember(memory, settings, time, d[later], v[later], force)
-        assert history.same_tissue(settings, memory) == expected
+        assert hindsight.same_tissue(settings, memory) == expected
         memory["history_count"] = count
+
+
+@pytest.fixture
+def first_felt(records):
+    """The first half second of contact, at constant velocity: only K + B v^p and n show."""
+    settings, memory = records
+    generator = np.random.default_rng(5)
+    time = np.arange(1, 501) * 1e-3
+    d, v = 2.0 * time, np.full(500, 2.0)
+    clean = law(d, v, (8.0, 0.3, 2.0, 1.05))
+    memory["sensor_noise"] = [1e-6, 1e-4]
+    memory["measurement_noise"] = [1e-6, 1.0]  # tempered: the filter does not know the tissue
+    memory["elapsed"] = 1e-3
+    memory["restart"] = 0
+    before = memory["state"][3:].copy()
+    for k in range(time.size):
+        memory["state"][0], memory["state"][1] = d[k], v[k]
+        memory["measurement"][1] = clean[k] + 0.01 * generator.standard_normal()
+        if history.learn(settings, memory):
+            hindsight.hold(settings, memory)
+    np.testing.assert_array_equal(memory["state"][3:], before)
+    return settings, memory
+
+
+def test_fit_is_told_until_the_filter_knows_the_tissue_and_leaves_it_alone(first_felt):
+    settings, memory = first_felt
+    assert memory["told"] == 1
+    told = memory["told_parameters"]
+    truth = np.array([math.log(8.0), math.log(0.3), 2.0, 1.05])
+    assert np.exp(told[0]) + np.exp(told[1]) * 2.0 ** told[3] == pytest.approx(
+        8.0 + 0.3 * 2.0**1.05, rel=0.02
+    )
+    assert told[2] == pytest.approx(2.0, abs=0.02)
+    # K and B are told as unknown as they are: B may be anything, K what B leaves of it.
+    covariance = memory["told_covariance"]
+    assert math.sqrt(covariance[1, 1]) > 1.0
+    assert math.sqrt(covariance[2, 2]) < 0.05
+    error = told - truth
+    assert error @ np.linalg.solve(covariance, error) < chi2.ppf(0.99, 4)
+    memory["history_held"] = 1.0
+    memory["measurement_noise"][1] = 1.1 * memory["sensor_noise"][1]
+    hindsight.hold(settings, memory)
+    assert memory["told"] == 0
+    memory["measurement_noise"][1] = 1.0  # known once, it is not told again of the same tissue
+    memory["history_held"] = 1.0
+    hindsight.hold(settings, memory)
+    assert memory["told"] == 0
+
+
+def test_covariance_told_counts_the_curved_valley(first_felt):
+    settings, memory = first_felt
+    noise = 1e-4
+    assert history_fit.find_covariance(settings, memory, noise)
+    plain = memory["fit_covariance"].copy()
+    assert history_fit.widen_covariance(settings, memory, noise)
+    wide = memory["fit_covariance"].copy()
+    # Walk the valley: fix B away from the fit, refit the rest, and see how far that leads.
+    fit = memory["fit"].copy()
+    count = int(memory["history_count"])
+    d, v, _ = memory["history"][:count].T
+    force = law(d, v, (*np.exp(fit[:2]), *fit[2:]))
+    step = math.sqrt(plain[1, 1])
+    away = least_squares(
+        lambda x: law(d, v, (math.exp(x[0]), math.exp(fit[1] + step), x[1], fit[3])) - force,
+        (fit[0], fit[2]),
+    ).x
+    off = np.array([away[0] - fit[0], step, away[1] - fit[2], 0.0])
+    assert off @ np.linalg.solve(plain, off) > 4.0 * chi2.ppf(0.95, 4)
+    assert off @ np.linalg.solve(wide, off) < chi2.ppf(0.95, 4)

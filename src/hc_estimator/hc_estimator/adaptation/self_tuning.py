@@ -7,7 +7,7 @@ What each part answers, in the order of use:
 - `linearisation`: how far can the linearised contact law be trusted yet?
 - `model_error`: do the innovations say more than noise, and how large is the misfit?
 - `contest`: is it a changed tissue or a contact law that does not fit?
-- `history`: does the estimate still explain what was felt before?
+- `hindsight`: what do the samples felt before say, of the first estimates and of a misfit?
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 from hc_estimator.adaptation import (
     contest,
     difference_noise,
+    hindsight,
     history,
     linearisation,
     model_error,
@@ -76,7 +77,7 @@ SPECIFICATIONS = (
     *linearisation.SPECIFICATIONS,
     *model_error.SPECIFICATIONS,
     *contest.SPECIFICATIONS,
-    *history.SPECIFICATIONS,
+    *hindsight.SPECIFICATIONS,
     *LIMIT_SPECIFICATIONS,
 )
 
@@ -100,7 +101,7 @@ FIELDS = (
     *linearisation.FIELDS,
     *model_error.FIELDS,
     *contest.FIELDS,
-    *history.FIELDS,
+    *hindsight.FIELDS,
 )
 
 
@@ -115,7 +116,7 @@ def initialise(settings: Any, memory: Any) -> None:
     motion_density.initialise(memory)
     linearisation.initialise(memory)
     contest.initialise(memory)
-    history.restart(memory)
+    hindsight.restart(memory)
 
 
 @compiled
@@ -246,14 +247,16 @@ def decide(settings: Any, memory: Any, alarm: bool) -> None:
 def _recollect(settings: Any, memory: Any) -> None:
     """Hold the estimate, or the newcomer of a contest, against what was felt before."""
     if memory.change_detected != 0:
-        history.restart(memory)
+        hindsight.restart(memory)
+    if memory.contest != 0:
+        memory.told = 0
     if memory.calibrated == 0 or not history.learn(settings, memory):
         return
     if memory.contest == 0:
-        history.hold(settings, memory)
-    elif memory.newcomer_leads != 0 and history.same_tissue(settings, memory):
+        hindsight.hold(settings, memory)
+    elif memory.newcomer_leads != 0 and hindsight.same_tissue(settings, memory):
         contest.cancel(memory)
-        history.hold(settings, memory)
+        hindsight.hold(settings, memory)
 
 
 @compiled

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hc_estimator import recovery
-from hc_estimator.adaptation import covariance_matching, history, policy, strong_tracking
+from hc_estimator.adaptation import covariance_matching, hindsight, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
@@ -203,4 +203,4 @@ FIELDS: tuple[Field, ...] = (
 )
 # Settings that kernels read and no user sees.
 HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
-SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH + history.SCRATCH
+SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH + hindsight.SCRATCH

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.adaptation import contest, model_error, motion_density, self_tuning
+from hc_estimator.adaptation import contest, hindsight, model_error, motion_density, self_tuning
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
 from hc_estimator.recovery import recover
-from hc_estimator.report import write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 
 SPECIFICATIONS = UNSCENTED_SPECIFICATIONS + self_tuning.SPECIFICATIONS
@@ -108,8 +107,9 @@ def run(
     settings, memory = settings_array[0], memory_array[0]
     for k in range(samples.shape[0]):
         time = samples[k, 0]
+        told = hindsight.note_told(memory)
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
         recover(settings, memory, decision)
-        write_row(settings, memory, decision, rows[k])
+        hindsight.write(settings, memory, decision, rows[k], told)
