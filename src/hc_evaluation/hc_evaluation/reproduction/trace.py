@@ -125,12 +125,14 @@ def _add_error(estimator: Estimator, error: Mapping[str, float]) -> None:
         regression[2] = damping / (stiffness + error["K"])
         estimator.restore(saved)
         return
-    state = saved["memory"]["state"]
-    for index, name in ((3, "K"), (4, "B")):
+    # What the default tells at the start is a fit of its own beside the state.
+    state, told = saved["memory"]["state"], saved["memory"]["told_parameters"]
+    for index, name in ((0, "K"), (1, "B")):
         if estimator.state_space == "kinematic":
-            state[index] = float(np.log(np.exp(state[index]) + error[name]))
+            state[3 + index] = float(np.log(np.exp(state[3 + index]) + error[name]))
+            told[index] = float(np.log(np.exp(told[index]) + error[name]))
         else:
-            state[index] += error[name]
+            state[3 + index] += error[name]
     estimator.restore(saved)
 
 
