@@ -301,3 +301,29 @@ def test_other_contact_models(model, parameters):
     series = make(contact_model=model).run(*noisy(time, d, force, 0.002, 0.01, 17))
     np.testing.assert_allclose(series.parameters[-1], parameters, rtol=0.02)
     assert not np.any(series.change_detected)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_first_half_second_at_constant_velocity_is_told_by_all_samples_so_far(seed):
+    """Paper A, table 1: far too short for the tempered filter, not for least squares."""
+    generator = np.random.default_rng(seed)
+    time = np.arange(1, 501) * 1e-3
+    d, v, n, p = 4.0 * time, 4.0, 2.0, 1.05
+    clean = d**n * (8.0 + 0.3 * v**p)
+    force = clean + 0.01 * generator.standard_normal(time.size)
+    displacement = d + 1e-3 * generator.standard_normal(time.size)
+    series = hc.create_estimator("self_tuning_ukf").run(time, displacement, force)
+    last = series.parameters[-1]
+    assert last[0] + last[1] * v ** last[3] == pytest.approx(8.0 + 0.3 * v**p, rel=0.03)
+    assert last[2] == pytest.approx(n, abs=0.03)
+    error = series.force_predicted[100:] - clean[100:]
+    assert np.sqrt(np.mean(error**2)) < 0.02 * np.sqrt(np.mean(clean**2))
+    # B is as unknown as before, and what is told adds up.
+    assert series.parameters_std[-1, 1] > series.parameters[-1, 1]
+    assert series.identifiability[-1, 3] < 0.1
+    used = np.flatnonzero(series.rejected == 0)[1:]
+    np.testing.assert_allclose(
+        series.innovation[used, 1], force[used] - series.force_predicted[used], atol=1e-12
+    )
+    for covariance in series.covariance[50:]:
+        assert np.all(np.linalg.eigvalsh(covariance) > -1e-12 * np.trace(covariance))

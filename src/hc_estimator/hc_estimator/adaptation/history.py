@@ -23,7 +23,7 @@ SPECIFICATIONS = (
         "history_interval",
         "float",
         0.02,
-        "Time in contact between two remembered samples, up to which it grows; the latest 256 "
+        "Time in contact between two remembered samples, up to which it grows; the latest 512 "
         "are kept.",
         minimum=1e-3,
         maximum=10.0,
@@ -31,7 +31,7 @@ SPECIFICATIONS = (
     ),
 )
 
-POINTS = 256
+POINTS = 512
 SLOWEST = 3.0  # deviations of the velocity below which the tool is taken to be at rest
 
 FIELDS = (
