@@ -403,6 +403,7 @@ def test_fit_is_told_until_the_filter_knows_the_tissue_and_leaves_it_alone(first
     error = told - truth
     assert error @ np.linalg.solve(covariance, error) < chi2.ppf(0.99, 4)
     memory["history_held"] = 1.0
+    memory["contact_time"][0] = 1.1 * settings["probation"]
     memory["measurement_noise"][1] = 1.1 * memory["sensor_noise"][1]
     hindsight.hold(settings, memory)
     assert memory["told"] == 0

@@ -165,7 +165,14 @@ def out_of_contact(memory: Any) -> bool:
 
 @compiled
 def correct(settings: Any, memory: Any) -> None:
-    """Gain, updated state (paper A, Eq. 13 and 14) and covariance in the whitened Joseph form."""
+    """Gain, updated state and covariance."""
+    find_gain(settings, memory)
+    apply_gain(memory)
+
+
+@compiled
+def find_gain(settings: Any, memory: Any) -> None:
+    """Kalman gain (paper A, Eq. 13); without contact that of the parameters is zero."""
     factor, gain, half = memory.factor, memory.gain, memory.half
     for k in range(2):
         for i in range(7):  # G = D S^-1, kept in half for a moment
@@ -181,12 +188,20 @@ def correct(settings: Any, memory: Any) -> None:
             gain[i, k] = total
     if out_of_contact(memory):
         # The air says nothing of the tissue. Without this the parameters would go on following
-        # the displacement through what is left of their correlation with the motion. The Joseph
-        # form holds for any gain.
+        # the displacement through what is left of their correlation with the motion.
         last = 6 if has_lagged_velocity(settings.contact_model) else 7
         for i in range(3, last):
             gain[i, 0] = 0.0
             gain[i, 1] = 0.0
+
+
+@compiled
+def apply_gain(memory: Any) -> None:
+    """Updated state (paper A, Eq. 14), and covariance in the whitened Joseph form.
+
+    That form holds for any gain; the caller may have changed memory.gain.
+    """
+    factor, gain, half = memory.factor, memory.gain, memory.half
     for i in range(7):
         memory.updated_state[i] = (
             memory.predicted_state[i]

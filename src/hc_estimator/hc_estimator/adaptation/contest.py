@@ -100,6 +100,7 @@ SPECIFICATIONS = (
 # A model that fitted for so long [s] is believed: a lead over it is called a change at once.
 TRUSTED_AFTER = 5.0
 LONG_AGO = 1e9
+SETTLED = 10.0  # log likelihood ratio for the veteran from which on the contest need not go on
 SEEN_LATE = 80.0  # samples that a jump of the noise may need to be seen
 
 FIELDS = (
@@ -107,6 +108,7 @@ FIELDS = (
     ("rival_covariance", np.float64, (7, 7)),
     ("contest", np.int64, ()),  # 1 while two hypotheses run
     ("newcomer_leads", np.int64, ()),  # 1 while the newcomer is the one in memory.state
+    ("newcomer", np.int64, ()),  # 1 while the sample is used for the newcomer
     ("contest_ratio", np.float64, ()),  # log likelihood ratio of newcomer to veteran
     ("contest_time", np.float64, ()),  # in contact [s]
     ("contest_called", np.int64, ()),  # 1 once this contest was called a change
@@ -120,6 +122,7 @@ def initialise(memory: Any) -> None:
     """One hypothesis, believed until the data object."""
     memory.contest = 0
     memory.newcomer_leads = 0
+    memory.newcomer = 0
     memory.fitting_time = LONG_AGO
     model_error.restart(memory, 0)
     model_error.restart(memory, 1)
@@ -219,7 +222,9 @@ def judge(settings: Any, memory: Any) -> None:
     late = memory.contest_time > SEEN_LATE * memory.elapsed
     if memory.newcomer_leads != 0 and memory.contest_trusted != 0 and late:
         _call(memory)
-    if memory.contest_time > settings.probation:
+    if late and memory.newcomer_leads == 0 and ratio < -SETTLED:
+        memory.contest = 0
+    elif memory.contest_time > settings.probation:
         memory.contest = 0
         if memory.newcomer_leads != 0:
             if ratio < settings.contest_keep:

@@ -5,8 +5,9 @@ Three times, by least squares over the remembered samples (`history`, `history_f
 - At the start. The filter's own first steps are slow on purpose: as long as it knows too little
   for its linearisation to hold, it counts samples as if they were noisy (`linearisation`). A fit to
   all samples so far has no such trouble. Until the filter has come to know the tissue, the
-  fit is what is told, with its own covariance, wherever it explains the samples clearly better.
-  The filter goes on undisturbed.
+  fit is what is told, with its own covariance, wherever it explains the samples clearly better;
+  and for the first seconds after that (`probation`) where it explains them very much better, as
+  with a contact law that does not fit. The filter goes on undisturbed.
 - With a contact law that does not fit. The filter is then drawn along by the latest misfit, and
   pays for a tenth of a newton now with newtons in another depth or direction of motion. While
   there is a model error, the estimate is held against the samples, and where it explains them
@@ -55,6 +56,10 @@ SMALL_MISFIT = 4.0
 FITS = 2.0  # mean squared misfit over the noise, up to which only noise is left
 CLEARLY = 9.0  # gain in the sum of squares over the noise (a likelihood ratio), if so
 ALIKE = 2.0  # RMS misfit since the alarm over that before, up to which it is the same tissue
+# RMS misfit of a filter that has just come to know the tissue, relative to the fit's: beyond it, it
+# has come to know something else.
+EARLY_RATIO = 4.0
+TOUCHING = 0.5  # share of the RMS force so far that is a contact worth the name
 STALE = 16  # remembered samples after which the fit is made anew in any case
 CHECKS = 16.0  # per time in contact so far; not more often than the history interval
 
@@ -82,13 +87,16 @@ def restart(memory: Any) -> None:
 def hold(settings: Any, memory: Any) -> None:
     """Hold the estimate against what was felt; without a contest, after a remembered sample."""
     memory.history_before = memory.history_count
-    if memory.measurement_noise[1] < TEMPERED * memory.sensor_noise[1]:
-        memory.known = 1
+    if memory.known == 0 and memory.measurement_noise[1] < TEMPERED * memory.sensor_noise[1]:
+        # At the edge of contact every law is nearly linear: that says nothing of the tissue.
+        square = history_fit.mean_square_force(memory, history.oldest(memory))
+        memory.known = 1 if memory.measurement[1] ** 2 > TOUCHING**2 * square else 0
     misfits = memory.model_error[0] > 0.0
-    if misfits or memory.known != 0:
+    settled = memory.known != 0 and memory.contact_time[0] > settings.probation
+    if misfits or settled:
         memory.told = 0
     fewest = history.samples(settings, memory, FEWEST) if misfits else FEWEST_FIRST
-    if (not misfits and memory.known != 0) or memory.history_count < fewest:
+    if (not misfits and settled) or memory.history_count < fewest:
         memory.fit_misfit = 0.0
         return
     if has_lagged_velocity(settings.contact_model):
@@ -129,7 +137,9 @@ def _better_fit(settings: Any, memory: Any) -> bool:
     if not least < max(explained, 0.0 if misfits else SMALL_MISFIT * noise):
         return False
     memory.fit_misfit = least
-    if misfits or least > FITS * noise:
+    if memory.known != 0 and not misfits:
+        better = own > EARLY_RATIO**2 * least
+    elif misfits or least > FITS * noise:
         better = own > settings.refit_ratio**2 * least
     else:
         better = (own - least) * count > CLEARLY * noise

@@ -6,6 +6,12 @@ one per tracking index G = q dt^5 / R over seventeen decades; the one whose inno
 likeliest says the density q. Neither force nor contact law take part: adapting q from the
 filter's own innovations instead would let a wrong contact law pass for a restless tool.
 
+Each member starts as a parabola through all readings since its start (growing-memory gains; Kalata,
+and Morrison, Introduction to Sequential Smoothing and Prediction, 1969) and settles on its steady
+gains once these are the larger. A member whose innovations lean to one side no longer follows the
+motion: it starts anew from its quicker neighbour. So the bank is quick where the tool turns, and
+calm again as soon as the readings since then allow it. Only members that have settled are chosen.
+
 A real motion is smoother than white jerk at the scale of one sample. Where the force tells the
 velocity better than the displacement does, the bank's density is therefore too large, and the
 normalised innovations too small; a slow factor, never above 1, corrects that.
@@ -19,6 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.adaptation import difference_noise
 from hc_estimator.compilation import compiled
 from hc_estimator.specification import ParameterSpecification
 
@@ -41,12 +48,17 @@ SPECIFICATIONS = (
 
 INDICES = 10.0 ** np.arange(-14.0, 3.25, 0.5)
 MEMBERS = INDICES.size
-FIRST_READINGS = 24  # the bank starts from a parabola through them
+FIRST_READINGS = 3  # the bank starts from the parabola through them
 SETTLED_READINGS = 100  # in the mean before a member's motion is used
 CHOICE_PERIOD = 8  # samples between two choices
 CORRECTION_RATE = 0.05  # per sample
 SMALLEST_CORRECTION = -4.0  # of the logarithm of the factor
 LARGEST_NIS = 4.0  # one spike must not move the factor
+# Two-sided cumulative sum of the normalised innovations: for white ones it passes the limit once in
+# some 1e7 readings.
+LEAN_DRIFT = 1.0
+LEAN_LIMIT = 8.0
+LARGEST_LEAN = 4.0  # one spike must not start a member anew
 
 
 def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -87,12 +99,33 @@ def steady_state(indices: NDArray[np.float64]) -> NDArray[np.float64]:
 BANK = steady_state(INDICES)
 LOG_VARIANCE = np.log(BANK[:, 0])
 
+
+def settling_readings(gains: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Readings from which on a steady gain is above that of the parabola through all readings.
+
+    Args:
+        gains: steady gains of the displacement, shape (M,).
+
+    Returns:
+        Numbers of readings, shape (M,).
+    """
+    count = np.arange(3.0, 5000.0)
+    growing = 3.0 * (3.0 * count * (count - 1.0) + 2.0) / (count * (count + 1.0) * (count + 2.0))
+    readings: NDArray[np.float64] = count[np.argmax(growing <= gains[:, None], axis=1)]
+    return readings
+
+
+SETTLED = settling_readings(BANK[:, 1])
+
 FIELDS = (
     ("bank_first", np.float64, (FIRST_READINGS,)),
     ("bank_count", np.int64, ()),  # readings since the start
     ("bank_step", np.float64, ()),  # mean step [s]
     ("bank_states", np.float64, (MEMBERS, 3)),  # displacement, velocity step, acceleration step^2
-    ("bank_squares", np.float64, (MEMBERS,)),  # mean squared innovations [mm^2]
+    ("bank_age", np.float64, (MEMBERS,)),  # readings since a member's start, at least
+    ("bank_lean", np.float64, (MEMBERS, 2)),  # cumulative sums upward and downward
+    ("bank_squares", np.float64, (MEMBERS,)),  # mean squared innovations over their variance [mm^2]
+    ("bank_logs", np.float64, (MEMBERS,)),  # mean logarithm of that variance over the noise's
     ("bank_weighted", np.int64, ()),  # readings in that mean
     ("bank_chosen", np.int64, ()),  # likeliest member
     ("bank_density", np.float64, ()),  # jerk density of the likeliest member; 0: not known yet
@@ -115,33 +148,22 @@ def restart(memory: Any) -> None:
 
 
 @compiled
-def _start_members(memory: Any) -> None:
-    """Start all members on the least-squares parabola through the first readings."""
-    count = FIRST_READINGS
-    middle = 0.5 * (count - 1)
-    second = 0.0
-    fourth = 0.0
-    sum0 = 0.0
-    sum1 = 0.0
-    sum2 = 0.0
-    last = memory.bank_first[count - 1]
-    for k in range(count):
-        u = k - middle
-        y = memory.bank_first[k] - last
-        second += u * u
-        fourth += u**4
-        sum0 += y
-        sum1 += u * y
-        sum2 += u * u * y
-    bend = (count * sum2 - second * sum0) / (count * fourth - second * second)
-    slope = sum1 / second
-    level = (sum0 - bend * second) / count
-    for m in range(MEMBERS):
-        memory.bank_states[m, 0] = last + level + slope * middle + bend * middle * middle
-        memory.bank_states[m, 1] = slope + 2.0 * bend * middle
-        memory.bank_states[m, 2] = 2.0 * bend
-        memory.bank_squares[m] = 0.0
+def _start(memory: Any, displacement: float) -> None:
+    """Start all members on the parabola through the first three readings."""
+    first = memory.bank_first
+    first[memory.bank_count - 1] = displacement
     memory.bank_weighted = 0
+    if memory.bank_count < FIRST_READINGS:
+        return
+    bend = first[2] - 2.0 * first[1] + first[0]
+    for m in range(MEMBERS):
+        memory.bank_states[m, 0] = displacement
+        memory.bank_states[m, 1] = first[2] - first[1] + 0.5 * bend
+        memory.bank_states[m, 2] = bend
+        memory.bank_age[m] = FIRST_READINGS
+        memory.bank_lean[m, :] = 0.0
+        memory.bank_squares[m] = 0.0
+        memory.bank_logs[m] = 0.0
 
 
 @compiled
@@ -159,37 +181,76 @@ def learn(settings: Any, memory: Any) -> None:
     elif count > 2:
         memory.bank_step += (memory.elapsed - memory.bank_step) / min(count, 100)
     if count <= FIRST_READINGS:
-        memory.bank_first[count - 1] = displacement
-        if count == FIRST_READINGS:
-            _start_members(memory)
+        _start(memory, displacement)
         return
     steps = memory.elapsed / memory.bank_step  # 1 unless samples were lost
     regular = abs(steps - 1.0) < 0.5
     if regular:
         memory.bank_weighted += 1
-    share = 1.0 / min(float(memory.bank_weighted + 1), settings.motion_memory)
+    share = 1.0 / min(float(max(memory.bank_weighted, 1)), settings.motion_memory)
     half = 0.5 * steps * steps
+    noise = memory.sensor_noise[0]
+    if memory.difference_count[0] > 0:  # a noise that just rose is no turn of the tool
+        noise = max(noise, difference_noise.latest(memory, 0))
     states = memory.bank_states
-    for m in range(MEMBERS):
+    for m in range(MEMBERS - 1, -1, -1):
         predicted = states[m, 0] + steps * states[m, 1] + half * states[m, 2]
         innovation = displacement - predicted
-        states[m, 0] = predicted + BANK[m, 1] * innovation
-        states[m, 1] += steps * states[m, 2] + BANK[m, 2] * innovation
-        states[m, 2] += BANK[m, 3] * innovation
+        memory.bank_age[m] += 1.0
+        age = memory.bank_age[m]
+        if age < SETTLED[m]:  # gains of the parabola through all readings since the start
+            scale = 1.0 / (age * (age + 1.0) * (age + 2.0))
+            first = 3.0 * (3.0 * age * (age - 1.0) + 2.0) * scale
+            second = 18.0 * (2.0 * age - 1.0) * scale
+            third = 60.0 * scale
+            variance = 1.0 / (1.0 - first)
+            log_variance = math.log(variance)
+        else:
+            first, second, third = BANK[m, 1], BANK[m, 2], BANK[m, 3]
+            variance = BANK[m, 0]
+            log_variance = LOG_VARIANCE[m]
+        states[m, 0] = predicted + first * innovation
+        states[m, 1] += steps * states[m, 2] + second * innovation
+        states[m, 2] += third * innovation
         if regular:
-            memory.bank_squares[m] += share * (innovation * innovation - memory.bank_squares[m])
+            squares = innovation * innovation / variance
+            memory.bank_squares[m] += share * (squares - memory.bank_squares[m])
+            memory.bank_logs[m] += share * (log_variance - memory.bank_logs[m])
+            _lean(memory, m, innovation / math.sqrt(noise * variance))
     if count % CHOICE_PERIOD == 0 and memory.bank_weighted >= CHOICE_PERIOD:
         choose(memory)
 
 
 @compiled
+def _lean(memory: Any, m: int, normalised: float) -> None:
+    """Start member m anew from its quicker neighbour once its innovations lean to one side."""
+    lean = memory.bank_lean[m]
+    term = min(max(normalised, -LARGEST_LEAN), LARGEST_LEAN)
+    lean[0] = max(lean[0] + term - LEAN_DRIFT, 0.0)
+    lean[1] = max(lean[1] - term - LEAN_DRIFT, 0.0)
+    if max(lean[0], lean[1]) < LEAN_LIMIT or m == MEMBERS - 1:
+        return
+    lean[0] = 0.0
+    lean[1] = 0.0
+    if memory.model_error[0] > 0.0:  # what the law misses must not be taken for a calm motion
+        return
+    for i in range(3):
+        memory.bank_states[m, i] = memory.bank_states[m + 1, i]
+    memory.bank_squares[m] = memory.bank_squares[m + 1]
+    memory.bank_logs[m] = memory.bank_logs[m + 1]
+    memory.bank_age[m] = min(memory.bank_age[m + 1], SETTLED[m + 1])
+
+
+@compiled
 def choose(memory: Any) -> None:
-    """Set memory.bank_density from the member whose innovations are the likeliest."""
+    """Set memory.bank_density from the settled member whose innovations are the likeliest."""
     noise = memory.sensor_noise[0]
     best = math.inf
-    chosen = 0
+    chosen = MEMBERS - 1
     for m in range(MEMBERS):
-        surprise = memory.bank_squares[m] / (noise * BANK[m, 0]) + LOG_VARIANCE[m]
+        if memory.bank_age[m] < SETTLED[m]:
+            continue
+        surprise = memory.bank_squares[m] / noise + memory.bank_logs[m]
         if surprise < best:
             best = surprise
             chosen = m

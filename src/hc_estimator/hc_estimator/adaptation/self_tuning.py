@@ -4,6 +4,7 @@ What each part answers, in the order of use:
 
 - `difference_noise`: how noisy are the sensors, and did that change?
 - `motion_density`: how restless is the tool?
+- `manoeuvre`: did it turn suddenly?
 - `linearisation`: how far can the linearised contact law be trusted yet?
 - `model_error`: do the innovations say more than noise, and how large is the misfit?
 - `contest`: is it a changed tissue or a contact law that does not fit?
@@ -23,6 +24,7 @@ from hc_estimator.adaptation import (
     hindsight,
     history,
     linearisation,
+    manoeuvre,
     model_error,
     motion_density,
 )
@@ -78,6 +80,7 @@ SPECIFICATIONS = (
     *model_error.SPECIFICATIONS,
     *contest.SPECIFICATIONS,
     *hindsight.SPECIFICATIONS,
+    *manoeuvre.SPECIFICATIONS,
     *LIMIT_SPECIFICATIONS,
 )
 
@@ -102,6 +105,7 @@ FIELDS = (
     *model_error.FIELDS,
     *contest.FIELDS,
     *hindsight.FIELDS,
+    *manoeuvre.FIELDS,
 )
 
 
@@ -117,6 +121,7 @@ def initialise(settings: Any, memory: Any) -> None:
     linearisation.initialise(memory)
     contest.initialise(memory)
     hindsight.restart(memory)
+    manoeuvre.initialise(memory)
 
 
 @compiled
@@ -135,6 +140,8 @@ def prepare(settings: Any, memory: Any) -> None:
     else:
         noise = memory.sensor_noise[1] + memory.model_error[0]
         memory.measurement_noise[1] = noise + linearisation.enlargement(settings, memory)
+        if settings.find_turns != 0:
+            memory.measurement_noise[1] += manoeuvre.product_variance(settings, memory)
 
 
 @compiled
@@ -232,6 +239,8 @@ def decide(settings: Any, memory: Any, alarm: bool) -> None:
                 memory.fitting_time = 0.0
     if memory.contest != 0 and not (alarm and memory.contest_time == 0.0):
         contest.judge(settings, memory)
+        if memory.contest == 0 and memory.contest_called == 0:
+            manoeuvre.audit(settings, memory)
     _recollect(settings, memory)
     if memory.model_error[0] > 0.0:
         memory.fitting_time = 0.0

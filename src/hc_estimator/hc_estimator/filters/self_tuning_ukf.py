@@ -12,9 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.adaptation import contest, hindsight, model_error, motion_density, self_tuning
+from hc_estimator.adaptation import (
+    contest,
+    hindsight,
+    manoeuvre,
+    model_error,
+    motion_density,
+    self_tuning,
+)
 from hc_estimator.compilation import compiled
-from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
+from hc_estimator.correction import (
+    apply_gain,
+    commit,
+    find_gain,
+    gate,
+    innovate,
+    measure_unscented,
+)
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
 from hc_estimator.recovery import recover
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
@@ -33,6 +47,7 @@ def _innovate(settings: Any, memory: Any) -> bool:
     if not predict(settings, memory, True):
         return False
     motion_density.scale_process_noise(settings, memory)
+    manoeuvre.raise_process_noise(settings, memory)
     add_process_noise(memory)
     if not measure_unscented(settings, memory):
         return False
@@ -41,12 +56,21 @@ def _innovate(settings: Any, memory: Any) -> bool:
 
 
 @compiled
+def _correct(settings: Any, memory: Any) -> None:
+    """Update with what an uncertain velocity leaves of the gain."""
+    find_gain(settings, memory)
+    manoeuvre.restrain(settings, memory)
+    apply_gain(memory)
+
+
+@compiled
 def _use_for_rival(settings: Any, memory: Any) -> None:
     """Use the sample for the rival hypothesis; a rival that fails numerically is out."""
     contest.exchange(memory)
+    memory.newcomer = 1 - memory.newcomer_leads
     sound = _innovate(settings, memory)
     if sound:
-        correct(settings, memory)
+        _correct(settings, memory)
         memory.state[:] = memory.updated_state
         memory.covariance[:, :] = memory.updated_covariance
         sound = self_tuning.finite(memory)
@@ -65,12 +89,13 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         memory.restart = 1
     if memory.guessed == 0:
         self_tuning.guess_stiffness(settings, memory)
+    memory.newcomer = memory.newcomer_leads
     if not _innovate(settings, memory):
         return NUMERICAL
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    correct(settings, memory)
+    _correct(settings, memory)
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
@@ -84,9 +109,12 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     self_tuning.learn_readings(settings, memory)
     alarm = self_tuning.learn_innovation(settings, memory)
     self_tuning.correct_density(settings, memory)
-    if memory.contest != 0:
+    if manoeuvre.answer(settings, memory, time, alarm):
+        alarm = False
+    elif memory.contest != 0:
         _use_for_rival(settings, memory)
     self_tuning.decide(settings, memory, alarm)
+    manoeuvre.keep(memory, time)
     memory.innovation[0] = memory.reported[0]
     memory.innovation[1] = memory.reported[1]
     memory.nis = memory.reported[2]

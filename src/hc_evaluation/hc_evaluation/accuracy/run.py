@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
-from hc_evaluation.accuracy import comparisons, misfit, real, simulated
+from hc_evaluation.accuracy import comparisons, corners, misfit, real, simulated
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
 
@@ -27,6 +27,7 @@ EXPERIMENTS = (
     "excitation",
     "channels",
     "random",
+    "corners",
     "misfit",
     "defaults",
     "filters",
@@ -39,6 +40,7 @@ SUMMARIES = {
     "excitation": "what a motion that shows too little leaves unknown",
     "channels": "time shift, force zero and contact position found between the channels",
     "random": "tissues, motions, rates and noises drawn at random",
+    "corners": "ramps, holds and ways back, with sharp and with round corners",
     "misfit": "half a second predicted where the contact law does not fit",
     "defaults": "what each default of the recommended filter is worth",
     "filters": "all filters on all simulated tissues",
@@ -52,6 +54,7 @@ _RUNNERS: dict[str, Callable[[Bench], Result]] = {
     "excitation": simulated.excitation,
     "channels": real.channels,
     "random": simulated.random,
+    "corners": corners.corners,
     "misfit": misfit.misfit,
     "defaults": comparisons.defaults,
     "filters": comparisons.filters,
@@ -68,7 +71,7 @@ def run_accuracy(
     """Run experiments and compare with their targets.
 
     Args:
-        names: some of EXPERIMENTS; none for the first eight.
+        names: some of EXPERIMENTS; none for the first nine.
         seeds: noise seeds per scenario (50; 6 where quick).
         quick: few seeds, for a first look.
         progress: called with the experiment's name, runs done and runs in all.
@@ -81,7 +84,7 @@ def run_accuracy(
     Raises:
         ValueError: an unknown name, or seeds below 1.
     """
-    chosen = tuple(names) or EXPERIMENTS[:8]
+    chosen = tuple(names) or EXPERIMENTS[:9]
     for name in chosen:
         if name not in EXPERIMENTS:
             raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")

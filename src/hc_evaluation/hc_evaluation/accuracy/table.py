@@ -139,6 +139,18 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("false alarms", _plain("changes")),
         ("mismatch told", _share("mismatch")),
     ),
+    "corners": (
+        ("motion", _plain("motion")),
+        ("error % of K B n p", _list("error", 100.0)),
+        ("NEES", _plain("nees")),
+        ("9 of 10 below", _plain("nees_90")),
+        ("changes", _plain("changes")),
+        ("mismatch told", _share("mismatch")),
+        ("without find_turns: error %", _list("error_without", 100.0)),
+        ("NEES", _plain("nees_without")),
+        ("changes", _plain("changes_without")),
+        ("mismatch told", _share("mismatch_without")),
+    ),
     "misfit": (
         ("motion", _plain("motion")),
         ("hold-forward / floor", _plain("ratio")),
