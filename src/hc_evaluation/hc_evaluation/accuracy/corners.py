@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
@@ -67,7 +68,7 @@ def cornered_contact(
     velocity = np.concatenate(legs)
     if corner == "round":
         velocity = gaussian_filter1d(velocity, ROUND_S * RATE_HZ, mode="nearest")
-    displacement = START_MM + np.cumsum(velocity) / RATE_HZ
+    displacement = START_MM + cumulative_trapezoid(velocity, dx=1.0 / RATE_HZ, initial=0.0)
     force = hunt_crossley_force(displacement, velocity, tissue)
     return (
         np.arange(displacement.size) / RATE_HZ,
