@@ -19,6 +19,7 @@ VARIATIONS: tuple[tuple[str, Mapping[str, object]], ...] = (
     ("defaults", {}),
     ("noise given, wrong by 3", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),
     ("no motion adaptation", {"motion_adaptation": False}),
+    ("no turns of the tool", {"find_turns": False}),
     ("no tempering", {"coherence_share": 0.0}),
     ("coherence_share x 2", {"coherence_share": 0.7}),
     ("coherence_share / 2", {"coherence_share": 0.175}),
