@@ -22,7 +22,9 @@ def test_silence_is_stale_and_samples_that_come_again_recover(start_process, pro
     probe.wait_ready()
     number = probe.stream(plant.samples(500))
     probe.wait(lambda: EstimatorEvent.INPUT_SILENT in probe.kinds(), what="silence")
-    probe.wait(lambda: probe.statuses[-1].level == b"\x03", what="a stale status")
+    probe.wait(
+        lambda: probe.statuses and probe.statuses[-1].level == b"\x03", what="a stale status"
+    )
     # The source comes back, numbers anew, and has a few bad readings.
     samples = [
         (t, float("nan") if i % 50 == 7 else d, f)

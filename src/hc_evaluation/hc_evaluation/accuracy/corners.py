@@ -68,7 +68,8 @@ def cornered_contact(
     velocity = np.concatenate(legs)
     if corner == "round":
         velocity = gaussian_filter1d(velocity, ROUND_S * RATE_HZ, mode="nearest")
-    displacement = START_MM + cumulative_trapezoid(velocity, dx=1.0 / RATE_HZ, initial=0.0)
+    way_mm: FloatArray = cumulative_trapezoid(velocity, dx=1.0 / RATE_HZ, initial=0)
+    displacement = START_MM + way_mm
     force = hunt_crossley_force(displacement, velocity, tissue)
     return (
         np.arange(displacement.size) / RATE_HZ,
