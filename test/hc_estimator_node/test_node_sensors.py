@@ -175,7 +175,9 @@ def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
         probe.forces.publish(wrench(time.time_ns(), 1.0))
         probe.executor.spin_once(timeout_sec=0.001)
     probe.wait(lambda: 8 in probe.kinds(), what="the event of silence")
-    probe.wait(lambda: probe.statuses[-1].level == b"\x03", what="a stale status")
+    probe.wait(
+        lambda: probe.statuses and probe.statuses[-1].level == b"\x03", what="a stale status"
+    )
     values = {v.key: v.value for v in probe.statuses[-1].values}
     assert int(values["pairing_unpaired"]) > 500
     assert len(probe.estimates) < made + 100
