@@ -189,10 +189,17 @@ def find_gain(settings: Any, memory: Any) -> None:
     if out_of_contact(memory):
         # The air says nothing of the tissue. Without this the parameters would go on following
         # the displacement through what is left of their correlation with the motion.
-        last = 6 if has_lagged_velocity(settings.contact_model) else 7
-        for i in range(3, last):
-            gain[i, 0] = 0.0
-            gain[i, 1] = 0.0
+        hold_parameters(settings, memory)
+
+
+@compiled
+def hold_parameters(settings: Any, memory: Any) -> None:
+    """Take the parameters out of memory.gain: this update leaves them as they are."""
+    # Where the last state is a lagged velocity it belongs to the motion.
+    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    for i in range(3, last):
+        memory.gain[i, 0] = 0.0
+        memory.gain[i, 1] = 0.0
 
 
 @compiled

@@ -34,6 +34,7 @@ import numpy as np
 from hc_estimator.adaptation import contest, linearisation, model_error, motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import HUNT_CROSSLEY, has_lagged_velocity
+from hc_estimator.correction import hold_parameters
 from hc_estimator.linear_algebra import copy_matrix, copy_vector
 from hc_estimator.specification import ParameterSpecification
 
@@ -214,10 +215,7 @@ def _go_back(memory: Any, i: int) -> None:
     copy_matrix(memory.kept_covariance[i], covariance)
     square = max(memory.square_speed, (velocity - state[1]) ** 2) + covariance[1, 1]
     acceleration = covariance[2, 2] + memory.bank_density * TURN_TIME
-    for k in range(3):
-        for j in range(7):
-            covariance[k, j] = 0.0
-            covariance[j, k] = 0.0
+    motion_density.clear_motion(covariance)
     state[0] = memory.measurement[0]
     covariance[0, 0] = memory.sensor_noise[0]
     covariance[1, 1] = square
@@ -253,9 +251,7 @@ def raise_process_noise(settings: Any, memory: Any) -> None:
     scale = memory.turn_density / settings.jerk_density
     if scale <= memory.process_noise_scale:
         return
-    for i in range(3):
-        for j in range(3):
-            memory.process_noise[i, j] *= scale / memory.process_noise_scale
+    motion_density.scale_motion_noise(memory, scale / memory.process_noise_scale)
     memory.process_noise_scale = scale
 
 
@@ -288,16 +284,14 @@ def restrain(settings: Any, memory: Any) -> None:
     """Take from memory.gain what an unknown velocity must not teach."""
     if settings.find_turns == 0 or memory.newcomer != 0:
         return
-    # Where the last state is a lagged velocity it belongs to the motion.
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
-    gain, factor = memory.gain, memory.factor
-    if memory.turn_since < _held(memory):
-        for i in range(3, last):
-            gain[i, 0] = 0.0
-            gain[i, 1] = 0.0
+    if is_turning(memory):
+        hold_parameters(settings, memory)
         return
+    gain, factor = memory.gain, memory.factor
     variance = factor[1, 0] * factor[1, 0] + factor[1, 1] * factor[1, 1]
     if memory.predicted_state[1] ** 2 < variance:
+        # Where the last state is a lagged velocity it belongs to the motion.
+        last = 6 if has_lagged_velocity(settings.contact_model) else 7
         for i in range(4, last, 2):
             gain[i, 0] = 0.0
             gain[i, 1] = 0.0

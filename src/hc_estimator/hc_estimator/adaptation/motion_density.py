@@ -259,6 +259,15 @@ def choose(memory: Any) -> None:
 
 
 @compiled
+def clear_motion(covariance: NDArray[np.float64]) -> None:
+    """Zero the motion's variances and its ties to the parameters; covariance of shape (7, 7)."""
+    for i in range(3):
+        for j in range(7):
+            covariance[i, j] = 0.0
+            covariance[j, i] = 0.0
+
+
+@compiled
 def set_motion(memory: Any, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
     """Replace the motion in state and covariance by what the displacement alone says.
 
@@ -273,10 +282,7 @@ def set_motion(memory: Any, state: NDArray[np.float64], covariance: NDArray[np.f
         return
     member = memory.bank_chosen
     noise = memory.sensor_noise[0]
-    for i in range(3):
-        for j in range(7):
-            covariance[i, j] = 0.0
-            covariance[j, i] = 0.0
+    clear_motion(covariance)
     scale_i = 1.0
     for i in range(3):
         state[i] = memory.bank_states[member, i] * scale_i
@@ -302,6 +308,12 @@ def scale_process_noise(settings: Any, memory: Any) -> None:
         density = memory.bank_density * math.exp(memory.density_correction)
         scale = density / settings.jerk_density
     memory.process_noise_scale = scale
+    scale_motion_noise(memory, scale)
+
+
+@compiled
+def scale_motion_noise(memory: Any, factor: float) -> None:
+    """Multiply the motion's part of memory.process_noise."""
     for i in range(3):
         for j in range(3):
-            memory.process_noise[i, j] *= scale
+            memory.process_noise[i, j] *= factor

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
+from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.scenarios import hunt_crossley_force
@@ -86,16 +87,11 @@ def corner_run(task: CornerTask) -> Numbers:
     for suffix, more in (("", {}), ("_without", WITHOUT_TURNS)):
         setup = Setup(task.setup.filter, {**task.setup.parameters, **more})
         series = setup.create().run(time, displacement, force)
-        # K and B are estimated by their logarithms, and judged by them.
-        slopes = np.array(
-            [1.0 / series.parameters[-1, 0], 1.0 / series.parameters[-1, 1], 1.0, 1.0]
-        )
-        covariance = series.covariance[-1] * np.outer(slopes, slopes)
-        error = series.parameters[-1] - tissue
-        error[:2] = np.log(series.parameters[-1, :2] / tissue[:2])
-        numbers["nees" + suffix] = float(error @ np.linalg.solve(covariance, error))
-        for i, name in enumerate(PARAMETERS):
-            numbers[f"error_{name}{suffix}"] = abs(series.parameters[-1, i] / tissue[i] - 1.0)
+        last = series.parameters[-1]
+        numbers["nees" + suffix] = float(metrics.nees(last, series.covariance[-1], tissue))
+        errors = metrics.relative_parameter_error(last, tissue)
+        for name, error in zip(PARAMETERS, errors, strict=True):
+            numbers[f"error_{name}{suffix}"] = float(error)
         numbers["changes" + suffix] = float(np.count_nonzero(series.change_detected))
         numbers["mismatch" + suffix] = float(np.mean(series.model_mismatch))
     return numbers
