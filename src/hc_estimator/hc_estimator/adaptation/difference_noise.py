@@ -7,6 +7,10 @@ is as far as the error of the estimate hardly grows. A long running mean is the 
 a short mean departs from it the long one restarts from the short one, so that a sensor that turns
 noisier is followed at once, and is told from a tissue that changed: a step of the force enters
 only eight differences, and each is limited against the noise known so far.
+
+Readings that the outlier gate refuses break the even spacing, and a sensor that turns ten times
+noisier has half of them refused. Refused innovations that disagree among themselves are such a
+sensor's, and their scatter is its noise; those of a changed tissue or of a tool that turns agree.
 """
 
 from __future__ import annotations
@@ -74,6 +78,10 @@ LATEST = 12  # differences in the quickest mean, for the change detector
 LARGEST_RATIO = 16.0  # of one squared difference against the long mean
 # A step that differs from the usual one by more than this share breaks the even spacing.
 UNEVEN = 0.5
+SCATTERED = 2  # in difference_jumped, until the next accepted sample
+REFUSED = 3  # refused innovations that say whether they scatter
+SCATTER_RATIO = 9.0  # of their scatter to the noise variance known so far, at least
+REFUSED_WITHIN = 12  # accepted samples among which they lie
 
 FIELDS = (
     ("readings", np.float64, (ORDER + 1, 2)),  # the last ones, oldest first
@@ -85,6 +93,9 @@ FIELDS = (
     ("difference_latest", np.float64, (LATEST, 2)),  # ring of squared differences
     ("difference_position", np.int64, ()),
     ("difference_jumped", np.int64, (2,)),  # 1 or -1 where the noise jumped up or down
+    ("refused_innovations", np.float64, (REFUSED, 2)),  # ring of the latest refused
+    ("refused_accepted", np.int64, (REFUSED, 2)),  # accepted samples before each of them
+    ("refused_count", np.int64, (2,)),
 )
 
 
@@ -94,6 +105,7 @@ def restart(memory: Any) -> None:
     memory.readings_count = 0
     memory.difference_count[:] = 0
     memory.difference_latest[:, :] = 0.0
+    memory.refused_count[:] = 0
 
 
 @compiled
@@ -122,7 +134,8 @@ def _take_reading(memory: Any) -> bool:
 @compiled
 def learn(settings: Any, memory: Any) -> None:
     """Take the accepted sample in memory.measurement into the noise estimate memory.noise."""
-    memory.difference_jumped[:] = 0
+    for i in range(2):
+        memory.difference_jumped[i] = 1 if memory.difference_jumped[i] == SCATTERED else 0
     if not _take_reading(memory):
         return
     memory.difference_position = (memory.difference_position + 1) % LATEST
@@ -165,3 +178,42 @@ def latest(memory: Any, channel: int) -> float:
     for k in range(LATEST):
         total += memory.difference_latest[k, channel]
     return total / LATEST
+
+
+@compiled
+def learn_refused(settings: Any, memory: Any) -> bool:
+    """Look at an innovation that was refused; True if such innovations scatter like noise.
+
+    The noise is then theirs, and the gate opens by it.
+    """
+    limit = settings.outlier_gate * settings.outlier_gate
+    rose = False
+    for i in range(2):
+        innovation = memory.innovation[i]
+        if innovation * innovation <= limit * memory.innovation_covariance[i, i]:
+            continue
+        place = memory.refused_count[i] % REFUSED
+        memory.refused_innovations[place, i] = innovation
+        memory.refused_accepted[place, i] = memory.accepted
+        memory.refused_count[i] += 1
+        if memory.refused_count[i] < REFUSED:
+            continue
+        first = memory.refused_accepted[memory.refused_count[i] % REFUSED, i]
+        if memory.accepted - first > REFUSED_WITHIN:
+            continue
+        mean = 0.0
+        for k in range(REFUSED):
+            mean += memory.refused_innovations[k, i] / REFUSED
+        scatter = 0.0
+        for k in range(REFUSED):
+            scatter += (memory.refused_innovations[k, i] - mean) ** 2 / (REFUSED - 1)
+        if scatter > mean * mean and scatter > SCATTER_RATIO * memory.difference_mean[i]:
+            memory.difference_mean[i] = scatter
+            memory.difference_short_mean[i] = scatter
+            memory.difference_count[i] = AFTER_JUMP
+            memory.difference_jumped[i] = SCATTERED
+            memory.refused_count[i] = 0
+            rose = True
+    if rose:
+        memory.outlier_count = 0
+    return rose

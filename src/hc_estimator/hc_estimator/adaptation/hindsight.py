@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.adaptation import history, history_fit, linearisation
+from hc_estimator.adaptation import force_estimate, history, history_fit, linearisation
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.linear_algebra import copy_matrix, copy_vector
-from hc_estimator.report import FORCE_PREDICTED, INNOVATION, write_row
+from hc_estimator.report import FORCE_PREDICTED, FORCE_RECONSTRUCTED, INNOVATION, write_row
 from hc_estimator.screening import ACCEPTED, OUTLIER
 from hc_estimator.specification import ParameterSpecification
 
@@ -69,9 +69,10 @@ FIELDS = (
     ("told", np.int64, ()),  # 1 while the fit is told in place of the filter's parameters
     ("told_parameters", np.float64, (4,)),  # ln K, ln B, n, p
     ("told_covariance", np.float64, (4, 4)),
+    ("told_repeats", np.float64, ()),  # samples over which what the fit leaves stays the same
     ("known", np.int64, ()),  # 1 once the filter has known the tissue
 )
-SCRATCH = (*history_fit.SCRATCH, ("told_before", np.float64, (4,)))
+SCRATCH = (*history_fit.SCRATCH, *force_estimate.SCRATCH, ("told_before", np.float64, (4,)))
 
 
 @compiled
@@ -156,7 +157,8 @@ def _tell(settings: Any, memory: Any) -> None:
     """Tell the fit in place of the filter's parameters."""
     # What is left may come from errors of the motion, and those last as long as it does.
     alike = linearisation.coherence_time(settings, memory) / history.spacing(memory)
-    noise = max(1.0, alike) * max(memory.sensor_noise[1], memory.fit_misfit)
+    memory.told_repeats = max(1.0, alike)
+    noise = memory.told_repeats * max(memory.sensor_noise[1], memory.fit_misfit)
     if not history_fit.find_covariance(settings, memory, noise):
         return
     if not history_fit.widen_covariance(settings, memory, noise):
@@ -222,6 +224,10 @@ def write(
         predicted = history_fit.force(settings, memory.predicted_state, memory.told_before)
         row[FORCE_PREDICTED] = predicted
         row[INNOVATION + 1] = memory.measurement[1] - predicted
+        if rejected == ACCEPTED:
+            force_estimate.find_told(settings, memory, memory.told_before)
+    if rejected == ACCEPTED:
+        row[FORCE_RECONSTRUCTED] = memory.given_force
 
 
 @compiled

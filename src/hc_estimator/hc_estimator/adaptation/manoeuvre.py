@@ -256,11 +256,12 @@ def raise_process_noise(settings: Any, memory: Any) -> None:
 
 
 @compiled
-def product_variance(settings: Any, memory: Any) -> float:
+def product_variance(settings: Any, memory: Any, longest: float) -> float:
     """Variance of the force from velocity times damping, both not known [N^2].
 
     The second-order term of the damping force in the velocity and in the logarithm of its factor
-    B d^n |v|^p, for some time after a turn.
+    B d^n |v|^p, for some time after a turn; times the samples, `longest` at most, over which it
+    stays the same.
     """
     if settings.contact_model != HUNT_CROSSLEY or memory.turn_since > COHERENCE * _held(memory):
         return 0.0
@@ -275,7 +276,7 @@ def product_variance(settings: Any, memory: Any) -> float:
     variance = covariance[4, 4] + log_depth**2 * covariance[5, 5] + by_p**2 * covariance[6, 6]
     variance += 2.0 * (log_depth * covariance[4, 5] + by_p * covariance[4, 6])
     variance += 2.0 * log_depth * by_p * covariance[5, 6]
-    alike = min(linearisation.coherence_time(settings, memory) / memory.elapsed, COHERENCE)
+    alike = min(linearisation.coherence_time(settings, memory) / memory.elapsed, longest)
     return float(alike * slope * slope * covariance[1, 1] * max(variance, 0.0))
 
 

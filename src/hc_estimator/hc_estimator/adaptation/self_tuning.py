@@ -141,7 +141,9 @@ def prepare(settings: Any, memory: Any) -> None:
         noise = memory.sensor_noise[1] + memory.model_error[0]
         memory.measurement_noise[1] = noise + linearisation.enlargement(settings, memory)
         if settings.find_turns != 0:
-            memory.measurement_noise[1] += manoeuvre.product_variance(settings, memory)
+            memory.measurement_noise[1] += manoeuvre.product_variance(
+                settings, memory, manoeuvre.COHERENCE
+            )
 
 
 @compiled
@@ -173,6 +175,14 @@ def learn_readings(settings: Any, memory: Any) -> None:
     if settings.motion_adaptation != 0:
         motion_density.learn(settings, memory)
     linearisation.learn(memory)
+
+
+@compiled
+def learn_refused(settings: Any, memory: Any) -> None:
+    """Take a sample that the outlier gate has refused into the noise, if many disagree."""
+    if settings.noise_adaptation == DIFFERENCES and memory.calibrated != 0:
+        if difference_noise.learn_refused(settings, memory):
+            _follow_noise(memory)
 
 
 @compiled

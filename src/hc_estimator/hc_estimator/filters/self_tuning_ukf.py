@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import (
     contest,
+    force_estimate,
     hindsight,
     manoeuvre,
     model_error,
@@ -31,7 +32,7 @@ from hc_estimator.correction import (
 )
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
 from hc_estimator.recovery import recover
-from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
+from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, screen
 
 SPECIFICATIONS = UNSCENTED_SPECIFICATIONS + self_tuning.SPECIFICATIONS
 
@@ -93,6 +94,8 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     if not _innovate(settings, memory):
         return NUMERICAL
     decision = gate(settings, memory)
+    if decision == OUTLIER:
+        self_tuning.learn_refused(settings, memory)
     if decision != ACCEPTED:
         return decision
     _correct(settings, memory)
@@ -101,6 +104,7 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         return decision
     memory.motion_anew = 0
     memory.change_detected = 0
+    force_estimate.find(settings, memory)
     memory.reported[0] = memory.innovation[0]
     memory.reported[1] = memory.innovation[1]
     memory.reported[2] = memory.nis
@@ -111,6 +115,8 @@ def _use(settings: Any, memory: Any, time: float) -> int:
     self_tuning.correct_density(settings, memory)
     if manoeuvre.answer(settings, memory, time, alarm):
         alarm = False
+        if memory.turn_doubted == 0:
+            force_estimate.trust_sensor(memory)
     elif memory.contest != 0:
         _use_for_rival(settings, memory)
     self_tuning.decide(settings, memory, alarm)

@@ -1,0 +1,117 @@
+"""The contact force given everything: what `self_tuning_ukf` reports as reconstructed force.
+
+The contact law at the updated state is the right answer while the law fits and its parameters are
+known. With few samples, after the tool turned, or with a law that does not fit, it is not, and the
+force sensor knows better. The mean of the force given both readings weighs one against the other
+by what is known of their errors, as the output of a Kalman filter:
+
+    F = h(x) + [H P H_d^T, H P H^T + M] S^-1 innovation,    S = H' P H'^T + diag(R_d, M + R)
+
+with the law h and its derivative H at the predicted state x, the displacement's derivative H_d, the
+variance M of the misfit and the sensors' R_d and R. For a law that fits, and a filter that uses the
+reading as it stands, this is the law at the updated state, to first order. What only the learning
+of the parameters needs (`linearisation` and `manoeuvre` count an error that repeats itself many
+times over) is left out: the force of this moment has that error once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.adaptation import manoeuvre
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.state_space import kinematic
+
+SCRATCH = (("given_force", np.float64, ()),)  # of the sample [N]
+
+
+@compiled
+def _sensor_noise(memory: Any) -> float:
+    """Variance of one force reading [N^2], as far as it is known."""
+    count = memory.difference_count[1]
+    if memory.calibrated == 0 and count > 0:
+        return memory.difference_mean[1] * (1.0 + 3.0 / count)  # type: ignore[no-any-return]
+    return memory.sensor_noise[1]  # type: ignore[no-any-return]
+
+
+@compiled
+def _weigh(memory: Any, force: float, cross: float, variance: float) -> None:
+    """Mean of the force given both readings, in memory.given_force.
+
+    Args:
+        memory: memory record after the innovation.
+        force: predicted by the law [N].
+        cross: covariance of the law's force with the predicted displacement [N mm].
+        variance: of the force, misfit included [N^2].
+    """
+    memory.given_force = force
+    sensor, s00 = _sensor_noise(memory), memory.innovation_covariance[0, 0]
+    determinant = s00 * (variance + sensor) - cross * cross
+    if not determinant > 0.0:
+        return
+    first = cross * sensor / determinant
+    second = (variance * s00 - cross * cross) / determinant
+    given = force + first * memory.innovation[0] + second * (memory.measurement[1] - force)
+    if math.isfinite(given):
+        memory.given_force = given
+
+
+@compiled
+def _find_law(settings: Any, memory: Any, state: Any) -> float:
+    """Force of the law at a state, its derivative in memory.measurement_jacobian[1]."""
+    kinematic.measure(settings.contact_model, state, memory.outputs[0])
+    kinematic.measurement_jacobian(
+        settings.contact_model, state, memory.gradient, memory.measurement_jacobian
+    )
+    return memory.outputs[0, 1]  # type: ignore[no-any-return]
+
+
+@compiled
+def find(settings: Any, memory: Any) -> None:
+    """The force by the filter's own parameters; from the innovation of the sample."""
+    force = _find_law(settings, memory, memory.predicted_state)
+    slope, covariance = memory.measurement_jacobian[1], memory.predicted_covariance
+    variance = manoeuvre.product_variance(settings, memory, 1.0) + memory.model_error[0]
+    cross = 0.0
+    for i in range(7):
+        cross += slope[i] * covariance[0, i]
+        for j in range(7):
+            variance += slope[i] * covariance[i, j] * slope[j]
+    _weigh(memory, force, cross, variance)
+
+
+@compiled
+def trust_sensor(memory: Any) -> None:
+    """The tool was just seen to turn: nothing that was predicted holds."""
+    memory.given_force = memory.measurement[1]
+
+
+@compiled
+def find_told(settings: Any, memory: Any, values: Any) -> None:
+    """The force by the fit in `hindsight`, where that is what is told.
+
+    Args:
+        settings: settings record.
+        memory: memory record after the sample.
+        values: ln K, ln B, n, p that were told before it.
+    """
+    copy_vector(memory.predicted_state, memory.point)
+    for i in range(4):
+        memory.point[3 + i] = values[i]
+    force = _find_law(settings, memory, memory.point)
+    slope, covariance = memory.measurement_jacobian[1], memory.predicted_covariance
+    variance = max(memory.fit_misfit - memory.sensor_noise[1], 0.0) + memory.model_error[0]
+    cross = 0.0
+    for i in range(2):
+        cross += slope[i] * covariance[0, i]
+        for j in range(2):
+            variance += slope[i] * covariance[i, j] * slope[j]
+    for i in range(4):
+        for j in range(4):
+            element = slope[3 + i] * memory.told_covariance[i, j] * slope[3 + j]
+            variance += element / memory.told_repeats
+    _weigh(memory, force, cross, variance)
