@@ -126,10 +126,10 @@ def test_product_variance_is_that_of_velocity_times_damping(records):
     log_damping = math.log(0.2) + 0.1 * draw.standard_normal(v.size)
     force = np.exp(log_damping) * 2.0**1.5 * v
     linear = 0.2 * 2.0**1.5 * v  # all that points along the axes see at rest
-    found = manoeuvre.product_variance(settings, memory) / manoeuvre.COHERENCE
+    found = manoeuvre.product_variance(settings, memory, 1.0)
     assert found == pytest.approx(np.var(force - linear), rel=0.05)
     memory["turn_since"] = 1e6
-    assert manoeuvre.product_variance(settings, memory) == 0.0
+    assert manoeuvre.product_variance(settings, memory, 1.0) == 0.0
 
 
 def test_b_and_p_are_left_alone_while_the_direction_of_the_motion_is_not_known(records):

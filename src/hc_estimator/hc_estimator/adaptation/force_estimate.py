@@ -11,7 +11,9 @@ with the law h and its derivative H at the predicted state x, the displacement's
 variance M of the misfit and the sensors' R_d and R. For a law that fits, and a filter that uses the
 reading as it stands, this is the law at the updated state, to first order. What only the learning
 of the parameters needs (`linearisation` and `manoeuvre` count an error that repeats itself many
-times over) is left out: the force of this moment has that error once.
+times over) is left out: the force of this moment has that error once. In the very first samples
+the law's force is that of a first guess and says nothing; the force felt last, carried on by the
+ratio in which the law changes, says more.
 """
 
 from __future__ import annotations
@@ -21,11 +23,17 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation import manoeuvre
+from hc_estimator.adaptation import history_fit, manoeuvre
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.state_space import kinematic
 
+FIELDS = (  # of the last sample
+    ("followed", np.int64, ()),  # 1 if its force may be carried on
+    ("followed_force", np.float64, ()),  # [N]
+    ("followed_variance", np.float64, ()),  # of that [N^2]
+    ("followed_point", np.float64, (2,)),  # displacement, velocity
+)
 SCRATCH = (("given_force", np.float64, ()),)  # of the sample [N]
 
 
@@ -81,7 +89,55 @@ def find(settings: Any, memory: Any) -> None:
         cross += slope[i] * covariance[0, i]
         for j in range(7):
             variance += slope[i] * covariance[i, j] * slope[j]
-    _weigh(memory, force, cross, variance)
+    # Before there are samples enough for a fit, the law's force is that of a first guess.
+    early = memory.known == 0 and memory.history_count < history_fit.FEWEST_FIRST
+    if not (early and memory.followed != 0 and _follow(settings, memory, force, variance)):
+        _weigh(memory, force, cross, variance)
+        memory.followed_variance = min(variance, _sensor_noise(memory))
+    memory.followed = 1 if early and force > 0.0 else 0
+    memory.followed_force = memory.given_force
+    memory.followed_point[0] = memory.state[0]
+    memory.followed_point[1] = memory.state[1]
+
+
+@compiled
+def _follow(settings: Any, memory: Any, force: float, variance: float) -> bool:
+    """Carry the force of the last sample on by the ratio in which the law changes.
+
+    Args:
+        settings: settings record.
+        memory: memory record after the innovation.
+        force: by the law [N], positive.
+        variance: what the law's force is known to [N^2].
+
+    Returns:
+        False if the law changes too much for that.
+    """
+    if memory.restart != 0 or not force > 0.0 or not memory.followed_point[0] > 0.0:
+        return False
+    copy_vector(memory.predicted_state, memory.point)
+    memory.point[0] = memory.followed_point[0]
+    memory.point[1] = memory.followed_point[1]
+    kinematic.measure(settings.contact_model, memory.point, memory.outputs[0])
+    before = memory.outputs[0, 1]
+    if not 0.5 * before < force < 2.0 * before:
+        return False
+    ratio = force / before
+    # The exponent n is not known, and how much of the force is damping is not either.
+    deeper = math.log(memory.predicted_state[0] / memory.point[0])
+    share = memory.predicted_covariance[5, 5] * deeper * deeper + (ratio - 1.0) ** 2
+    known = memory.followed_variance * ratio * ratio
+    known += share * (memory.followed_force**2 + memory.followed_variance)
+    known = min(known, variance)
+    sensor = _sensor_noise(memory)
+    gain = known / (known + sensor)
+    predicted = memory.followed_force * ratio
+    given = predicted + gain * (memory.measurement[1] - predicted)
+    if not math.isfinite(given):
+        return False
+    memory.given_force = given
+    memory.followed_variance = gain * sensor
+    return True
 
 
 @compiled

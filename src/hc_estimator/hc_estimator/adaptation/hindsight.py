@@ -44,7 +44,6 @@ SPECIFICATIONS = (
     ),
 )
 
-FEWEST_FIRST = 10  # remembered samples that make a fit at the start
 FEWEST = 32  # intervals that make a fit under a model error
 LATEST = 8  # intervals that would show another tissue first
 FEWEST_SINCE = 6  # intervals since an alarm that say whether it is the same tissue
@@ -66,6 +65,7 @@ CHECKS = 16.0  # per time in contact so far; not more often than the history int
 FIELDS = (
     *history.FIELDS,
     *history_fit.FIELDS,
+    *force_estimate.FIELDS,
     ("told", np.int64, ()),  # 1 while the fit is told in place of the filter's parameters
     ("told_parameters", np.float64, (4,)),  # ln K, ln B, n, p
     ("told_covariance", np.float64, (4, 4)),
@@ -82,6 +82,7 @@ def restart(memory: Any) -> None:
     history_fit.restart(memory)
     memory.told = 0
     memory.known = 0
+    memory.followed = 0
 
 
 @compiled
@@ -96,7 +97,7 @@ def hold(settings: Any, memory: Any) -> None:
     settled = memory.known != 0 and memory.contact_time[0] > settings.probation
     if misfits or settled:
         memory.told = 0
-    fewest = history.samples(settings, memory, FEWEST) if misfits else FEWEST_FIRST
+    fewest = history.samples(settings, memory, FEWEST) if misfits else history_fit.FEWEST_FIRST
     if (not misfits and settled) or memory.history_count < fewest:
         memory.fit_misfit = 0.0
         return

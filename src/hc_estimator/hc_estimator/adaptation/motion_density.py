@@ -53,6 +53,7 @@ SETTLED_READINGS = 100  # in the mean before a member's motion is used
 CHOICE_PERIOD = 8  # samples between two choices
 CORRECTION_RATE = 0.05  # per sample
 SMALLEST_CORRECTION = -4.0  # of the logarithm of the factor
+REFUTED = 4.0  # log likelihood ratio over the memory
 LARGEST_NIS = 4.0  # one spike must not move the factor
 # Two-sided cumulative sum of the normalised innovations: for white ones it passes the limit once in
 # some 1e7 readings.
@@ -128,8 +129,10 @@ FIELDS = (
     ("bank_logs", np.float64, (MEMBERS,)),  # mean logarithm of that variance over the noise's
     ("bank_weighted", np.int64, ()),  # readings in that mean
     ("bank_chosen", np.int64, ()),  # likeliest member
+    ("bank_quickest", np.int64, ()),  # quickest member that the displacement does not refute
     ("bank_density", np.float64, ()),  # jerk density of the likeliest member; 0: not known yet
     ("density_correction", np.float64, ()),  # logarithm of the slow factor
+    ("hidden_density", np.float64, ()),  # least jerk density that the force asks for
 )
 
 
@@ -138,6 +141,7 @@ def initialise(memory: Any) -> None:
     """Nothing is known of the motion."""
     memory.bank_density = 0.0
     memory.density_correction = 0.0
+    memory.hidden_density = 0.0
     restart(memory)
 
 
@@ -218,7 +222,7 @@ def learn(settings: Any, memory: Any) -> None:
             memory.bank_logs[m] += share * (log_variance - memory.bank_logs[m])
             _lean(memory, m, innovation / math.sqrt(noise * variance))
     if count % CHOICE_PERIOD == 0 and memory.bank_weighted >= CHOICE_PERIOD:
-        choose(memory)
+        choose(settings, memory)
 
 
 @compiled
@@ -242,20 +246,37 @@ def _lean(memory: Any, m: int, normalised: float) -> None:
 
 
 @compiled
-def choose(memory: Any) -> None:
-    """Set memory.bank_density from the settled member whose innovations are the likeliest."""
-    noise = memory.sensor_noise[0]
+def _surprise(memory: Any, m: int) -> float:
+    """Twice the negative log likelihood of a member per reading; infinite before it has settled."""
+    if memory.bank_age[m] < SETTLED[m]:
+        return math.inf
+    return memory.bank_squares[m] / memory.sensor_noise[0] + memory.bank_logs[m]  # type: ignore[no-any-return]
+
+
+@compiled
+def choose(settings: Any, memory: Any) -> None:
+    """Find the likeliest member, whose density is memory.bank_density, and the quickest."""
     best = math.inf
     chosen = MEMBERS - 1
     for m in range(MEMBERS):
-        if memory.bank_age[m] < SETTLED[m]:
-            continue
-        surprise = memory.bank_squares[m] / noise + memory.bank_logs[m]
+        surprise = _surprise(memory, m)
         if surprise < best:
             best = surprise
             chosen = m
+    allowed = best + 2.0 * REFUTED / min(float(memory.bank_weighted), settings.motion_memory)
+    quickest = chosen
+    for m in range(chosen, MEMBERS):
+        if _surprise(memory, m) < allowed:
+            quickest = m
+    memory.bank_quickest = quickest
     memory.bank_chosen = chosen
-    memory.bank_density = INDICES[chosen] * noise / memory.bank_step**5
+    memory.bank_density = density_of(memory, chosen)
+
+
+@compiled
+def density_of(memory: Any, member: int) -> float:
+    """Jerk density of a member [mm^2/s^5]."""
+    return INDICES[member] * memory.sensor_noise[0] / memory.bank_step**5  # type: ignore[no-any-return]
 
 
 @compiled
@@ -306,6 +327,7 @@ def scale_process_noise(settings: Any, memory: Any) -> None:
     scale = 1.0
     if settings.motion_adaptation != 0 and memory.bank_density > 0.0:
         density = memory.bank_density * math.exp(memory.density_correction)
+        density = max(density, memory.hidden_density)
         scale = density / settings.jerk_density
     memory.process_noise_scale = scale
     scale_motion_noise(memory, scale)

@@ -21,6 +21,7 @@ import numpy as np
 from hc_estimator.adaptation import (
     contest,
     difference_noise,
+    hidden_motion,
     hindsight,
     history,
     linearisation,
@@ -101,6 +102,7 @@ FIELDS = (
     ("joint_nis", np.float64, ()),
     ("guessed", np.int64, ()),  # 1 once the first contact has set the first guess of K
     *motion_density.FIELDS,
+    *hidden_motion.FIELDS,
     *linearisation.FIELDS,
     *model_error.FIELDS,
     *contest.FIELDS,
@@ -118,6 +120,7 @@ def initialise(settings: Any, memory: Any) -> None:
     memory.guessed = 0
     difference_noise.restart(memory)
     motion_density.initialise(memory)
+    hidden_motion.initialise(memory)
     linearisation.initialise(memory)
     contest.initialise(memory)
     hindsight.restart(memory)
@@ -180,9 +183,9 @@ def learn_readings(settings: Any, memory: Any) -> None:
 @compiled
 def learn_refused(settings: Any, memory: Any) -> None:
     """Take a sample that the outlier gate has refused into the noise, if many disagree."""
-    if settings.noise_adaptation == DIFFERENCES and memory.calibrated != 0:
-        if difference_noise.learn_refused(settings, memory):
-            _follow_noise(memory)
+    known = settings.noise_adaptation == DIFFERENCES and memory.calibrated != 0
+    if known and difference_noise.learn_refused(settings, memory):
+        _follow_noise(memory)
 
 
 @compiled
@@ -219,6 +222,8 @@ def learn_innovation(settings: Any, memory: Any) -> bool:
 @compiled
 def correct_density(settings: Any, memory: Any) -> None:
     """Let the jerk density follow the joint innovations while the contact law fits."""
+    if settings.motion_adaptation != 0 and memory.bank_density > 0.0:
+        hidden_motion.learn(settings, memory)
     if memory.calibrated == 0 or memory.model_error[0] > 0.0 or memory.contact_time[0] < 0.5:
         return
     if memory.predicted_state[0] <= 0.0:
