@@ -146,3 +146,33 @@ def test_motion_in_plain_sight_is_left_to_the_displacement():
         estimator = hc.create_estimator("self_tuning_ukf")
         estimator.run(signals.time_s, signals.displacement_mm, signals.force_n)
         assert estimator._memory[0]["hidden_density"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("scenario", "seconds", "after", "before", "then"),
+    [
+        ("needle_insertion", 12.0, 6.9, 7.6, 0.9),  # a layer breaks: no parameters fit any more
+        ("relaxation", 3.0, 0.5, 2.5, 0.0),  # a fit is told, and does not foresee what follows
+    ],
+)
+def test_a_law_that_does_not_fit_is_told_before_the_tissue_is_known(
+    scenario, seconds, after, before, then
+):
+    signals = Rig(scenario, seed=1).run(seconds)
+    series = hc.create_estimator("self_tuning_ukf").run(
+        signals.time_s, signals.displacement_mm, signals.force_n
+    )
+    told = signals.time_s[np.argmax(series.model_mismatch)]
+    assert series.model_mismatch.any()
+    assert after < told < before
+    assert series.model_mismatch[signals.time_s > before].mean() >= then
+
+
+@pytest.mark.parametrize("scenario", ["step_hold", "indentation", "multisine", "tissue_change"])
+def test_no_misfit_is_told_of_a_law_that_fits(scenario):
+    for seed in range(4):
+        signals = Rig(scenario, seed=seed).run(6.0)
+        series = hc.create_estimator("self_tuning_ukf").run(
+            signals.time_s, signals.displacement_mm, signals.force_n
+        )
+        assert not series.model_mismatch.any()

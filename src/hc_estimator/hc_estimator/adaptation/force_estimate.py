@@ -28,11 +28,16 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.state_space import kinematic
 
+DEVIATIONS = 3.0  # by which a reading is not what was foreseen
+DOUBT_TIME = 1.0  # time constant of their share [s]
+OFTEN_OFF = 0.3  # share from which on the law does not fit
+
 FIELDS = (  # of the last sample
     ("followed", np.int64, ()),  # 1 if its force may be carried on
     ("followed_force", np.float64, ()),  # [N]
     ("followed_variance", np.float64, ()),  # of that [N^2]
     ("followed_point", np.float64, (2,)),  # displacement, velocity
+    ("told_off", np.float64, ()),  # share of the samples that the fit has not foreseen
 )
 SCRATCH = (("given_force", np.float64, ()),)  # of the sample [N]
 
@@ -160,14 +165,33 @@ def find_told(settings: Any, memory: Any, values: Any) -> None:
         memory.point[3 + i] = values[i]
     force = _find_law(settings, memory, memory.point)
     slope, covariance = memory.measurement_jacobian[1], memory.predicted_covariance
-    variance = max(memory.fit_misfit - memory.sensor_noise[1], 0.0) + memory.model_error[0]
+    by_motion = 0.0
     cross = 0.0
     for i in range(2):
         cross += slope[i] * covariance[0, i]
         for j in range(2):
-            variance += slope[i] * covariance[i, j] * slope[j]
+            by_motion += slope[i] * covariance[i, j] * slope[j]
+    by_law = 0.0
     for i in range(4):
         for j in range(4):
             element = slope[3 + i] * memory.told_covariance[i, j] * slope[3 + j]
-            variance += element / memory.told_repeats
+            by_law += element / memory.told_repeats
+    _doubt(memory, force, by_motion + by_law / memory.told_misfit)
+    variance = by_motion + by_law + memory.model_error[0]
+    variance += max(memory.fit_misfit - memory.sensor_noise[1], 0.0)
     _weigh(memory, force, cross, variance)
+
+
+@compiled
+def _doubt(memory: Any, force: float, variance: float) -> None:
+    """Count the share of the samples that the fit has not foreseen, if all it leaves is noise."""
+    limit = DEVIATIONS * DEVIATIONS * (variance + _sensor_noise(memory))
+    off = 1.0 if (memory.measurement[1] - force) ** 2 > limit else 0.0
+    share = min(memory.elapsed / DOUBT_TIME, 1.0)
+    memory.told_off += share * (off - memory.told_off)
+
+
+@compiled
+def is_doubted(memory: Any) -> bool:
+    """True if what is told foresees too few of the samples: the contact law does not fit."""
+    return memory.told_off > OFTEN_OFF  # type: ignore[no-any-return]

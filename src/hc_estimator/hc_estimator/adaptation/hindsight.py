@@ -27,7 +27,13 @@ from hc_estimator.adaptation import force_estimate, history, history_fit, linear
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import has_lagged_velocity
 from hc_estimator.linear_algebra import copy_matrix, copy_vector
-from hc_estimator.report import FORCE_PREDICTED, FORCE_RECONSTRUCTED, INNOVATION, write_row
+from hc_estimator.report import (
+    FORCE_PREDICTED,
+    FORCE_RECONSTRUCTED,
+    INNOVATION,
+    MODEL_MISMATCH,
+    write_row,
+)
 from hc_estimator.screening import ACCEPTED, OUTLIER
 from hc_estimator.specification import ParameterSpecification
 
@@ -69,7 +75,9 @@ FIELDS = (
     ("told", np.int64, ()),  # 1 while the fit is told in place of the filter's parameters
     ("told_parameters", np.float64, (4,)),  # ln K, ln B, n, p
     ("told_covariance", np.float64, (4, 4)),
+    ("told_misfit", np.float64, ()),  # mean square that the fit leaves over the noise, at least 1
     ("told_repeats", np.float64, ()),  # samples over which what the fit leaves stays the same
+    ("unfit", np.int64, ()),  # 1 if no parameters at all explain what was felt before it was known
     ("known", np.int64, ()),  # 1 once the filter has known the tissue
 )
 SCRATCH = (*history_fit.SCRATCH, *force_estimate.SCRATCH, ("told_before", np.float64, (4,)))
@@ -81,8 +89,10 @@ def restart(memory: Any) -> None:
     history.restart(memory)
     history_fit.restart(memory)
     memory.told = 0
+    memory.unfit = 0
     memory.known = 0
     memory.followed = 0
+    memory.told_off = 0.0
 
 
 @compiled
@@ -97,6 +107,7 @@ def hold(settings: Any, memory: Any) -> None:
     settled = memory.known != 0 and memory.contact_time[0] > settings.probation
     if misfits or settled:
         memory.told = 0
+        memory.unfit = 0
     fewest = history.samples(settings, memory, FEWEST) if misfits else history_fit.FEWEST_FIRST
     if (not misfits and settled) or memory.history_count < fewest:
         memory.fit_misfit = 0.0
@@ -136,7 +147,9 @@ def _better_fit(settings: Any, memory: Any) -> bool:
         return False
     least = history_fit.misfit(settings, memory, memory.fit, first)
     explained = LARGEST_MISFIT**2 * history_fit.mean_square_force(memory, first)
-    if not least < max(explained, 0.0 if misfits else SMALL_MISFIT * noise):
+    fits = least < max(explained, 0.0 if misfits else SMALL_MISFIT * noise)
+    memory.unfit = 0 if fits or misfits else 1
+    if not fits:
         return False
     memory.fit_misfit = least
     if memory.known != 0 and not misfits:
@@ -159,7 +172,8 @@ def _tell(settings: Any, memory: Any) -> None:
     # What is left may come from errors of the motion, and those last as long as it does.
     alike = linearisation.coherence_time(settings, memory) / history.spacing(memory)
     memory.told_repeats = max(1.0, alike)
-    noise = memory.told_repeats * max(memory.sensor_noise[1], memory.fit_misfit)
+    memory.told_misfit = max(1.0, memory.fit_misfit / memory.sensor_noise[1])
+    noise = memory.told_repeats * memory.told_misfit * memory.sensor_noise[1]
     if not history_fit.find_covariance(settings, memory, noise):
         return
     if not history_fit.widen_covariance(settings, memory, noise):
@@ -227,6 +241,10 @@ def write(
         row[INNOVATION + 1] = memory.measurement[1] - predicted
         if rejected == ACCEPTED:
             force_estimate.find_told(settings, memory, memory.told_before)
+        if force_estimate.is_doubted(memory):
+            row[MODEL_MISMATCH] = 1.0
+    if memory.unfit != 0:
+        row[MODEL_MISMATCH] = 1.0
     if rejected == ACCEPTED:
         row[FORCE_RECONSTRUCTED] = memory.given_force
 
