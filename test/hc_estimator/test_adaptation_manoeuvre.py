@@ -186,3 +186,27 @@ def test_a_change_of_tissue_just_after_a_corner_is_still_called():
     # At one speed only the damping at that speed can be known.
     np.testing.assert_allclose([stiffness, n], [1.0, 1.6], rtol=0.02)
     assert damping * 1.5**p == pytest.approx(0.15, rel=0.05)
+
+
+def test_after_the_first_press_the_fit_leaves_out_the_turns_and_knows_the_stiffness():
+    # A turn cannot be gone back to before the tissue is known, and its velocities are remembered.
+    errors = []
+    for seed in range(16):
+        draw = np.random.default_rng(seed)
+        truth = (1.0, 0.1, draw.uniform(1.3, 1.9), 1.0)
+        speed = draw.uniform(5.0, 15.0)
+        velocity = np.concatenate(
+            (np.zeros(200), np.full(round(5e3 / speed), speed), np.zeros(400))
+        )
+        depth = 0.3 + np.cumsum(velocity) / RATE_HZ
+        force = depth ** truth[2] * (truth[0] + truth[1] * velocity)
+        series = hc.create_estimator("self_tuning_ukf").run(
+            np.arange(depth.size) / RATE_HZ,
+            depth + NOISE_MM * draw.standard_normal(depth.size),
+            force + NOISE_N * draw.standard_normal(depth.size),
+        )
+        last = series.parameters[-1]
+        errors.append([abs(math.log(last[0] / truth[0])), abs(last[2] - truth[2])])
+    stiffness, exponent = np.median(errors, axis=0)
+    assert stiffness < 0.02  # with the samples of the turns: 0.1
+    assert exponent < 0.01

@@ -423,7 +423,7 @@ def test_covariance_told_counts_the_curved_valley(first_felt):
     # Walk the valley: fix B away from the fit, refit the rest, and see how far that leads.
     fit = memory["fit"].copy()
     count = int(memory["history_count"])
-    d, v, _ = memory["history"][:count].T
+    d, v = memory["history"][:count, :2].T
     force = law(d, v, (*np.exp(fit[:2]), *fit[2:]))
     step = math.sqrt(plain[1, 1])
     away = least_squares(

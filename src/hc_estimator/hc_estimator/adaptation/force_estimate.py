@@ -30,7 +30,7 @@ from hc_estimator.state_space import kinematic
 
 DEVIATIONS = 3.0  # by which a reading is not what was foreseen
 DOUBT_TIME = 1.0  # time constant of their share [s]
-OFTEN_OFF = 0.3  # share from which on the law does not fit
+OFTEN_OFF = 0.5  # share from which on the law does not fit
 
 FIELDS = (  # of the last sample
     ("followed", np.int64, ()),  # 1 if its force may be carried on

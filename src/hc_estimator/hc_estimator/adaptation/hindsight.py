@@ -18,6 +18,7 @@ Three times, by least squares over the remembered samples (`history`, `history_f
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -80,7 +81,12 @@ FIELDS = (
     ("unfit", np.int64, ()),  # 1 if no parameters at all explain what was felt before it was known
     ("known", np.int64, ()),  # 1 once the filter has known the tissue
 )
-SCRATCH = (*history_fit.SCRATCH, *force_estimate.SCRATCH, ("told_before", np.float64, (4,)))
+SCRATCH = (
+    *history_fit.SCRATCH,
+    *force_estimate.SCRATCH,
+    ("told_before", np.float64, (4,)),
+    ("fit_with_turns", np.float64, (4,)),
+)
 
 
 @compiled
@@ -133,6 +139,10 @@ def _better_fit(settings: Any, memory: Any) -> bool:
     misfits = memory.model_error[0] > 0.0
     count = memory.history_count - first
     own = history_fit.misfit(settings, memory, memory.state[3:7], first)
+    explained = LARGEST_MISFIT**2 * history_fit.mean_square_force(memory, first)
+    explained = max(explained, 0.0 if misfits else SMALL_MISFIT * noise)
+    if own < explained:
+        memory.unfit = 0
     # More samples can only add to the least sum of squares: most fits need not be made.
     bound = memory.fit_misfit * min(memory.fit_count, history.POINTS)
     enough = settings.refit_ratio**2 * bound if misfits else bound + CLEARLY * noise
@@ -143,13 +153,9 @@ def _better_fit(settings: Any, memory: Any) -> bool:
         copy_vector(memory.state[3:7], memory.fit)
     memory.fit_count = memory.history_count
     memory.fit_misfit = 0.0
-    if not history_fit.improve(settings, memory, 1.0 / (noise + memory.model_error[0])):
-        return False
-    least = history_fit.misfit(settings, memory, memory.fit, first)
-    explained = LARGEST_MISFIT**2 * history_fit.mean_square_force(memory, first)
-    fits = least < max(explained, 0.0 if misfits else SMALL_MISFIT * noise)
-    memory.unfit = 0 if fits or misfits else 1
-    if not fits:
+    least = _improve_fit(settings, memory, first)
+    memory.unfit = 0 if misfits or least < explained else 1
+    if not least < explained:
         return False
     memory.fit_misfit = least
     if memory.known != 0 and not misfits:
@@ -167,11 +173,47 @@ def _better_fit(settings: Any, memory: Any) -> bool:
 
 
 @compiled
+def _repeats(settings: Any, memory: Any) -> float:
+    """Remembered samples over which what a fit leaves stays the same.
+
+    It may come from errors of the motion, and those last as long as the motion does.
+    """
+    alike = linearisation.coherence_time(settings, memory) / history.spacing(memory)
+    return max(1.0, alike)
+
+
+@compiled
+def _improve_fit(settings: Any, memory: Any, first: int) -> float:
+    """Improve the fit; mean square that it leaves, infinite if it broke down.
+
+    The samples of a turn are left out if the law fits the others far better.
+    """
+    noise = memory.sensor_noise[1] + memory.model_error[0]
+    memory.leave_turns = 0
+    if not history_fit.improve(settings, memory, 1.0 / noise):
+        return math.inf
+    least = history_fit.misfit(settings, memory, memory.fit, first)
+    if memory.model_error[0] > 0.0 or least < SMALL_MISFIT * noise:
+        return least
+    copy_vector(memory.fit, memory.fit_with_turns)
+    memory.leave_turns = 1
+    if history_fit.improve(settings, memory, 1.0 / noise):
+        without = history_fit.misfit(settings, memory, memory.fit, first)
+        if EARLY_RATIO**2 * without < least:
+            if without > FITS * noise:  # what is left must not speak louder than the prior
+                weight = 1.0 / (without * _repeats(settings, memory))
+                if history_fit.improve(settings, memory, weight):
+                    without = history_fit.misfit(settings, memory, memory.fit, first)
+            return without
+    memory.leave_turns = 0
+    copy_vector(memory.fit_with_turns, memory.fit)
+    return least
+
+
+@compiled
 def _tell(settings: Any, memory: Any) -> None:
     """Tell the fit in place of the filter's parameters."""
-    # What is left may come from errors of the motion, and those last as long as it does.
-    alike = linearisation.coherence_time(settings, memory) / history.spacing(memory)
-    memory.told_repeats = max(1.0, alike)
+    memory.told_repeats = _repeats(settings, memory)
     memory.told_misfit = max(1.0, memory.fit_misfit / memory.sensor_noise[1])
     noise = memory.told_repeats * memory.told_misfit * memory.sensor_noise[1]
     if not history_fit.find_covariance(settings, memory, noise):

@@ -32,14 +32,17 @@ SPECIFICATIONS = (
 )
 
 POINTS = 512
+BEFORE, AFTER = 4, 40  # samples around those in which a turn showed, whose velocity is wrong too
 SLOWEST = 3.0  # deviations of the velocity below which the tool is taken to be at rest
 
 FIELDS = (
-    ("history", np.float64, (POINTS, 3)),  # ring: displacement, velocity, force
+    # Ring: displacement, velocity, force, 1 if the tool was turning and the velocity is wrong.
+    ("history", np.float64, (POINTS, 4)),
     ("history_count", np.int64, ()),  # samples remembered since the start or the last change
     ("history_spacing", np.float64, ()),  # of them, in contact [s]; doubles up to the interval
     ("history_time", np.float64, ()),  # in contact since the last of them [s]
     ("history_held", np.float64, ()),  # in contact since the estimate was held against them [s]
+    ("history_turning", np.int64, ()),  # samples for which the tool is still taken to turn
     ("history_before", np.int64, ()),  # history_count when no contest ran
 )
 
@@ -52,11 +55,15 @@ def restart(memory: Any) -> None:
     memory.history_time = 0.0
     memory.history_held = 0.0
     memory.history_before = 0
+    memory.history_turning = 0
 
 
 @compiled
 def learn(settings: Any, memory: Any) -> bool:
     """Remember the accepted sample if it is time to; True if it was remembered."""
+    memory.history_turning = max(memory.history_turning - 1, 0)
+    if memory.bank_turned > 0:
+        _mark_turn(memory)
     if not memory.state[0] > 0.0 or memory.restart != 0:
         return False
     memory.history_time += memory.elapsed
@@ -71,10 +78,21 @@ def learn(settings: Any, memory: Any) -> bool:
     at_rest = velocity * velocity < SLOWEST**2 * memory.covariance[1, 1]
     point[1] = 0.0 if at_rest else velocity
     point[2] = memory.measurement[1]
+    point[3] = 1.0 if memory.history_turning > 0 else 0.0
     memory.history_count += 1
     if memory.history_count == POINTS and memory.history_spacing < settings.history_interval:
         _thin_out(settings, memory)
     return True
+
+
+@compiled
+def _mark_turn(memory: Any) -> None:
+    """Mark the samples since the turn that the displacement has just shown, and the next ones."""
+    memory.history_turning = AFTER
+    points = math.ceil((memory.bank_turned + BEFORE) * memory.elapsed / spacing(memory))
+    first = max(memory.history_count - points, oldest(memory))
+    for k in range(first, memory.history_count):
+        memory.history[k % POINTS, 3] = 1.0
 
 
 @compiled

@@ -29,6 +29,7 @@ SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 FIELDS = (
     ("fit", np.float64, (4,)),  # ln K, ln B, n, p
     ("fit_count", np.int64, ()),  # history_count at the last fit
+    ("leave_turns", np.int64, ()),  # 1 if samples of a turn are left out
     ("fit_misfit", np.float64, ()),  # mean square left by it [N^2]; 0: none that says anything
 )
 SCRATCH = (
@@ -45,7 +46,13 @@ SCRATCH = (
 def restart(memory: Any) -> None:
     """There is no fit."""
     memory.fit_count = 0
+    memory.leave_turns = 0
     memory.fit_misfit = 0.0
+
+
+@compiled
+def _left_out(memory: Any, point: Any) -> bool:
+    return memory.leave_turns != 0 and point[3] != 0.0  # type: ignore[no-any-return]
 
 
 @compiled
@@ -63,22 +70,34 @@ def force(settings: Any, point: Any, values: Any) -> float:
 
 
 @compiled
-def misfit(settings: Any, memory: Any, values: Any, first: int) -> float:
-    """Mean squared residual [N^2] of ln K, ln B, n, p over the samples from the first on."""
-    total = 0.0
+def _squares(settings: Any, memory: Any, values: Any, first: int) -> tuple[float, int]:
+    """Sum of the squared residuals [N^2] from the first sample on, and how many they are."""
+    total, count = 0.0, 0
     for k in range(first, memory.history_count):
         point = memory.history[k % history.POINTS]
-        total += (force(settings, point, values) - point[2]) ** 2
-    return total / (memory.history_count - first)  # type: ignore[no-any-return]
+        if not _left_out(memory, point):
+            total += (force(settings, point, values) - point[2]) ** 2
+            count += 1
+    return total, count
+
+
+@compiled
+def misfit(settings: Any, memory: Any, values: Any, first: int) -> float:
+    """Mean squared residual [N^2] of ln K, ln B, n, p over the samples from the first on."""
+    total, count = _squares(settings, memory, values, first)
+    return total / max(count, 1)
 
 
 @compiled
 def mean_square_force(memory: Any, first: int) -> float:
     """Mean squared force reading [N^2] from the first sample on."""
-    total = 0.0
+    total, count = 0.0, 0
     for k in range(first, memory.history_count):
-        total += memory.history[k % history.POINTS, 2] ** 2
-    return total / (memory.history_count - first)  # type: ignore[no-any-return]
+        point = memory.history[k % history.POINTS]
+        if not _left_out(memory, point):
+            total += point[2] ** 2
+            count += 1
+    return total / max(count, 1)
 
 
 @compiled
@@ -164,6 +183,8 @@ def widen_covariance(settings: Any, memory: Any, noise: float) -> bool:
     clear_matrix(moved)
     for k in range(history.oldest(memory), memory.history_count):
         point = memory.history[k % history.POINTS]
+        if _left_out(memory, point):
+            continue
         centre = force(settings, point, memory.fit)
         _find_gradient(settings, memory, point)
         for j in range(4):
@@ -229,7 +250,7 @@ def _damping_off(settings: Any, values: Any) -> float:
 def _cost(settings: Any, memory: Any, values: Any, weight: float) -> float:
     """Weighted squared residuals and squared distance from the prior."""
     first = history.oldest(memory)
-    total = weight * (memory.history_count - first) * misfit(settings, memory, values, first)
+    total = weight * _squares(settings, memory, values, first)[0]
     prior = memory.prior_variance
     if prior[0] > 0.0:
         total += _stiffness_off(settings, values) ** 2 / prior[0]
@@ -239,7 +260,7 @@ def _cost(settings: Any, memory: Any, values: Any, weight: float) -> float:
         total += (values[2] - settings.initial_displacement_exponent) ** 2 / prior[2]
     if prior[3] > 0.0:
         total += (values[3] - settings.initial_velocity_exponent) ** 2 / prior[3]
-    return total  # type: ignore[no-any-return]
+    return total
 
 
 @compiled
@@ -253,6 +274,8 @@ def _linearise(settings: Any, memory: Any, weight: float) -> None:
             information[i, j] = 0.0
     for k in range(history.oldest(memory), memory.history_count):
         point = memory.history[k % history.POINTS]
+        if _left_out(memory, point):
+            continue
         residual = point[2] - force(settings, point, values)
         _find_gradient(settings, memory, point)
         for i in range(4):

@@ -130,6 +130,8 @@ FIELDS = (
     ("bank_weighted", np.int64, ()),  # readings in that mean
     ("bank_chosen", np.int64, ()),  # likeliest member
     ("bank_quickest", np.int64, ()),  # quickest member that the displacement does not refute
+    ("bank_lean_since", np.int64, (MEMBERS, 2)),  # readings since such a sum was zero
+    ("bank_turned", np.int64, ()),  # readings since a turn that the likeliest member has just shown
     ("bank_density", np.float64, ()),  # jerk density of the likeliest member; 0: not known yet
     ("density_correction", np.float64, ()),  # logarithm of the slow factor
     ("hidden_density", np.float64, ()),  # least jerk density that the force asks for
@@ -166,6 +168,7 @@ def _start(memory: Any, displacement: float) -> None:
         memory.bank_states[m, 2] = bend
         memory.bank_age[m] = FIRST_READINGS
         memory.bank_lean[m, :] = 0.0
+        memory.bank_lean_since[m, :] = 0
         memory.bank_squares[m] = 0.0
         memory.bank_logs[m] = 0.0
 
@@ -173,6 +176,7 @@ def _start(memory: Any, displacement: float) -> None:
 @compiled
 def learn(settings: Any, memory: Any) -> None:
     """Take the accepted displacement into the bank and choose the likeliest member."""
+    memory.bank_turned = 0
     if memory.restart != 0:
         restart(memory)
     if memory.difference_jumped[0] != 0:
@@ -232,12 +236,18 @@ def _lean(memory: Any, m: int, normalised: float) -> None:
     term = min(max(normalised, -LARGEST_LEAN), LARGEST_LEAN)
     lean[0] = max(lean[0] + term - LEAN_DRIFT, 0.0)
     lean[1] = max(lean[1] - term - LEAN_DRIFT, 0.0)
+    since = memory.bank_lean_since[m]
+    for i in range(2):
+        since[i] = since[i] + 1 if lean[i] > 0.0 else 0
     if max(lean[0], lean[1]) < LEAN_LIMIT or m == MEMBERS - 1:
         return
+    turned = since[0] if lean[0] > lean[1] else since[1]
     lean[0] = 0.0
     lean[1] = 0.0
     if memory.model_error[0] > 0.0:  # what the law misses must not be taken for a calm motion
         return
+    if m == memory.bank_chosen:
+        memory.bank_turned = turned
     for i in range(3):
         memory.bank_states[m, i] = memory.bank_states[m + 1, i]
     memory.bank_squares[m] = memory.bank_squares[m + 1]
