@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_estimator.adaptation import force_estimate
 from hc_evaluation.metrics import nees
 from hc_sim_rig import Rig
 
@@ -15,44 +16,56 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def test_with_a_linear_law_and_known_parameters_the_force_is_that_of_the_kalman_filter():
-    # F = K d + B v of the updated state is the mean of the force given all readings.
-    stiffness, damping = 0.8, 0.05
-    held = {
-        f"initial_{name}_std": 0.0
-        for name in (
-            "stiffness_log",
-            "damping_log",
-            "displacement_exponent",
-            "velocity_exponent",
-        )
-    }
-    walks = {
-        f"{name}_walk": 0.0
-        for name in ("stiffness_log", "damping_log", "displacement_exponent", "velocity_exponent")
-    }
-    estimator = hc.create_estimator(
-        "self_tuning_ukf",
-        contact_model="kelvin_voigt",
-        initial_stiffness=stiffness,
-        initial_damping=damping,
-        **held,
-        **walks,
-    )
+def test_with_a_linear_law_the_force_is_that_of_the_kalman_filter():
+    # F = K d + B v, a filter that counts the force as noisier than it is, and a misfit.
+    stiffness, damping, misfit = 0.8, 0.05, 0.02**2
+    estimator = hc.create_estimator("self_tuning_ukf", contact_model="kelvin_voigt")
+    settings, memory = estimator._settings[0], estimator._memory[0]
+    memory["calibrated"] = 1
+    memory["known"] = 1
+    memory["turn_since"] = 1e9
+    memory["elapsed"] = 1.0 / RATE_HZ
     draw = np.random.default_rng(1)
-    time = np.arange(3000) / RATE_HZ
-    depth = 4.0 + 2.0 * np.sin(2.0 * np.pi * 0.4 * time)
-    velocity = 2.0 * 0.8 * np.pi * np.cos(2.0 * np.pi * 0.4 * time)
-    series = estimator.run(
-        time,
-        depth + NOISE_MM * draw.standard_normal(time.size),
-        stiffness * depth + damping * velocity + NOISE_N * draw.standard_normal(time.size),
+    for _ in range(50):
+        root = draw.standard_normal((7, 7)) * [[0.01], [0.3], [5.0], [0.2], [0.3], [0.0], [0.0]]
+        covariance = root @ root.T
+        state = np.array([2.0, draw.normal(), 0.0, np.log(stiffness), np.log(damping), 1.0, 1.0])
+        noise = np.array([NOISE_MM, NOISE_N]) ** 2
+        law = stiffness * state[0] + damping * state[1]
+        slopes = np.zeros((2, 7))
+        slopes[0, 0] = 1.0
+        slopes[1] = [stiffness, damping, 0.0, stiffness * state[0], damping * state[1], 0.0, 0.0]
+        spread = slopes @ covariance @ slopes.T
+        innovation = draw.multivariate_normal(np.zeros(2), spread + np.diag(noise))
+        memory["predicted_state"], memory["predicted_covariance"] = state, covariance
+        memory["sensor_noise"], memory["model_error"] = noise, [misfit, 0.0]
+        memory["measurement_noise"] = noise * [1.0, 40.0]
+        memory["innovation_covariance"] = spread + np.diag(memory["measurement_noise"])
+        memory["innovation"] = innovation
+        memory["measurement"] = innovation + np.array([state[0], law])
+        force_estimate.find(settings, memory)
+        # The misfit is one more state, that the force contains and the displacement does not.
+        larger = np.zeros((8, 8))
+        larger[:7, :7] = covariance
+        larger[7, 7] = misfit
+        by_state = np.column_stack((slopes, [0.0, 1.0]))
+        gain = by_state @ larger @ by_state.T
+        gain = gain @ np.linalg.inv(gain + np.diag(noise))
+        expected = law + (gain @ innovation)[1]
+        assert memory["given_force"] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_reading_used_as_it_stands_gives_the_law_at_the_updated_state():
+    signals = Rig("multisine", 1).run(4.0)
+    series = hc.create_estimator("self_tuning_ukf").run(
+        signals.time_s, signals.displacement_mm, signals.force_n
     )
-    by_state = stiffness * series.displacement + damping * series.velocity
-    used = slice(100, None)
-    np.testing.assert_allclose(
-        series.force_reconstructed[used], by_state[used], rtol=0.0, atol=1e-9
-    )
+    stiffness, damping, n, p = series.parameters.T
+    depth = np.maximum(series.displacement, 1e-9)
+    dashpot = np.sign(series.velocity) * np.abs(series.velocity) ** p
+    law = np.where(series.displacement > 0.0, depth**n * (stiffness + damping * dashpot), 0.0)
+    late = slice(-1000, None)
+    np.testing.assert_allclose(series.force_reconstructed[late], law[late], atol=1e-9)
 
 
 @pytest.mark.parametrize(

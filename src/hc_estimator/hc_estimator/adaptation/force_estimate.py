@@ -28,6 +28,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.state_space import kinematic
 
+AS_IT_STANDS = 1.1  # force noise over the sensor's, up to which the reading is used as it stands
 DEVIATIONS = 3.0  # by which a reading is not what was foreseen
 DOUBT_TIME = 1.0  # time constant of their share [s]
 OFTEN_OFF = 0.5  # share from which on the law does not fit
@@ -86,6 +87,12 @@ def _find_law(settings: Any, memory: Any, state: Any) -> float:
 @compiled
 def find(settings: Any, memory: Any) -> None:
     """The force by the filter's own parameters; from the innovation of the sample."""
+    early = memory.known == 0 and memory.history_count < history_fit.FEWEST_FIRST
+    as_it_stands = memory.measurement_noise[1] < AS_IT_STANDS * memory.sensor_noise[1]
+    if as_it_stands and not early and not manoeuvre.is_turning(memory):
+        kinematic.measure(settings.contact_model, memory.updated_state, memory.outputs[0])
+        memory.given_force = memory.outputs[0, 1]
+        return
     force = _find_law(settings, memory, memory.predicted_state)
     slope, covariance = memory.measurement_jacobian[1], memory.predicted_covariance
     variance = manoeuvre.product_variance(settings, memory, 1.0) + memory.model_error[0]
@@ -95,7 +102,6 @@ def find(settings: Any, memory: Any) -> None:
         for j in range(7):
             variance += slope[i] * covariance[i, j] * slope[j]
     # Before there are samples enough for a fit, the law's force is that of a first guess.
-    early = memory.known == 0 and memory.history_count < history_fit.FEWEST_FIRST
     if not (early and memory.followed != 0 and _follow(settings, memory, force, variance)):
         _weigh(memory, force, cross, variance)
         memory.followed_variance = min(variance, _sensor_noise(memory))

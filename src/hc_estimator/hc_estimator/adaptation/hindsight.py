@@ -193,7 +193,7 @@ def _improve_fit(settings: Any, memory: Any, first: int) -> float:
     if not history_fit.improve(settings, memory, 1.0 / noise):
         return math.inf
     least = history_fit.misfit(settings, memory, memory.fit, first)
-    if memory.model_error[0] > 0.0 or least < SMALL_MISFIT * noise:
+    if memory.history_turns == 0 or memory.model_error[0] > 0.0 or least < SMALL_MISFIT * noise:
         return least
     copy_vector(memory.fit, memory.fit_with_turns)
     memory.leave_turns = 1

@@ -43,6 +43,7 @@ FIELDS = (
     ("history_time", np.float64, ()),  # in contact since the last of them [s]
     ("history_held", np.float64, ()),  # in contact since the estimate was held against them [s]
     ("history_turning", np.int64, ()),  # samples for which the tool is still taken to turn
+    ("history_turns", np.int64, ()),  # turns so far
     ("history_before", np.int64, ()),  # history_count when no contest ran
 )
 
@@ -56,6 +57,7 @@ def restart(memory: Any) -> None:
     memory.history_held = 0.0
     memory.history_before = 0
     memory.history_turning = 0
+    memory.history_turns = 0
 
 
 @compiled
@@ -89,6 +91,7 @@ def learn(settings: Any, memory: Any) -> bool:
 def _mark_turn(memory: Any) -> None:
     """Mark the samples since the turn that the displacement has just shown, and the next ones."""
     memory.history_turning = AFTER
+    memory.history_turns += 1
     points = math.ceil((memory.bank_turned + BEFORE) * memory.elapsed / spacing(memory))
     first = max(memory.history_count - points, oldest(memory))
     for k in range(first, memory.history_count):

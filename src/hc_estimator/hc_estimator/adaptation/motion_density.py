@@ -130,7 +130,7 @@ FIELDS = (
     ("bank_weighted", np.int64, ()),  # readings in that mean
     ("bank_chosen", np.int64, ()),  # likeliest member
     ("bank_quickest", np.int64, ()),  # quickest member that the displacement does not refute
-    ("bank_lean_since", np.int64, (MEMBERS, 2)),  # readings since such a sum was zero
+    ("bank_lean_since", np.int64, (2,)),  # readings since those of the likeliest were zero
     ("bank_turned", np.int64, ()),  # readings since a turn that the likeliest member has just shown
     ("bank_density", np.float64, ()),  # jerk density of the likeliest member; 0: not known yet
     ("density_correction", np.float64, ()),  # logarithm of the slow factor
@@ -156,6 +156,7 @@ def restart(memory: Any) -> None:
 @compiled
 def _start(memory: Any, displacement: float) -> None:
     """Start all members on the parabola through the first three readings."""
+    memory.bank_lean_since[:] = 0
     first = memory.bank_first
     first[memory.bank_count - 1] = displacement
     memory.bank_weighted = 0
@@ -168,7 +169,6 @@ def _start(memory: Any, displacement: float) -> None:
         memory.bank_states[m, 2] = bend
         memory.bank_age[m] = FIRST_READINGS
         memory.bank_lean[m, :] = 0.0
-        memory.bank_lean_since[m, :] = 0
         memory.bank_squares[m] = 0.0
         memory.bank_logs[m] = 0.0
 
@@ -236,18 +236,20 @@ def _lean(memory: Any, m: int, normalised: float) -> None:
     term = min(max(normalised, -LARGEST_LEAN), LARGEST_LEAN)
     lean[0] = max(lean[0] + term - LEAN_DRIFT, 0.0)
     lean[1] = max(lean[1] - term - LEAN_DRIFT, 0.0)
-    since = memory.bank_lean_since[m]
-    for i in range(2):
-        since[i] = since[i] + 1 if lean[i] > 0.0 else 0
+    since = memory.bank_lean_since
+    if m == memory.bank_chosen:
+        for i in range(2):
+            since[i] = since[i] + 1 if lean[i] > 0.0 else 0
     if max(lean[0], lean[1]) < LEAN_LIMIT or m == MEMBERS - 1:
         return
-    turned = since[0] if lean[0] > lean[1] else since[1]
+    side = 0 if lean[0] > lean[1] else 1
     lean[0] = 0.0
     lean[1] = 0.0
     if memory.model_error[0] > 0.0:  # what the law misses must not be taken for a calm motion
         return
     if m == memory.bank_chosen:
-        memory.bank_turned = turned
+        memory.bank_turned = since[side]
+        since[:] = 0
     for i in range(3):
         memory.bank_states[m, i] = memory.bank_states[m + 1, i]
     memory.bank_squares[m] = memory.bank_squares[m + 1]
@@ -279,6 +281,8 @@ def choose(settings: Any, memory: Any) -> None:
         if _surprise(memory, m) < allowed:
             quickest = m
     memory.bank_quickest = quickest
+    if chosen != memory.bank_chosen:
+        memory.bank_lean_since[:] = 0
     memory.bank_chosen = chosen
     memory.bank_density = density_of(memory, chosen)
 
