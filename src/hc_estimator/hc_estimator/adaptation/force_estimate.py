@@ -23,11 +23,12 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation import history_fit, manoeuvre
+from hc_estimator.adaptation import manoeuvre
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.state_space import kinematic
 
+EARLY = 64  # remembered samples up to which the law's own force is that of a first guess
 AS_IT_STANDS = 1.1  # force noise over the sensor's, up to which the reading is used as it stands
 DEVIATIONS = 3.0  # by which a reading is not what was foreseen
 DOUBT_TIME = 1.0  # time constant of their share [s]
@@ -87,7 +88,7 @@ def _find_law(settings: Any, memory: Any, state: Any) -> float:
 @compiled
 def find(settings: Any, memory: Any) -> None:
     """The force by the filter's own parameters; from the innovation of the sample."""
-    early = memory.known == 0 and memory.history_count < history_fit.FEWEST_FIRST
+    early = memory.known == 0 and memory.history_count < EARLY
     as_it_stands = memory.measurement_noise[1] < AS_IT_STANDS * memory.sensor_noise[1]
     if as_it_stands and not early and not manoeuvre.is_turning(memory):
         kinematic.measure(settings.contact_model, memory.updated_state, memory.outputs[0])
@@ -101,7 +102,6 @@ def find(settings: Any, memory: Any) -> None:
         cross += slope[i] * covariance[0, i]
         for j in range(7):
             variance += slope[i] * covariance[i, j] * slope[j]
-    # Before there are samples enough for a fit, the law's force is that of a first guess.
     if not (early and memory.followed != 0 and _follow(settings, memory, force, variance)):
         _weigh(memory, force, cross, variance)
         memory.followed_variance = min(variance, _sensor_noise(memory))

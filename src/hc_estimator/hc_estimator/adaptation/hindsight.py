@@ -51,6 +51,7 @@ SPECIFICATIONS = (
     ),
 )
 
+FEWEST_FIRST = 10  # remembered samples that make a fit at the start
 FEWEST = 32  # intervals that make a fit under a model error
 LATEST = 8  # intervals that would show another tissue first
 FEWEST_SINCE = 6  # intervals since an alarm that say whether it is the same tissue
@@ -114,7 +115,7 @@ def hold(settings: Any, memory: Any) -> None:
     if misfits or settled:
         memory.told = 0
         memory.unfit = 0
-    fewest = history.samples(settings, memory, FEWEST) if misfits else history_fit.FEWEST_FIRST
+    fewest = history.samples(settings, memory, FEWEST) if misfits else FEWEST_FIRST
     if (not misfits and settled) or memory.history_count < fewest:
         memory.fit_misfit = 0.0
         return

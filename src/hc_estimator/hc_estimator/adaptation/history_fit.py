@@ -20,7 +20,6 @@ from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix, copy_vector
 from hc_estimator.state_space.kinematic import exponential
 
-FEWEST_FIRST = 10  # remembered samples that make a fit at the start
 STEPS = 12  # Levenberg-Marquardt steps at most
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
