@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import has_lagged_velocity
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.linear_algebra import cholesky, copy_matrix, copy_vector
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER
@@ -195,8 +195,7 @@ def find_gain(settings: Any, memory: Any) -> None:
 @compiled
 def hold_parameters(settings: Any, memory: Any) -> None:
     """Take the parameters out of memory.gain: this update leaves them as they are."""
-    # Where the last state is a lagged velocity it belongs to the motion.
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    last = end_of_parameters(settings.contact_model)
     for i in range(3, last):
         memory.gain[i, 0] = 0.0
         memory.gain[i, 1] = 0.0

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import has_lagged_velocity
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 from hc_estimator.state_space import registry as state_space
 
@@ -26,7 +26,7 @@ def forget_parameters(settings: Any, memory: Any) -> None:
     """Set mean and covariance of the parameters to the first guess; the motion stays."""
     state_space.prior(settings, memory.updated_state, memory.updated_covariance)
     # Where the last state is a lagged velocity it belongs to the motion.
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    last = end_of_parameters(settings.contact_model)
     for i in range(3, last):
         memory.state[i] = memory.updated_state[i]
         for j in range(7):

@@ -18,7 +18,7 @@ import numpy as np
 
 from hc_estimator.adaptation import model_error, motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import has_lagged_velocity
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -176,7 +176,7 @@ def begin(settings: Any, memory: Any) -> None:
     motion_density.set_motion(memory, memory.rival_state, memory.rival_covariance)
     model_error.restart(memory, 1)
     # Where the last state is a lagged velocity it belongs to the motion.
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    last = end_of_parameters(settings.contact_model)
     covariance = memory.rival_covariance
     for i in range(3, last):
         for j in range(7):

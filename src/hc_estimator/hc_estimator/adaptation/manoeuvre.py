@@ -33,7 +33,7 @@ import numpy as np
 
 from hc_estimator.adaptation import contest, linearisation, model_error, motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import HUNT_CROSSLEY, has_lagged_velocity
+from hc_estimator.contact.registry import HUNT_CROSSLEY, end_of_parameters
 from hc_estimator.correction import hold_parameters
 from hc_estimator.linear_algebra import copy_matrix, copy_vector
 from hc_estimator.specification import ParameterSpecification
@@ -291,8 +291,7 @@ def restrain(settings: Any, memory: Any) -> None:
     gain, factor = memory.gain, memory.factor
     variance = factor[1, 0] * factor[1, 0] + factor[1, 1] * factor[1, 1]
     if memory.predicted_state[1] ** 2 < variance:
-        # Where the last state is a lagged velocity it belongs to the motion.
-        last = 6 if has_lagged_velocity(settings.contact_model) else 7
+        last = end_of_parameters(settings.contact_model)
         for i in range(4, last, 2):
             gain[i, 0] = 0.0
             gain[i, 1] = 0.0

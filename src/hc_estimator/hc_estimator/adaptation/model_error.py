@@ -23,7 +23,7 @@ import numpy as np
 
 from hc_estimator.adaptation import difference_noise
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import has_lagged_velocity
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -88,7 +88,7 @@ def restart(memory: Any, hypothesis: int) -> None:
 @compiled
 def scale_parameters(settings: Any, memory: Any, factor: float) -> None:
     """Multiply the covariance of the parameters by a factor, no variance beyond its prior."""
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    last = end_of_parameters(settings.contact_model)
     covariance = memory.covariance
     for i in range(3, last):
         variance, prior = covariance[i, i], memory.prior_variance[i - 3]

@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_estimator.adaptation import change_detection, difference_noise, tempering, variational_bayes
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import has_lagged_velocity
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.specification import ParameterSpecification
 
 FIXED = 0  # position in the choices of noise_adaptation
@@ -125,7 +125,7 @@ def learn_noise(settings: Any, memory: Any) -> None:
 def forget_parameters(settings: Any, memory: Any) -> None:
     """Set the covariance of the parameters back to the prior, without ties to the motion."""
     # Where the last state is a lagged velocity it belongs to the motion.
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    last = end_of_parameters(settings.contact_model)
     for i in range(3, last):
         for j in range(7):
             memory.covariance[i, j] = 0.0

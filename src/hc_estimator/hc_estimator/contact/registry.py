@@ -60,6 +60,12 @@ def has_lagged_velocity(model: int) -> bool:
 
 
 @compiled
+def end_of_parameters(model: int) -> int:
+    """Index after the last parameter in the state; a lagged velocity belongs to the motion."""
+    return 6 if has_lagged_velocity(model) else 7
+
+
+@compiled
 def fixed_value(model: int, parameter: int) -> float:
     """What is reported for a parameter (0 to 3: K, B, n, p) that the model lacks; NaN if it has it.
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import has_lagged_velocity
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import (
     cholesky,
@@ -313,7 +313,7 @@ def summarise(memory: Any, particles: NDArray[np.float64]) -> None:
 def _roughen(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Jitter the parameters by a share of their range, which shrinks with more particles."""
     share = settings.roughening * float(particles.shape[0]) ** (-0.25)  # four parameters
-    last = 6 if has_lagged_velocity(settings.contact_model) else 7
+    last = end_of_parameters(settings.contact_model)
     for i in range(3, last):
         smallest = largest = particles[0, i]
         for k in range(1, particles.shape[0]):
