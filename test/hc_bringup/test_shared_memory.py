@@ -5,7 +5,11 @@ import os
 import time
 from pathlib import Path
 
-from hc_bringup.shared_memory import remove_orphans
+from hc_bringup import shared_memory
+
+
+def remove_orphans(folder: Path, domain_id: int, since: float = 0.0) -> int:
+    return shared_memory.remove_orphans(folder, domain_id=domain_id, since=since, starting_s=0.0)
 
 
 def make(folder: Path, name: str) -> None:
@@ -71,3 +75,16 @@ def test_ports_of_the_own_domain_go_whatever_their_age(tmp_path: Path) -> None:
     make(tmp_path, f"fastrtps_port{7400 + 250 * 3 + 11}")
     assert remove_orphans(tmp_path, domain_id=3, since=time.time() + 60.0) == 1
     assert names(tmp_path) == set()
+
+
+def test_what_a_participant_has_just_made_and_not_locked_yet_stays(tmp_path: Path) -> None:
+    own = f"fastrtps_port{7400 + 250 * 3 + 11}"
+    for name in ("fastrtps_0123", own):
+        make(tmp_path, name)
+    assert shared_memory.remove_orphans(tmp_path, domain_id=3) == 0
+    old = time.time() - 2.0
+    for path in tmp_path.iterdir():
+        os.utime(path, (old, old))
+    os.utime(tmp_path / f"{own}_el")  # the lock of a port that is being taken over
+    assert shared_memory.remove_orphans(tmp_path, domain_id=3) == 1
+    assert own in names(tmp_path)

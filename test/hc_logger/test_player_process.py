@@ -207,7 +207,7 @@ def test_clock_loop_and_new_names(start_node: Start, graph: Any, make_bag: MakeB
         rate=2.0,
         loop=True,
     )
-    assert graph.spin_until(lambda: len(got) >= 2500, timeout=60.0), (len(got), node.error)
+    assert graph.spin_until(lambda: len(got) >= 2500, timeout=60.0), (len(got), len(times))
     assert got[:2500] == [*range(1000), *range(1000), *range(500)]
     start = 1_700_000_000.123456789
     assert all(start - 1e-3 <= t <= start + 1.0 for t in times)

@@ -5,6 +5,10 @@ Fast DDS keeps each segment and port as a file in /dev/shm, beside lock files th
 that is how an orphan is told from one in use, as `fastdds shm clean` does it too. A port that
 only writers opened, because its listener had ended already, has no lock file at all; such ports
 are removed in the run's own ROS domain, where nobody else is meant to be.
+
+A participant that is just starting has made its files and not locked them yet. Deleting those, or
+holding such a lock to see whether it is free, leaves two processes that have found each other and
+never hear a word: what is younger than a second is left alone.
 """
 
 from __future__ import annotations
@@ -12,6 +16,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import time
 from pathlib import Path
 
 FOLDER = Path("/dev/shm")
@@ -20,9 +25,12 @@ _NAME = re.compile(r"(fastrtps_(?:port(\d+)|[0-9a-f]+))(_el|_sl)?")
 # RTPS 2.2, section 9.6.1.1: ports of domain d begin at 7400 + 250 d.
 _PORT_BASE = 7400
 _PORTS_PER_DOMAIN = 250
+STARTING_S = 1.0  # from its first file to its last lock a participant takes some milliseconds
 
 
-def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0) -> int:
+def remove_orphans(
+    folder: Path = FOLDER, *, domain_id: int, since: float = 0.0, starting_s: float = STARTING_S
+) -> int:
     """Delete segments and ports that no living process holds.
 
     Args:
@@ -30,6 +38,7 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
         domain_id: ROS domain whose ports are removed whatever their age, and without a lock.
         since: leave alone what was last changed before this time (seconds since 1970), but for the
             ports of the own domain.
+        starting_s: leave alone what is younger than this [s].
 
     Returns:
         How many were removed.
@@ -41,8 +50,11 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
             port = match[2]
             names[match[1]] = port is not None and _in_domain(int(port), domain_id)
     removed = 0
+    latest = time.time() - starting_s
     for name, own_port in sorted(names.items()):
         locks = [folder / f"{name}{s}" for s in _LOCK_SUFFIXES if (folder / f"{name}{s}").exists()]
+        if any(_made_after(path, latest) for path in (folder / name, *locks)):
+            continue
         earliest = 0.0 if own_port else since
         orphan = all(_is_free(lock, earliest) for lock in locks) if locks else own_port
         if orphan:
@@ -55,6 +67,13 @@ def remove_orphans(folder: Path = FOLDER, *, domain_id: int, since: float = 0.0)
 def _in_domain(port: int, domain_id: int) -> bool:
     first = _PORT_BASE + _PORTS_PER_DOMAIN * domain_id
     return first <= port < first + _PORTS_PER_DOMAIN
+
+
+def _made_after(path: Path, moment: float) -> bool:
+    try:
+        return path.stat().st_mtime > moment
+    except OSError:  # gone meanwhile
+        return False
 
 
 def _is_free(lock: Path, since: float) -> bool:

@@ -108,7 +108,7 @@ class Estimate(_Rows):
 
     @property
     def force_reconstructed(self) -> float:
-        """Force [N] of the contact law with the updated state."""
+        """Force [N] after the update: of the contact law, or the mean given law and sensor."""
         return self._values[FORCE_RECONSTRUCTED]
 
     @property
