@@ -179,7 +179,7 @@ class EstimateSeries(_Rows):
 
     @property
     def force_reconstructed(self) -> NDArray[np.float64]:
-        """Force [N] of the contact law with the updated state, shape (samples,)."""
+        """Force [N] after the update, as in `Estimate`, shape (samples,)."""
         return self._rows[:, FORCE_RECONSTRUCTED]
 
     @property
