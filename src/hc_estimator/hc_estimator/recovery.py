@@ -25,7 +25,6 @@ FIELDS = (("failures", np.int64, ()),)
 def forget_parameters(settings: Any, memory: Any) -> None:
     """Set mean and covariance of the parameters to the first guess; the motion stays."""
     state_space.prior(settings, memory.updated_state, memory.updated_covariance)
-    # Where the last state is a lagged velocity it belongs to the motion.
     last = end_of_parameters(settings.contact_model)
     for i in range(3, last):
         memory.state[i] = memory.updated_state[i]

@@ -175,7 +175,6 @@ def begin(settings: Any, memory: Any) -> None:
     # What the veteran made of the motion since the change is as wrong as its contact law.
     motion_density.set_motion(memory, memory.rival_state, memory.rival_covariance)
     model_error.restart(memory, 1)
-    # Where the last state is a lagged velocity it belongs to the motion.
     last = end_of_parameters(settings.contact_model)
     covariance = memory.rival_covariance
     for i in range(3, last):

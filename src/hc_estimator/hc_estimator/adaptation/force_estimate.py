@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation import manoeuvre
+from hc_estimator.adaptation import difference_noise, manoeuvre
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
-from hc_estimator.state_space import kinematic
+from hc_estimator.state_space import registry as state_space
 
 EARLY = 64  # remembered samples up to which the law's own force is that of a first guess
 AS_IT_STANDS = 1.1  # force noise over the sensor's, up to which the reading is used as it stands
@@ -47,9 +47,8 @@ SCRATCH = (("given_force", np.float64, ()),)  # of the sample [N]
 @compiled
 def _sensor_noise(memory: Any) -> float:
     """Variance of one force reading [N^2], as far as it is known."""
-    count = memory.difference_count[1]
-    if memory.calibrated == 0 and count > 0:
-        return memory.difference_mean[1] * (1.0 + 3.0 / count)  # type: ignore[no-any-return]
+    if memory.calibrated == 0 and memory.difference_count[1] > 0:
+        return difference_noise.cautious(memory, 1)
     return memory.sensor_noise[1]  # type: ignore[no-any-return]
 
 
@@ -76,13 +75,10 @@ def _weigh(memory: Any, force: float, cross: float, variance: float) -> None:
 
 
 @compiled
-def _find_law(settings: Any, memory: Any, state: Any) -> float:
-    """Force of the law at a state, its derivative in memory.measurement_jacobian[1]."""
-    kinematic.measure(settings.contact_model, state, memory.outputs[0])
-    kinematic.measurement_jacobian(
-        settings.contact_model, state, memory.gradient, memory.measurement_jacobian
-    )
-    return memory.outputs[0, 1]  # type: ignore[no-any-return]
+def restart(memory: Any) -> None:
+    """Nothing was felt of this tissue yet."""
+    memory.followed = 0
+    memory.told_off = 0.0
 
 
 @compiled
@@ -91,10 +87,11 @@ def find(settings: Any, memory: Any) -> None:
     early = memory.known == 0 and memory.history_count < EARLY
     as_it_stands = memory.measurement_noise[1] < AS_IT_STANDS * memory.sensor_noise[1]
     if as_it_stands and not early and not manoeuvre.is_turning(memory):
-        kinematic.measure(settings.contact_model, memory.updated_state, memory.outputs[0])
-        memory.given_force = memory.outputs[0, 1]
+        memory.given_force = state_space.force_of_state(settings, memory.updated_state)
         return
-    force = _find_law(settings, memory, memory.predicted_state)
+    state, jacobian = memory.predicted_state, memory.measurement_jacobian
+    force = state_space.force_of_state(settings, state)
+    state_space.measurement_jacobian(settings, state, memory.gradient, jacobian)
     slope, covariance = memory.measurement_jacobian[1], memory.predicted_covariance
     variance = manoeuvre.product_variance(settings, memory, 1.0) + memory.model_error[0]
     cross = 0.0
@@ -129,8 +126,7 @@ def _follow(settings: Any, memory: Any, force: float, variance: float) -> bool:
     copy_vector(memory.predicted_state, memory.point)
     memory.point[0] = memory.followed_point[0]
     memory.point[1] = memory.followed_point[1]
-    kinematic.measure(settings.contact_model, memory.point, memory.outputs[0])
-    before = memory.outputs[0, 1]
+    before = state_space.force_of_state(settings, memory.point)
     if not 0.5 * before < force < 2.0 * before:
         return False
     ratio = force / before
@@ -158,18 +154,20 @@ def trust_sensor(memory: Any) -> None:
 
 
 @compiled
-def find_told(settings: Any, memory: Any, values: Any) -> None:
+def find_told(settings: Any, memory: Any, values: Any, force: float) -> None:
     """The force by the fit in `hindsight`, where that is what is told.
 
     Args:
         settings: settings record.
         memory: memory record after the sample.
         values: ln K, ln B, n, p that were told before it.
+        force: predicted with them [N].
     """
     copy_vector(memory.predicted_state, memory.point)
     for i in range(4):
         memory.point[3 + i] = values[i]
-    force = _find_law(settings, memory, memory.point)
+    jacobian = memory.measurement_jacobian
+    state_space.measurement_jacobian(settings, memory.point, memory.gradient, jacobian)
     slope, covariance = memory.measurement_jacobian[1], memory.predicted_covariance
     by_motion = 0.0
     cross = 0.0

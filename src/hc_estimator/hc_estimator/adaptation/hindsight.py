@@ -95,11 +95,10 @@ def restart(memory: Any) -> None:
     """Nothing was felt of this tissue yet."""
     history.restart(memory)
     history_fit.restart(memory)
+    force_estimate.restart(memory)
     memory.told = 0
     memory.unfit = 0
     memory.known = 0
-    memory.followed = 0
-    memory.told_off = 0.0
 
 
 @compiled
@@ -283,7 +282,7 @@ def write(
         row[FORCE_PREDICTED] = predicted
         row[INNOVATION + 1] = memory.measurement[1] - predicted
         if rejected == ACCEPTED:
-            force_estimate.find_told(settings, memory, memory.told_before)
+            force_estimate.find_told(settings, memory, memory.told_before, predicted)
         if force_estimate.is_doubted(memory):
             row[MODEL_MISMATCH] = 1.0
     if memory.unfit != 0:

@@ -124,7 +124,6 @@ def learn_noise(settings: Any, memory: Any) -> None:
 @compiled
 def forget_parameters(settings: Any, memory: Any) -> None:
     """Set the covariance of the parameters back to the prior, without ties to the motion."""
-    # Where the last state is a lagged velocity it belongs to the motion.
     last = end_of_parameters(settings.contact_model)
     for i in range(3, last):
         for j in range(7):

@@ -202,8 +202,7 @@ def _follow_noise(memory: Any) -> None:
     for i in range(2):
         if counts[i] == 0:
             continue
-        # A mean of few squares is as often too small as too large, and too small does the harm.
-        noise = memory.difference_mean[i] * (1.0 + 3.0 / counts[i])
+        noise = difference_noise.cautious(memory, i)
         latest = difference_noise.latest(memory, i)
         if counts[i] > first and latest > SUDDEN * noise:
             noise = latest
