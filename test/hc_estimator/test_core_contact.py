@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import hc_estimator as hc
 from hc_estimator.contact import (
+    adhesive_force,
     elastic_power_law_force,
     hunt_crossley_force,
     kelvin_boltzmann_force,
@@ -50,7 +51,23 @@ def test_hunt_crossley_values():
     assert hunt_crossley_force(2.0, -3.0, 0.2, 0.05, 1.8, 1.05) == pytest.approx(
         2**1.8 * (0.2 - 0.05 * 3**1.05), rel=1e-14
     )
+    assert adhesive_force(2.0, -9.0, 0.2, 0.05, 1.8, 1.05) == pytest.approx(
+        2**1.8 * (0.2 - 0.05 * 9**1.05), rel=1e-14
+    )
     assert hunt_crossley_force(2.0, 0.0, 0.2, 0.05, 1.8, 0.5) == pytest.approx(0.2 * 2**1.8)
+
+
+def test_tissue_does_not_pull_unless_it_sticks():
+    """Between leaving contact at d <= 0 and this, a tool can be in the tissue without force."""
+    fast = (2.0, -9.0, 0.2, 0.05, 1.8, 1.05)  # K - B 9^p < 0
+    assert hunt_crossley_force(*fast) == 0.0
+    gradient = np.ones(6)
+    for model, name in enumerate(hc.available_contact_models()):
+        force = contact_registry.contact_force(model, *fast)
+        assert (force < 0.0) == (name == "adhesive")
+        if name == "hunt_crossley":
+            contact_registry.contact_gradient(model, *fast, gradient)
+            assert not gradient.any()
 
 
 def test_other_laws():

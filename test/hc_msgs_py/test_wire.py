@@ -105,6 +105,14 @@ def test_an_estimate_fills_every_field_of_its_message(stamp, sequence, frame, se
         nis=9.0,
         force_noise_std=10.0,
         displacement_noise_std=11.0,
+        channel_delay=-0.5,
+        channel_delay_std=0.25,
+        contact_position=17.0,
+        contact_position_std=18.0,
+        force_zero=19.0,
+        force_zero_std=20.0,
+        hypothesis=5,
+        hypothesis_scores=generator.random(6),
         contact=True,
         change_detected=bool(seed & 1),
         model_mismatch=bool(seed & 2),
@@ -125,7 +133,11 @@ def test_an_estimate_fills_every_field_of_its_message(stamp, sequence, frame, se
     for name in ("force_predicted", "force_reconstructed", "nis", "force_noise_std"):
         setattr(expected, name, getattr(estimate, name))
     expected.displacement_noise_std = 0.011
-    for name in ("contact", "change_detected", "model_mismatch", "rejected"):
+    for name in ("channel_delay", "channel_delay_std", "force_zero", "force_zero_std"):
+        setattr(expected, name, getattr(estimate, name))
+    expected.contact_position, expected.contact_position_std = 0.017, 0.018
+    expected.hypothesis_scores = estimate.hypothesis_scores
+    for name in ("contact", "change_detected", "model_mismatch", "rejected", "hypothesis"):
         setattr(expected, name, getattr(estimate, name))
     expected.computation_time, expected.latency = 15.0, 16.0
     expected.covariance = estimate.covariance.ravel()

@@ -1,6 +1,6 @@
 """Online estimators of the Hunt-Crossley contact parameters, and their node."""
 
-from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Rejection
+from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Hypothesis, Rejection
 from hc_estimator.estimator import (
     DEFAULT_FILTER,
     Estimator,
@@ -21,6 +21,7 @@ __all__ = [
     "Estimate",
     "EstimateSeries",
     "Estimator",
+    "Hypothesis",
     "ParameterSpecification",
     "ParameterValue",
     "Rejection",

@@ -28,7 +28,15 @@ CHANGE_DETECTED = 34
 MODEL_MISMATCH = 35
 REJECTED = 36
 PROCESS_NOISE_SCALE = 37
-COLUMNS = 38
+CHANNEL_DELAY = 38
+CHANNEL_DELAY_STD = 39
+CONTACT_POSITION = 40
+CONTACT_POSITION_STD = 41
+FORCE_ZERO = 42
+FORCE_ZERO_STD = 43
+HYPOTHESIS = 44
+HYPOTHESIS_SCORES = 45  # 6, in the order of Hypothesis
+COLUMNS = 51
 
 PARAMETER_NAMES = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
@@ -45,7 +53,19 @@ class Rejection(enum.IntEnum):
     NUMERICAL = 6
 
 
+class Hypothesis(enum.IntEnum):
+    """What the tissue does, in the estimate that is given out; numbers as in the message."""
+
+    CONSTANT = 0
+    STIFFNESS_DRIFTS = 1
+    STIFFNESS_TREND = 2
+    ALL_DRIFT = 3
+    CHANGED = 4
+    SURFACE_MOVES = 5
+
+
 _REJECTIONS = tuple(Rejection)  # a look into a tuple is ten times faster than Rejection(code)
+_HYPOTHESES = tuple(Hypothesis)
 
 
 class _Rows:
@@ -89,6 +109,14 @@ class _Rows:
         (ln K and ln B for `kinematic`), clipped to 0..1. A parameter held fixed has 0.
         """
         return self._rows[..., IDENTIFIABILITY : IDENTIFIABILITY + 4]
+
+    @property
+    def hypothesis_scores(self) -> NDArray[np.float64]:
+        """RMS force error [N] of each `Hypothesis` some time ahead, shape (..., 6).
+
+        NaN for hypotheses that the filter does not have.
+        """
+        return self._rows[..., HYPOTHESIS_SCORES : HYPOTHESIS_SCORES + 6]
 
 
 class Estimate(_Rows):
@@ -137,6 +165,36 @@ class Estimate(_Rows):
         return self._values[DISPLACEMENT_NOISE_STD]
 
     @property
+    def channel_delay(self) -> float:
+        """By how much the force is late [s]: F(t) belongs to d(t - channel_delay)."""
+        return self._values[CHANNEL_DELAY]
+
+    @property
+    def channel_delay_std(self) -> float:
+        """Standard deviation [s] of `channel_delay`; NaN where it is not estimated."""
+        return self._values[CHANNEL_DELAY_STD]
+
+    @property
+    def contact_position(self) -> float:
+        """Displacement reading [mm] at which the tool touches the tissue."""
+        return self._values[CONTACT_POSITION]
+
+    @property
+    def contact_position_std(self) -> float:
+        """Standard deviation [mm] of `contact_position`; NaN where it is not estimated."""
+        return self._values[CONTACT_POSITION_STD]
+
+    @property
+    def force_zero(self) -> float:
+        """Force reading [N] without contact."""
+        return self._values[FORCE_ZERO]
+
+    @property
+    def force_zero_std(self) -> float:
+        """Standard deviation [N] of `force_zero`; NaN where it is not estimated."""
+        return self._values[FORCE_ZERO_STD]
+
+    @property
     def process_noise_scale(self) -> float:
         """Factor by which an adaptation departs from the process noise of the settings."""
         return self._values[PROCESS_NOISE_SCALE]
@@ -160,6 +218,11 @@ class Estimate(_Rows):
     def rejected(self) -> Rejection:
         """Why the sample was not used; `Rejection.ACCEPTED` (0) if it was."""
         return _REJECTIONS[int(self._values[REJECTED])]
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """What the tissue does in this estimate; always CONSTANT from plain filters."""
+        return _HYPOTHESES[int(self._values[HYPOTHESIS])]
 
     def __repr__(self) -> str:
         pairs = zip(PARAMETER_NAMES, self.parameters, self.parameters_std, strict=True)
@@ -208,6 +271,36 @@ class EstimateSeries(_Rows):
         return self._rows[:, DISPLACEMENT_NOISE_STD]
 
     @property
+    def channel_delay(self) -> NDArray[np.float64]:
+        """By how much the force is late [s], shape (samples,)."""
+        return self._rows[:, CHANNEL_DELAY]
+
+    @property
+    def channel_delay_std(self) -> NDArray[np.float64]:
+        """Standard deviation [s] of it, NaN where not estimated, shape (samples,)."""
+        return self._rows[:, CHANNEL_DELAY_STD]
+
+    @property
+    def contact_position(self) -> NDArray[np.float64]:
+        """Displacement reading [mm] where contact begins, shape (samples,)."""
+        return self._rows[:, CONTACT_POSITION]
+
+    @property
+    def contact_position_std(self) -> NDArray[np.float64]:
+        """Standard deviation [mm] of it, NaN where not estimated, shape (samples,)."""
+        return self._rows[:, CONTACT_POSITION_STD]
+
+    @property
+    def force_zero(self) -> NDArray[np.float64]:
+        """Force reading [N] without contact, shape (samples,)."""
+        return self._rows[:, FORCE_ZERO]
+
+    @property
+    def force_zero_std(self) -> NDArray[np.float64]:
+        """Standard deviation [N] of it, NaN where not estimated, shape (samples,)."""
+        return self._rows[:, FORCE_ZERO_STD]
+
+    @property
     def process_noise_scale(self) -> NDArray[np.float64]:
         """Factor by which an adaptation departs from the process noise, shape (samples,)."""
         return self._rows[:, PROCESS_NOISE_SCALE]
@@ -231,6 +324,11 @@ class EstimateSeries(_Rows):
     def rejected(self) -> NDArray[np.int64]:
         """Codes of `Rejection`, shape (samples,)."""
         return self._rows[:, REJECTED].astype(np.int64)
+
+    @property
+    def hypothesis(self) -> NDArray[np.int64]:
+        """Codes of `Hypothesis`, shape (samples,)."""
+        return self._rows[:, HYPOTHESIS].astype(np.int64)
 
     def _flags(self, column: int) -> NDArray[np.bool_]:
         flags: NDArray[np.bool_] = self._rows[:, column] != 0.0

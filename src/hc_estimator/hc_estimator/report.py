@@ -30,6 +30,15 @@ CHANGE_DETECTED = columns.CHANGE_DETECTED
 MODEL_MISMATCH = columns.MODEL_MISMATCH
 REJECTED = columns.REJECTED
 PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
+CHANNEL_DELAY = columns.CHANNEL_DELAY
+CHANNEL_DELAY_STD = columns.CHANNEL_DELAY_STD
+CONTACT_POSITION = columns.CONTACT_POSITION
+CONTACT_POSITION_STD = columns.CONTACT_POSITION_STD
+FORCE_ZERO = columns.FORCE_ZERO
+FORCE_ZERO_STD = columns.FORCE_ZERO_STD
+HYPOTHESIS = columns.HYPOTHESIS
+HYPOTHESIS_SCORES = columns.HYPOTHESIS_SCORES
+HYPOTHESES = len(columns.Hypothesis)
 
 
 @compiled
@@ -73,3 +82,12 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
     row[MODEL_MISMATCH] = float(memory.model_mismatch)
     row[REJECTED] = float(rejected)
     row[PROCESS_NOISE_SCALE] = memory.process_noise_scale
+    row[CHANNEL_DELAY] = 0.0
+    row[CHANNEL_DELAY_STD] = math.nan
+    row[CONTACT_POSITION] = 0.0
+    row[CONTACT_POSITION_STD] = math.nan
+    row[FORCE_ZERO] = 0.0
+    row[FORCE_ZERO_STD] = math.nan
+    row[HYPOTHESIS] = 0.0
+    for i in range(HYPOTHESES):
+        row[HYPOTHESIS_SCORES + i] = math.nan

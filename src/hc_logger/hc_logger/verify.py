@@ -242,6 +242,8 @@ def _compare(
     )
     differs = np.zeros(len(rows), bool)
     for name, recomputed in _fields(series, force):
+        if name not in recorded.dtype.names:
+            continue  # recorded before the message had this field
         kept = recorded[name]
         wrong = ~((kept == recomputed) | (np.isnan(kept) & np.isnan(recomputed)))
         wrong_rows = wrong.any(axis=1) if wrong.ndim > 1 else wrong
@@ -276,15 +278,23 @@ def _fields(series: Any, force: NDArray[np.float64]) -> Iterator[tuple[str, NDAr
     yield "innovation_displacement", series.innovation[:, 0] / METRE_IN_MM
     yield "innovation_force", series.innovation[:, 1]
     yield "displacement_noise_std", series.displacement_noise_std / METRE_IN_MM
+    yield "contact_position", series.contact_position / METRE_IN_MM
+    yield "contact_position_std", series.contact_position_std / METRE_IN_MM
     for name in (
         "force_predicted",
         "force_reconstructed",
         "nis",
         "force_noise_std",
+        "channel_delay",
+        "channel_delay_std",
+        "force_zero",
+        "force_zero_std",
         "contact",
         "change_detected",
         "model_mismatch",
         "rejected",
+        "hypothesis",
+        "hypothesis_scores",
     ):
         yield name, getattr(series, name)
     yield "covariance", series.covariance.reshape(-1, 16)

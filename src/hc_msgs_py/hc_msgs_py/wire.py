@@ -162,6 +162,22 @@ class _EstimateLike(Protocol):
     @property
     def displacement_noise_std(self) -> float: ...
     @property
+    def channel_delay(self) -> float: ...
+    @property
+    def channel_delay_std(self) -> float: ...
+    @property
+    def contact_position(self) -> float: ...
+    @property
+    def contact_position_std(self) -> float: ...
+    @property
+    def force_zero(self) -> float: ...
+    @property
+    def force_zero_std(self) -> float: ...
+    @property
+    def hypothesis(self) -> int: ...
+    @property
+    def hypothesis_scores(self) -> NDArray[np.float64]: ...
+    @property
     def contact(self) -> bool: ...
     @property
     def change_detected(self) -> bool: ...
@@ -210,13 +226,21 @@ class EstimateEncoder(_Encoder):
             estimate.nis,
             estimate.force_noise_std,
             estimate.displacement_noise_std / METRE_IN_MM,
+            estimate.channel_delay,
+            estimate.channel_delay_std,
+            estimate.contact_position / METRE_IN_MM,
+            estimate.contact_position_std / METRE_IN_MM,
+            estimate.force_zero,
+            estimate.force_zero_std,
             computation_time_s,
             latency_s,
             estimate.contact,
             estimate.change_detected,
             estimate.model_mismatch,
             estimate.rejected,
+            estimate.hypothesis,
             estimate.covariance.tobytes(),
+            estimate.hypothesis_scores.tobytes(),
         )
 
 

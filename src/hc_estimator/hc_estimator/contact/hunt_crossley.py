@@ -1,4 +1,8 @@
-"""The Hunt-Crossley law F = K d^n + B d^n sign(v) |v|^p with its physical guards.
+"""The Hunt-Crossley law F = K d^n + B d^n sign(v) |v|^p, unilateral and with tension.
+
+`hunt_crossley_force` is unilateral: F = max(0, ...), because a tissue that does not stick cannot
+pull. `adhesive_force` is the bare formula of the papers, which turns negative when the tool
+withdraws quickly.
 
 Units: d in mm, v in mm/s, F in N, so that K is the elastic force at 1 mm and B the damping force
 at 1 mm and 1 mm/s.
@@ -23,7 +27,7 @@ SMALLEST_SPEED = 1e-6
 
 
 @compiled
-def hunt_crossley_force(
+def adhesive_force(
     displacement: float,
     velocity: float,
     stiffness: float,
@@ -31,11 +35,11 @@ def hunt_crossley_force(
     displacement_exponent: float,
     velocity_exponent: float,
 ) -> float:
-    """Contact force of the Hunt-Crossley law (paper A, Eq. 1; paper B, Eq. 1; paper C, Eq. 12).
+    """Hunt-Crossley force with tension (paper A, Eq. 1; paper B, Eq. 1; paper C, Eq. 12).
 
-    Outside the formula's domain the physics decide: no force without penetration (no adhesion),
-    and the damping force takes the sign of the velocity. Finite input gives finite output: a force
-    that would overflow saturates.
+    Outside the formula's domain the physics decide: no force without penetration, and the damping
+    force takes the sign of the velocity. Finite input gives finite output: a force that would
+    overflow saturates.
 
     Args:
         displacement: penetration d [mm], positive into the tissue.
@@ -46,7 +50,7 @@ def hunt_crossley_force(
         velocity_exponent: p [1].
 
     Returns:
-        Force [N], compression positive; 0 for d <= 0.
+        Force [N], compression positive, tension negative; 0 for d <= 0.
     """
     if displacement <= TINY:
         return 0.0
@@ -61,7 +65,27 @@ def hunt_crossley_force(
 
 
 @compiled
-def hunt_crossley_gradient(
+def hunt_crossley_force(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    displacement_exponent: float,
+    velocity_exponent: float,
+) -> float:
+    """Unilateral Hunt-Crossley force, max(0, K d^n + B d^n sign(v) |v|^p) [N].
+
+    A tool that withdraws faster than the tissue follows has left it: the force is 0 at d > 0. The
+    arguments are those of `adhesive_force`.
+    """
+    force = adhesive_force(
+        displacement, velocity, stiffness, damping, displacement_exponent, velocity_exponent
+    )
+    return max(force, 0.0)
+
+
+@compiled
+def adhesive_gradient(
     displacement: float,
     velocity: float,
     stiffness: float,
@@ -70,13 +94,16 @@ def hunt_crossley_gradient(
     velocity_exponent: float,
     gradient: NDArray[np.float64],
 ) -> None:
-    """Derivatives of the force with respect to d, v, K, B, n and p.
+    """Derivatives of `adhesive_force` with respect to d, v, K, B, n and p.
+
+    They are those of `hunt_crossley_force` where that force is positive; in separation its
+    derivatives are zero.
 
     Where the law has an infinite slope (v = 0 with p < 1) the slope at `SMALLEST_SPEED` stands
     for it; at v = 0 the derivatives with respect to B and p are 0.
 
     Args:
-        displacement: as in `hunt_crossley_force`, like all arguments up to `velocity_exponent`.
+        displacement: as in `adhesive_force`, like all arguments up to `velocity_exponent`.
         velocity: v.
         stiffness: K.
         damping: B.

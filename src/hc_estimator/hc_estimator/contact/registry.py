@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.elastic_power_law import elastic_power_law_force
-from hc_estimator.contact.hunt_crossley import hunt_crossley_force, hunt_crossley_gradient
+from hc_estimator.contact.hunt_crossley import adhesive_force, adhesive_gradient
 from hc_estimator.contact.kelvin_boltzmann import kelvin_boltzmann_force
 from hc_estimator.contact.kelvin_voigt import kelvin_voigt_force
 from hc_estimator.specification import ParameterSpecification
@@ -23,12 +23,14 @@ HUNT_CROSSLEY = 0
 KELVIN_VOIGT = 1
 KELVIN_BOLTZMANN = 2
 ELASTIC_POWER_LAW = 3
+ADHESIVE = 4
 
 CONTACT_MODELS = (  # position = code
     "hunt_crossley",
     "kelvin_voigt",
     "kelvin_boltzmann",
     "elastic_power_law",
+    "adhesive",
 )
 
 # Parameters that only one model has.
@@ -92,29 +94,22 @@ def contact_force(
 ) -> float:
     """Force [N] of the contact model with the given code; see the models for the arguments.
 
-    The exponents are limited to their physical range here: an estimate may leave it for a while,
-    a force computed from it must not explode.
+    Unilateral but for `adhesive`. The exponents are limited to their physical range here: an
+    estimate may leave it for a while, a force computed from it must not explode.
     """
-    if model == KELVIN_VOIGT:
-        return kelvin_voigt_force(displacement, velocity, stiffness, damping)
-    if model == KELVIN_BOLTZMANN:
-        return kelvin_boltzmann_force(displacement, velocity_exponent, stiffness, damping)
-    displacement_exponent = min(
+    n = min(
         max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
     )
-    if model == ELASTIC_POWER_LAW:
-        return elastic_power_law_force(displacement, stiffness, displacement_exponent)
-    velocity_exponent = min(
-        max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
-    )
-    return hunt_crossley_force(
-        displacement,
-        velocity,
-        stiffness,
-        damping,
-        displacement_exponent,
-        velocity_exponent,
-    )
+    p = min(max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+    if model == KELVIN_VOIGT:
+        force = kelvin_voigt_force(displacement, velocity, stiffness, damping)
+    elif model == KELVIN_BOLTZMANN:
+        force = kelvin_boltzmann_force(displacement, velocity_exponent, stiffness, damping)
+    elif model == ELASTIC_POWER_LAW:
+        force = elastic_power_law_force(displacement, stiffness, n)
+    else:
+        force = adhesive_force(displacement, velocity, stiffness, damping, n, p)
+    return force if model == ADHESIVE else max(force, 0.0)
 
 
 @compiled
@@ -138,15 +133,20 @@ def contact_gradient(
         damping: B.
         displacement_exponent: n.
         velocity_exponent: p, or the lagged velocity.
-        gradient: takes the derivatives, shape (6,).
+        gradient: takes the derivatives, shape (6,); zeros in separation.
     """
     n = min(
         max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
     )
     p = min(max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+    force = contact_force(
+        model, displacement, velocity, stiffness, damping, displacement_exponent, velocity_exponent
+    )
+    for i in range(6):
+        gradient[i] = 0.0
+    if force <= 0.0 and model != ADHESIVE:
+        return
     if model in (KELVIN_VOIGT, KELVIN_BOLTZMANN):
-        for i in range(6):
-            gradient[i] = 0.0
         if displacement > 0.0:
             gradient[0] = stiffness
             gradient[2] = displacement
@@ -159,7 +159,7 @@ def contact_gradient(
         return
     if model == ELASTIC_POWER_LAW:
         damping = 0.0
-    hunt_crossley_gradient(displacement, velocity, stiffness, damping, n, p, gradient)
+    adhesive_gradient(displacement, velocity, stiffness, damping, n, p, gradient)
     if model == ELASTIC_POWER_LAW:
         gradient[3] = 0.0
     if n != displacement_exponent:
