@@ -16,7 +16,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.linear_algebra import cholesky, copy_matrix, copy_vector
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
-from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER
+from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 from hc_estimator.state_space import registry as state_space
 
 # Once the gate has opened, so many samples in a row must lie inside before it closes: a change
@@ -105,8 +105,11 @@ def innovate(memory: Any) -> bool:
         False if S is not positive definite or not finite.
     """
     covariance = memory.innovation_covariance
+    present = memory.present
     for i in range(2):
-        memory.innovation[i] = memory.measurement[i] - memory.predicted_measurement[i]
+        memory.innovation[i] = 0.0
+        if present[i] != 0:
+            memory.innovation[i] = memory.measurement[i] - memory.predicted_measurement[i]
         for k in range(2):
             total = memory.curvature[i, k]
             for j in range(7):
@@ -119,6 +122,11 @@ def innovate(memory: Any) -> bool:
     memory.inverse[0, 0] = covariance[1, 1] / determinant
     memory.inverse[1, 1] = covariance[0, 0] / determinant
     memory.inverse[0, 1] = memory.inverse[1, 0] = -covariance[0, 1] / determinant
+    for i in range(2):
+        if present[i] == 0:  # a missing reading has no gain, the other one that of its own
+            memory.inverse[i, i] = 0.0
+            memory.inverse[0, 1] = memory.inverse[1, 0] = 0.0
+            memory.inverse[1 - i, 1 - i] = 1.0 / covariance[1 - i, 1 - i]
     total = 0.0
     for i in range(2):
         for k in range(2):
@@ -251,8 +259,5 @@ def commit(settings: Any, memory: Any, time: float) -> int:
         return NUMERICAL
     copy_vector(memory.updated_state, memory.state)
     copy_matrix(memory.updated_covariance, memory.covariance)
-    memory.last_time = time
-    memory.started = 1
-    memory.accepted += 1
-    memory.backward_count = 0
+    note_accepted(memory, time)
     return ACCEPTED

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hc_estimator import screening
-from hc_estimator.adaptation import policy, self_tuning
+from hc_estimator.adaptation import policy
 from hc_estimator.compilation import compiled
 from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
 from hc_estimator.filters.registry import FIELDS, FILTERS, HIDDEN_SPECIFICATIONS, SCRATCH
-from hc_estimator.memory import record_type
+from hc_estimator.memory import Field, record_type
 from hc_estimator.specification import (
     ParameterSpecification,
     ParameterValue,
@@ -114,7 +114,11 @@ def parameter_specifications(
         own = tuple(s for s in own if s.name not in entry.kinematic_only)
     specifications = (
         own
-        + state_space_registry.SPECIFICATIONS[state_space]
+        + tuple(
+            s
+            for s in state_space_registry.SPECIFICATIONS[state_space]
+            if s.name not in entry.without
+        )
         + contact_registry.SPECIFICATIONS.get(contact_model, ())
         + screening.SPECIFICATIONS
     )
@@ -137,10 +141,10 @@ def _all_specifications() -> dict[str, ParameterSpecification]:
 _ALL_SPECIFICATIONS = _all_specifications()
 SETTINGS = record_type(
     (
-        ("state_space", np.int64, ()),
-        ("contact_model", np.int64, ()),
+        Field("state_space", np.int64),
+        Field("contact_model", np.int64),
         *(
-            (name, np.float64 if specification.kind == "float" else np.int64, ())
+            Field(name, np.float64 if specification.kind == "float" else np.int64)
             for name, specification in _ALL_SPECIFICATIONS.items()
         ),
     )
@@ -156,13 +160,11 @@ def _initialise(settings_array: Any, memory_array: Any) -> None:
         memory.prior_variance[i] = memory.covariance[3 + i, 3 + i]
     memory.process_noise_scale = 1.0
     policy.initialise(settings, memory)
-    self_tuning.initialise(settings, memory)
 
 
 @compiled
 def _set_noise(settings_array: Any, memory_array: Any) -> None:
     policy.set_noise(settings_array[0], memory_array[0])
-    self_tuning.set_noise(settings_array[0], memory_array[0])
 
 
 class Estimator:
@@ -194,7 +196,12 @@ class Estimator:
             self._settings[name] = _ALL_SPECIFICATIONS[name].encoded(value)
         self._settings["state_space"] = STATE_SPACES.index(state_space)
         self._settings["contact_model"] = CONTACT_MODELS.index(contact_model)
-        self._memory = np.zeros(1, MEMORY)
+        entry = FILTERS[filter]
+        self._fields = FIELDS if entry.memory is None else entry.memory
+        self._memory_type = MEMORY if entry.memory is None else record_type(entry.memory)
+        self._initialise = entry.initialise or _initialise
+        self._set_noise = entry.set_noise or _set_noise
+        self._memory = np.zeros(1, self._memory_type)
         columns = FILTERS[filter].particle_columns
         rows = 2 * int(values["particle_count"]) if columns else 0
         self._particles = np.zeros((rows, columns))
@@ -282,9 +289,9 @@ class Estimator:
 
     def reset(self) -> None:
         """Forget all samples; the parameters stay."""
-        self._memory[:] = np.zeros(1, MEMORY)
+        self._memory[:] = np.zeros(1, self._memory_type)
         self._particles[:] = 0.0
-        _initialise(self._settings, self._memory)
+        self._initialise(self._settings, self._memory)
 
     def reconfigure(self, **parameters: object) -> None:
         """Change parameters while running, all of them or, on an error, none.
@@ -297,12 +304,12 @@ class Estimator:
         self._values.update(values)
         self._write_settings(values)
         if "displacement_noise_std" in values or "force_noise_std" in values:
-            _set_noise(self._settings, self._memory)
+            self._set_noise(self._settings, self._memory)
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) what `step` and `reconfigure` need; the state stays."""
         nothing = np.zeros((0, 3))
-        _set_noise(self._settings, self._memory.copy())
+        self._set_noise(self._settings, self._memory.copy())
         self._run(self._settings, self._memory, self._particles, nothing, np.zeros((0, COLUMNS)))
 
     def state(self) -> dict[str, Any]:

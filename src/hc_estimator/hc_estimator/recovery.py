@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 from hc_estimator.state_space import registry as state_space
 
 FAILURES = 10  # numerical failures in a row after which the filter starts anew
 
-FIELDS = (("failures", np.int64, ()),)
+FIELDS = (Field("failures", np.int64, ()),)
 
 
 @compiled

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import estimate as columns
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import fixed_value
 from hc_estimator.screening import ACCEPTED, OUTLIER
 from hc_estimator.state_space import registry as state_space
 
@@ -31,14 +32,35 @@ MODEL_MISMATCH = columns.MODEL_MISMATCH
 REJECTED = columns.REJECTED
 PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
 CHANNEL_DELAY = columns.CHANNEL_DELAY
-CHANNEL_DELAY_STD = columns.CHANNEL_DELAY_STD
 CONTACT_POSITION = columns.CONTACT_POSITION
-CONTACT_POSITION_STD = columns.CONTACT_POSITION_STD
 FORCE_ZERO = columns.FORCE_ZERO
-FORCE_ZERO_STD = columns.FORCE_ZERO_STD
 HYPOTHESIS = columns.HYPOTHESIS
-HYPOTHESIS_SCORES = columns.HYPOTHESIS_SCORES
-HYPOTHESES = len(columns.Hypothesis)
+
+
+@compiled
+def clear_row(row: NDArray[np.float64]) -> None:
+    """What a filter says that does not know better: NaN, and 0 for flags and faults."""
+    for i in range(row.shape[0]):
+        row[i] = math.nan
+    row[MODEL_MISMATCH] = 0.0
+    row[CHANNEL_DELAY] = 0.0
+    row[CONTACT_POSITION] = 0.0
+    row[FORCE_ZERO] = 0.0
+    row[HYPOTHESIS] = 0.0
+
+
+@compiled
+def write_fixed_parameters(settings: Any, row: NDArray[np.float64]) -> None:
+    """Put what a contact model fixes in the place of parameters that it does not have."""
+    for i in range(4):
+        value = fixed_value(settings.contact_model, i)
+        if math.isnan(value):
+            continue
+        row[PARAMETERS + i] = value
+        row[IDENTIFIABILITY + i] = 0.0
+        for j in range(4):
+            row[COVARIANCE + 4 * i + j] = 0.0
+            row[COVARIANCE + 4 * j + i] = 0.0
 
 
 @compiled
@@ -51,6 +73,7 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
         rejected: code of the decision on the sample.
         row: takes the numbers, shape (estimate.COLUMNS,).
     """
+    clear_row(row)
     state, slopes = memory.state, memory.slopes
     state_space.to_parameters(settings, state, memory.parameters, slopes)
     for i in range(4):
@@ -64,14 +87,10 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
         row[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
     if rejected in (ACCEPTED, OUTLIER):
         row[FORCE_PREDICTED] = memory.predicted_measurement[1]
-        row[INNOVATION] = memory.innovation[0]
-        row[INNOVATION + 1] = memory.innovation[1]
+        for i in range(2):
+            if memory.present[i] != 0:
+                row[INNOVATION + i] = memory.innovation[i]
         row[NIS] = memory.nis
-    else:
-        row[FORCE_PREDICTED] = math.nan
-        row[INNOVATION] = math.nan
-        row[INNOVATION + 1] = math.nan
-        row[NIS] = math.nan
     row[FORCE_RECONSTRUCTED] = state_space.force_of_state(settings, state)
     row[DISPLACEMENT] = state[0]
     row[VELOCITY] = state[1]
@@ -79,15 +98,5 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
     row[FORCE_NOISE_STD] = math.sqrt(memory.noise[1])
     row[CONTACT] = 1.0 if state[0] > 0.0 else 0.0
     row[CHANGE_DETECTED] = float(memory.change_detected) if rejected == ACCEPTED else 0.0
-    row[MODEL_MISMATCH] = float(memory.model_mismatch)
     row[REJECTED] = float(rejected)
     row[PROCESS_NOISE_SCALE] = memory.process_noise_scale
-    row[CHANNEL_DELAY] = 0.0
-    row[CHANNEL_DELAY_STD] = math.nan
-    row[CONTACT_POSITION] = 0.0
-    row[CONTACT_POSITION_STD] = math.nan
-    row[FORCE_ZERO] = 0.0
-    row[FORCE_ZERO_STD] = math.nan
-    row[HYPOTHESIS] = 0.0
-    for i in range(HYPOTHESES):
-        row[HYPOTHESIS_SCORES + i] = math.nan

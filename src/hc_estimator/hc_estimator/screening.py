@@ -10,7 +10,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 
 ACCEPTED = 0  # the numbers of estimate.Rejection, as constants for the kernels
@@ -50,6 +53,25 @@ SPECIFICATIONS = (
         unit="s",
     ),
     ParameterSpecification(
+        "missing_readings",
+        "bool",
+        False,
+        "A NaN is a reading that is missing: the sample then holds the other one alone, at its own "
+        "stamp. Otherwise a NaN is refused as not finite.",
+        runtime=False,
+    ),
+    ParameterSpecification(
+        "reorder_window",
+        "float",
+        0.0,
+        "With missing_readings: a sample that comes so much later than younger ones is still used "
+        "in its place, exactly, by going back and repeating what came since. 0: it is refused.",
+        minimum=0.0,
+        maximum=1.0,
+        unit="s",
+        runtime=False,
+    ),
+    ParameterSpecification(
         "clock_restart_samples",
         "int",
         50,
@@ -79,16 +101,35 @@ SPECIFICATIONS = (
 )
 
 
+CLOCK_FIELDS = (
+    Field("started", np.int64, (), 0, 1),  # 1 once a sample was accepted
+    Field("accepted", np.int64, (), 0),  # accepted samples so far
+    Field("last_time", np.float64),  # of the last accepted sample [s]
+    Field("channel_time", np.float64, (2,)),  # of the last accepted reading of each channel [s]
+    Field("backward_time", np.float64),  # of the last sample that was refused as backward [s]
+    Field("backward_count", np.int64, (), 0),  # how many such samples came one after another
+    Field("outlier_count", np.int64, (), 0),  # outliers one after another
+    Field("refused_since", np.float64),  # stamp from which on all samples were refused [s]
+    Field("refused_count", np.int64, (), 0),  # samples refused one after another
+    # Of the present sample:
+    Field("elapsed", np.float64),  # time since the last accepted sample [s]
+    Field("restart", np.int64, (), 0, 1),  # 1 if the motion must be forgotten before this sample
+    Field("measurement", np.float64, (2,)),  # displacement [mm], force [N]
+    Field("present", np.int64, (2,), 0, 1),  # 0 for a reading that is missing
+)
+
+
 @compiled
-def screen(settings: Any, memory: Any, time: float, displacement: float, force: float) -> int:
+def screen(settings: Any, clock: Any, time: float, displacement: float, force: float) -> int:
     """Decide whether the filter may use a sample, and after what elapsed time.
 
-    Writes memory.elapsed, memory.restart and memory.measurement for an accepted sample, and keeps
-    count of stamps that run backward.
+    With the setting `missing_readings` a NaN is a reading that is missing; the sample then holds
+    the other one alone.
 
     Args:
         settings: settings record.
-        memory: memory record.
+        clock: record with CLOCK_FIELDS; elapsed, restart, measurement and present are written for
+            an accepted sample, and stamps that run backward are counted.
         time: stamp [s].
         displacement: reading [mm].
         force: reading [N].
@@ -96,27 +137,50 @@ def screen(settings: Any, memory: Any, time: float, displacement: float, force: 
     Returns:
         ACCEPTED or the reason for the refusal.
     """
+    clock.present[0] = 1
+    clock.present[1] = 1
+    if settings.missing_readings != 0:
+        if math.isnan(displacement) and not math.isnan(force):
+            clock.present[0] = 0
+            displacement = 0.0
+        elif math.isnan(force) and not math.isnan(displacement):
+            clock.present[1] = 0
+            force = 0.0
     if not (math.isfinite(time) and math.isfinite(displacement) and math.isfinite(force)):
         return NOT_FINITE
     if abs(displacement) > settings.displacement_limit or abs(force) > settings.force_limit:
         return OUT_OF_RANGE
-    memory.restart = 0
-    memory.elapsed = 0.0
-    if memory.started == 0:
-        memory.restart = 1
-    elif time == memory.last_time:
-        return TIME_REPEATED
-    elif time < memory.last_time:
-        in_order = memory.backward_count > 0 and time > memory.backward_time
-        memory.backward_count = memory.backward_count + 1 if in_order else 1
-        memory.backward_time = time
-        if memory.backward_count < settings.clock_restart_samples:
+    clock.restart = 0
+    clock.elapsed = 0.0
+    clock.measurement[0] = displacement
+    clock.measurement[1] = force
+    if clock.started == 0:
+        clock.restart = 1
+        return ACCEPTED
+    if time < clock.last_time:
+        in_order = clock.backward_count > 0 and time > clock.backward_time
+        clock.backward_count = clock.backward_count + 1 if in_order else 1
+        clock.backward_time = time
+        if clock.backward_count < settings.clock_restart_samples:
             return TIME_BACKWARD
-        memory.restart = 1
-    else:
-        memory.elapsed = time - memory.last_time
-        if memory.elapsed > settings.longest_gap:
-            memory.restart = 1
-    memory.measurement[0] = displacement
-    memory.measurement[1] = force
+        clock.restart = 1
+        return ACCEPTED
+    for i in range(2):  # two channels may share a stamp, two readings of one may not
+        if clock.present[i] != 0 and time == clock.channel_time[i]:
+            return TIME_REPEATED
+    clock.elapsed = time - clock.last_time
+    if clock.elapsed > settings.longest_gap:
+        clock.restart = 1
     return ACCEPTED
+
+
+@compiled
+def note_accepted(clock: Any, time: float) -> None:
+    """Take the stamp of a sample that was used."""
+    clock.last_time = time
+    for i in range(2):
+        if clock.present[i] != 0:
+            clock.channel_time[i] = time
+    clock.started = 1
+    clock.accepted += 1
+    clock.backward_count = 0

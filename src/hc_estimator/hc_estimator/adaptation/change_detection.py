@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 
 LONGEST_WINDOW = 256
@@ -72,11 +73,11 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    ("change_values", np.float64, (LONGEST_WINDOW,)),  # ring of normalised innovations squared
-    ("change_position", np.int64, ()),
-    ("change_filled", np.int64, ()),
-    ("change_sum", np.float64, ()),  # CUSUM
-    ("change_quiet", np.int64, ()),  # samples in contact since the start or the last change
+    Field("change_values", np.float64, (LONGEST_WINDOW,)),  # ring of normalised innovations squared
+    Field("change_position", np.int64, ()),
+    Field("change_filled", np.int64, ()),
+    Field("change_sum", np.float64, ()),  # CUSUM
+    Field("change_quiet", np.int64, ()),  # samples in contact since the start or the last change
 )
 
 LARGEST_TERM = 30.0  # one spike must not call a change

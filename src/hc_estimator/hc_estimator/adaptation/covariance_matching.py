@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space.registry import KINEMATIC
@@ -93,11 +94,11 @@ WINDOW_ONLY = ParameterSpecification(  # not offered: what makes `raukf` an `auk
 
 FIELDS = (
     # Ring per accepted sample: the matched state's share, and the two squared innovations.
-    ("matching_values", np.float64, (LONGEST_WINDOW, 3)),
-    ("matching_position", np.int64, ()),
-    ("matching_filled", np.int64, ()),
-    ("matching_mean", np.float64, (3,)),  # what the predicted covariances should be
-    ("matching_count", np.int64, ()),  # J: samples in the recursion
+    Field("matching_values", np.float64, (LONGEST_WINDOW, 3)),
+    Field("matching_position", np.int64, ()),
+    Field("matching_filled", np.int64, ()),
+    Field("matching_mean", np.float64, (3,)),  # what the predicted covariances should be
+    Field("matching_count", np.int64, ()),  # J: samples in the recursion
 )
 
 

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field, record_type
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -78,151 +79,156 @@ LATEST = 12  # differences in the quickest mean, for the change detector
 LARGEST_RATIO = 16.0  # of one squared difference against the long mean
 # A step that differs from the usual one by more than this share breaks the even spacing.
 UNEVEN = 0.5
-SCATTERED = 2  # in difference_jumped, until the next accepted sample
+SCATTERED = 2  # in jumped, until the next reading
 REFUSED = 3  # refused innovations that say whether they scatter
 SCATTER_RATIO = 9.0  # of their scatter to the noise variance known so far, at least
 REFUSED_WITHIN = 12  # accepted samples among which they lie
 
-FIELDS = (
-    ("readings", np.float64, (ORDER + 1, 2)),  # the last ones, oldest first
-    ("readings_count", np.int64, ()),  # how many of them follow one another evenly
-    ("readings_step", np.float64, ()),  # usual step between two of them [s]
-    ("difference_count", np.int64, (2,)),  # differences since the start or the last jump
-    ("difference_mean", np.float64, (2,)),  # long running mean of the noise variance
-    ("difference_short_mean", np.float64, (2,)),
-    ("difference_latest", np.float64, (LATEST, 2)),  # ring of squared differences
-    ("difference_position", np.int64, ()),
-    ("difference_jumped", np.int64, (2,)),  # 1 or -1 where the noise jumped up or down
-    ("refused_innovations", np.float64, (REFUSED, 2)),  # ring of the latest refused
-    ("refused_accepted", np.int64, (REFUSED, 2)),  # accepted samples before each of them
-    ("refused_count", np.int64, (2,)),
+# What is known of one channel.
+NOISE = record_type(
+    (
+        Field("readings", np.float64, (ORDER + 1,)),  # the last ones, oldest first
+        Field("readings_count", np.int64, (), 0, ORDER + 1),  # that follow one another evenly
+        Field("last_time", np.float64, ()),  # of the last reading [s]
+        Field("step", np.float64, ()),  # usual step between two of them [s]
+        Field("count", np.int64, (), 0),  # differences since the start or the last jump
+        Field("mean", np.float64, ()),  # long running mean of the noise variance
+        Field("short_mean", np.float64, ()),
+        Field("squares", np.float64, (LATEST,)),  # ring of squared differences
+        Field("position", np.int64, (), 0, LATEST - 1),
+        Field("jumped", np.int64, (), -1, SCATTERED),  # 1 or -1 where the noise jumped up or down
+        Field("refused", np.float64, (REFUSED,)),  # ring of the latest refused innovations
+        Field("refused_after", np.int64, (REFUSED,), 0),  # readings before each of them
+        Field("refused_count", np.int64, (), 0),
+        Field("taken", np.int64, (), 0),  # readings so far
+    )
 )
 
 
 @compiled
-def restart(memory: Any) -> None:
+def restart(channel: Any) -> None:
     """Forget the readings and what they said."""
-    memory.readings_count = 0
-    memory.difference_count[:] = 0
-    memory.difference_latest[:, :] = 0.0
-    memory.refused_count[:] = 0
+    channel.readings_count = 0
+    channel.count = 0
+    channel.refused_count = 0
+    for k in range(LATEST):
+        channel.squares[k] = 0.0
 
 
 @compiled
-def _take_reading(memory: Any) -> bool:
-    """Append memory.measurement; True once enough evenly spaced readings are there."""
-    readings = memory.readings
-    step = memory.elapsed
-    if memory.restart != 0:
-        memory.readings_count = 0
-    elif memory.readings_count == 1:
-        memory.readings_step = step
-    elif memory.readings_count > 1:
-        if abs(step - memory.readings_step) > UNEVEN * memory.readings_step:
-            memory.readings_count = 0
+def _take_reading(channel: Any, time: float, reading: float, broken: bool) -> bool:
+    """Append a reading; True once enough evenly spaced readings are there."""
+    step = time - channel.last_time
+    if broken:
+        channel.readings_count = 0
+    elif channel.readings_count == 1:
+        channel.step = step
+    elif channel.readings_count > 1:
+        if abs(step - channel.step) > UNEVEN * channel.step:
+            channel.readings_count = 0
         else:
-            memory.readings_step += 0.1 * (step - memory.readings_step)
+            channel.step += 0.1 * (step - channel.step)
+    channel.last_time = time
+    channel.taken += 1
     for k in range(ORDER):
-        readings[k, 0] = readings[k + 1, 0]
-        readings[k, 1] = readings[k + 1, 1]
-    readings[ORDER, 0] = memory.measurement[0]
-    readings[ORDER, 1] = memory.measurement[1]
-    memory.readings_count = min(memory.readings_count + 1, ORDER + 1)
-    return memory.readings_count > ORDER  # type: ignore[no-any-return]
+        channel.readings[k] = channel.readings[k + 1]
+    channel.readings[ORDER] = reading
+    channel.readings_count = min(channel.readings_count + 1, ORDER + 1)
+    return channel.readings_count > ORDER  # type: ignore[no-any-return]
 
 
 @compiled
-def learn(settings: Any, memory: Any) -> None:
-    """Take the accepted sample in memory.measurement into the noise estimate memory.noise."""
-    for i in range(2):
-        memory.difference_jumped[i] = 1 if memory.difference_jumped[i] == SCATTERED else 0
-    if not _take_reading(memory):
-        return
-    memory.difference_position = (memory.difference_position + 1) % LATEST
-    for i in range(2):
-        difference = 0.0
-        for k in range(ORDER + 1):
-            difference += WEIGHTS[k] * memory.readings[k, i]
-        variance = difference * difference / VARIANCE
-        memory.difference_latest[memory.difference_position, i] = variance
-        memory.difference_count[i] += 1
-        count = float(memory.difference_count[i])
-        long_mean = memory.difference_mean[i]
-        short = memory.difference_short_mean[i]
-        if count > FIRST_SAMPLES:
-            variance = min(variance, LARGEST_RATIO * long_mean)
-        elif count == 1.0:
-            long_mean = 0.0
-            short = 0.0
-        long_mean += (variance - long_mean) / min(count, settings.noise_memory)
-        short += (variance - short) / min(count, settings.noise_short_memory)
-        floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
-        floor *= floor
-        long_mean = max(long_mean, floor)
-        short = max(short, floor)
-        ratio = settings.noise_jump_ratio
-        if count > FIRST_SAMPLES and (short > ratio * long_mean or short * ratio < long_mean):
-            memory.difference_jumped[i] = 1 if short > long_mean else -1
-            memory.difference_count[i] = AFTER_JUMP
-            long_mean = short
-        memory.difference_mean[i] = long_mean
-        memory.difference_short_mean[i] = short
-        if memory.difference_count[i] >= FIRST_SAMPLES or memory.difference_jumped[i] != 0:
-            memory.noise[i] = long_mean
+def learn(
+    settings: Any, channel: Any, time: float, reading: float, broken: bool, floor: float
+) -> bool:
+    """Take an accepted reading into what is known of its channel.
+
+    Args:
+        settings: settings record.
+        channel: record of the channel; changed.
+        time: stamp of the reading [s].
+        reading: displacement [mm] or force [N].
+        broken: True if the reading does not follow the last one (a start, a gap).
+        floor: smallest standard deviation that is believed, in the unit of the reading.
+
+    Returns:
+        True if channel.mean is a noise variance that can be used, and has changed.
+    """
+    channel.jumped = 1 if channel.jumped == SCATTERED else 0
+    if not _take_reading(channel, time, reading, broken):
+        return False
+    difference = 0.0
+    for k in range(ORDER + 1):
+        difference += WEIGHTS[k] * channel.readings[k]
+    variance = difference * difference / VARIANCE
+    channel.position = (channel.position + 1) % LATEST
+    channel.squares[channel.position] = variance
+    channel.count += 1
+    count = float(channel.count)
+    long_mean, short = channel.mean, channel.short_mean
+    if count > FIRST_SAMPLES:
+        variance = min(variance, LARGEST_RATIO * long_mean)
+    elif count == 1.0:
+        long_mean = 0.0
+        short = 0.0
+    long_mean += (variance - long_mean) / min(count, settings.noise_memory)
+    short += (variance - short) / min(count, settings.noise_short_memory)
+    long_mean = max(long_mean, floor * floor)
+    short = max(short, floor * floor)
+    ratio = settings.noise_jump_ratio
+    if count > FIRST_SAMPLES and (short > ratio * long_mean or short * ratio < long_mean):
+        channel.jumped = 1 if short > long_mean else -1
+        channel.count = AFTER_JUMP
+        long_mean = short
+    channel.mean = long_mean
+    channel.short_mean = short
+    return channel.count >= FIRST_SAMPLES or channel.jumped != 0  # type: ignore[no-any-return]
 
 
 @compiled
-def latest(memory: Any, channel: int) -> float:
+def latest(channel: Any) -> float:
     """Mean of the last few squared differences: noisy, and as quick as the noise can be seen."""
     total = 0.0
     for k in range(LATEST):
-        total += memory.difference_latest[k, channel]
+        total += channel.squares[k]
     return total / LATEST
 
 
 @compiled
-def cautious(memory: Any, channel: int) -> float:
+def cautious(channel: Any) -> float:
     """Noise variance of a channel after at least one difference, rather too large than too small.
 
     A mean of few squares is as often too small as too large, and too small does the harm.
     """
-    return memory.difference_mean[channel] * (1.0 + 3.0 / memory.difference_count[channel])  # type: ignore[no-any-return]
+    return channel.mean * (1.0 + 3.0 / channel.count)  # type: ignore[no-any-return]
 
 
 @compiled
-def learn_refused(settings: Any, memory: Any) -> bool:
-    """Look at an innovation that was refused; True if such innovations scatter like noise.
+def learn_refused(channel: Any, innovation: float) -> bool:
+    """Look at an innovation that the outlier gate refused; True if such innovations scatter.
 
     The noise is then theirs, and the gate opens by it.
     """
-    limit = settings.outlier_gate * settings.outlier_gate
-    rose = False
-    for i in range(2):
-        innovation = memory.innovation[i]
-        if innovation * innovation <= limit * memory.innovation_covariance[i, i]:
-            continue
-        place = memory.refused_count[i] % REFUSED
-        memory.refused_innovations[place, i] = innovation
-        memory.refused_accepted[place, i] = memory.accepted
-        memory.refused_count[i] += 1
-        if memory.refused_count[i] < REFUSED:
-            continue
-        first = memory.refused_accepted[memory.refused_count[i] % REFUSED, i]
-        if memory.accepted - first > REFUSED_WITHIN:
-            continue
-        mean = 0.0
-        for k in range(REFUSED):
-            mean += memory.refused_innovations[k, i] / REFUSED
-        scatter = 0.0
-        for k in range(REFUSED):
-            scatter += (memory.refused_innovations[k, i] - mean) ** 2 / (REFUSED - 1)
-        if scatter > mean * mean and scatter > SCATTER_RATIO * memory.difference_mean[i]:
-            memory.difference_mean[i] = scatter
-            memory.difference_short_mean[i] = scatter
-            memory.difference_count[i] = AFTER_JUMP
-            memory.difference_jumped[i] = SCATTERED
-            memory.refused_count[i] = 0
-            rose = True
-    if rose:
-        memory.outlier_count = 0
-    return rose
+    place = channel.refused_count % REFUSED
+    channel.refused[place] = innovation
+    channel.refused_after[place] = channel.taken
+    channel.refused_count += 1
+    if channel.refused_count < REFUSED or channel.count == 0:
+        return False
+    first = channel.refused_after[channel.refused_count % REFUSED]
+    if channel.taken - first > REFUSED_WITHIN:
+        return False
+    mean = 0.0
+    for k in range(REFUSED):
+        mean += channel.refused[k] / REFUSED
+    scatter = 0.0
+    for k in range(REFUSED):
+        scatter += (channel.refused[k] - mean) ** 2 / (REFUSED - 1)
+    if not (scatter > mean * mean and scatter > SCATTER_RATIO * channel.mean):
+        return False
+    channel.mean = scatter
+    channel.short_mean = scatter
+    channel.count = AFTER_JUMP
+    channel.jumped = SCATTERED
+    channel.refused_count = 0
+    return True

@@ -13,6 +13,7 @@ from typing import Any
 from hc_estimator.adaptation import change_detection, difference_noise, tempering, variational_bayes
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 
 FIXED = 0  # position in the choices of noise_adaptation
@@ -68,7 +69,7 @@ SPECIFICATIONS = (
 )
 FIELDS = (
     *tempering.FIELDS,
-    *difference_noise.FIELDS,
+    Field("noise_channels", difference_noise.NOISE, (2,)),
     *variational_bayes.FIELDS,
     *change_detection.FIELDS,
 )
@@ -79,7 +80,8 @@ def initialise(settings: Any, memory: Any) -> None:
     """State of the adaptation before any sample."""
     set_noise(settings, memory)
     tempering.restart(memory)
-    difference_noise.restart(memory)
+    for i in range(2):
+        difference_noise.restart(memory.noise_channels[i])
     change_detection.restart(memory)
 
 
@@ -116,9 +118,23 @@ def learn(settings: Any, memory: Any) -> None:
 def learn_noise(settings: Any, memory: Any) -> None:
     """The part of `learn` that concerns the sensors' noise alone."""
     if settings.noise_adaptation == DIFFERENCES:
-        difference_noise.learn(settings, memory)
+        learn_differences(settings, memory)
     elif settings.noise_adaptation == VARIATIONAL_BAYES and tempering.is_over(settings, memory):
         variational_bayes.learn(settings, memory)
+
+
+@compiled
+def learn_differences(settings: Any, memory: Any) -> None:
+    """Take the accepted readings of the sample into memory.noise."""
+    for i in range(2):
+        if memory.present[i] == 0:
+            continue
+        floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
+        channel = memory.noise_channels[i]
+        broken = memory.restart != 0
+        reading = memory.measurement[i]
+        if difference_noise.learn(settings, channel, memory.last_time, reading, broken, floor):
+            memory.noise[i] = channel.mean
 
 
 @compiled

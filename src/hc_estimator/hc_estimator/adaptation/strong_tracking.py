@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.random_numbers import exponential
 from hc_estimator.specification import ParameterSpecification
 
@@ -66,9 +67,9 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    ("tracking_values", np.float64, (LONGEST_WINDOW,)),  # ring of |Z|^2 / tr R
-    ("tracking_position", np.int64, ()),
-    ("tracking_filled", np.int64, ()),
+    Field("tracking_values", np.float64, (LONGEST_WINDOW,)),  # ring of |Z|^2 / tr R
+    Field("tracking_position", np.int64, ()),
+    Field("tracking_filled", np.int64, ()),
 )
 
 

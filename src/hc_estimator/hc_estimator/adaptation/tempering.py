@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -36,7 +37,7 @@ SPECIFICATIONS = (
 )
 
 # Samples in contact since the start or the last change.
-FIELDS = (("tempering_count", np.int64, ()),)
+FIELDS = (Field("tempering_count", np.int64, ()),)
 
 
 @compiled

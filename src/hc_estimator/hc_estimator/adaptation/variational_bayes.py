@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -27,8 +28,8 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    ("bayes_shape", np.float64, (2,)),  # alpha of the inverse gamma distributions
-    ("bayes_scale", np.float64, (2,)),  # beta
+    Field("bayes_shape", np.float64, (2,)),  # alpha of the inverse gamma distributions
+    Field("bayes_scale", np.float64, (2,)),  # beta
 )
 
 FIRST_SHAPE = 2.5  # weight of the given noise: that of five samples

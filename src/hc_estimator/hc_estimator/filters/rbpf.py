@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import change_detection, difference_noise, policy, tempering
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix
@@ -76,8 +77,8 @@ SPECIFICATIONS = (
 )
 
 SCRATCH = (
-    ("conditional_gain", np.float64, (SIZE,)),
-    ("conditional_slope", np.float64, (SIZE,)),
+    Field("conditional_gain", np.float64, (SIZE,)),
+    Field("conditional_slope", np.float64, (SIZE,)),
 )
 
 

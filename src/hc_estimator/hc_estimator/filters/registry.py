@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from hc_estimator import recovery
-from hc_estimator.adaptation import covariance_matching, hindsight, policy, strong_tracking
+from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
+from hc_estimator.screening import CLOCK_FIELDS
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 
 
@@ -29,6 +30,10 @@ class FilterEntry:
         fixed: settings that this filter does not offer but its kernel reads.
         state_spaces: state spaces that it combines with.
         contact_models: contact models that it combines with.
+        without: parameters of the state space that it does not use.
+        memory: fields of its memory where it has one of its own; None: that of the plain filters.
+        initialise: compiled function that sets its memory before any sample, if it has its own.
+        set_noise: compiled function that takes the noise levels of the settings, if so.
     """
 
     run: Callable[..., None]
@@ -40,6 +45,10 @@ class FilterEntry:
     fixed: Mapping[str, ParameterValue] = dataclasses.field(default_factory=dict)
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
     contact_models: tuple[str, ...] = CONTACT_MODELS
+    without: tuple[str, ...] = ()
+    memory: tuple[Field, ...] | None = None
+    initialise: Callable[..., None] | None = None
+    set_noise: Callable[..., None] | None = None
 
 
 # First guess and tempering with which, from one setting, `ukf` and its kin found six tissues with K
@@ -80,13 +89,19 @@ FILTERS: dict[str, FilterEntry] = {
                 "initial_damping_log_std": 1.5,
                 "initial_displacement_exponent_std": 0.5,
                 "initial_velocity_exponent_std": 0.1,
-                "stiffness_log_walk": 3e-10,
-                "damping_log_walk": 3e-10,
-                "displacement_exponent_walk": 3e-10,
-                "velocity_exponent_walk": 3e-10,
             }
         },
         state_spaces=("kinematic",),
+        contact_models=("hunt_crossley", "adhesive", "kelvin_voigt", "elastic_power_law"),
+        without=(
+            "stiffness_log_walk",
+            "damping_log_walk",
+            "displacement_exponent_walk",
+            "velocity_exponent_walk",
+        ),
+        memory=self_tuning_ukf.FIELDS,
+        initialise=self_tuning_ukf.initialise,
+        set_noise=self_tuning_ukf.set_noise,
     ),
     "ukf": FilterEntry(
         run=ukf.run,
@@ -192,6 +207,7 @@ FILTERS: dict[str, FilterEntry] = {
 }
 
 FIELDS: tuple[Field, ...] = (
+    *CLOCK_FIELDS,
     *CORE_FIELDS,
     *recovery.FIELDS,
     *policy.FIELDS,
@@ -199,8 +215,7 @@ FIELDS: tuple[Field, ...] = (
     *covariance_matching.FIELDS,
     *rls.FIELDS,
     *sir_pf.FIELDS,
-    *self_tuning_ukf.FIELDS,
 )
 # Settings that kernels read and no user sees.
 HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
-SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH + hindsight.SCRATCH
+SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import clear_matrix
 from hc_estimator.prediction import add_process_noise, predict
@@ -51,11 +52,11 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    ("regression", np.float64, (3,)),  # ln K, n, B/K
-    ("regression_covariance", np.float64, (3, 3)),
-    ("regression_prior", np.float64, (3,)),  # variances before any sample
+    Field("regression", np.float64, (3,)),  # ln K, n, B/K
+    Field("regression_covariance", np.float64, (3, 3)),
+    Field("regression_prior", np.float64, (3,)),  # variances before any sample
 )
-SCRATCH = (("regressor", np.float64, (3,)), ("regression_gain", np.float64, (3,)))
+SCRATCH = (Field("regressor", np.float64, (3,)), Field("regression_gain", np.float64, (3,)))
 
 SMALLEST_RATIO = 1e-9  # of B to K that is reported
 SMALLEST_RATIO_STD = 0.1  # of the first guess of B/K [s/mm]

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
+from hc_estimator.memory import Field
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import (
@@ -56,8 +57,8 @@ GAMMA = 1  # positions in the choices
 MOTION = 1
 
 FIELDS = (
-    ("motion_state", np.float64, (7,)),  # of the motion filter; the first three count
-    ("motion_covariance", np.float64, (7, 7)),
+    Field("motion_state", np.float64, (7,)),  # of the motion filter; the first three count
+    Field("motion_covariance", np.float64, (7, 7)),
 )
 
 SPECIFICATIONS = (

@@ -1,0 +1,174 @@
+"""Another tissue, or a law that does not fit? A row begun anew competes with the others.
+
+After an alarm of the chosen row the fresh row begins: parameters let go, motion from the
+displacement alone. Its log likelihood ratio to the row that raised the alarm (the veteran) decides,
+with forgetting, and floored, so that its first unsure steps do not count for ever. It is given out
+as soon as it is clearly the likelier, and every other row has raised an alarm too or is as clearly
+beaten: a lump is explained by a row that follows it. Where the rows had fitted for long, that is a
+change at once (`SEEN_LATE` samples after the alarm, by which a noise that jumped is seen);
+otherwise at the end of the probation, for a law that does not fit makes each fresh row better for a
+part of a period and no better over a whole one.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import judge as judging
+from hc_estimator.multiple_model.hypotheses import FRESH
+from hc_estimator.multiple_model.model_error import raise_model_error
+from hc_estimator.multiple_model.rows import free_parameters, seed, take_motion
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "find_changes",
+        "bool",
+        True,
+        "Let a changed tissue be found; otherwise every alarm is model error.",
+    ),
+)
+
+PROBATION = 2.0  # time in contact over which a fresh row may compete [s]; none before it
+FORGETTING_TIME = 0.5  # of the log likelihood ratios [s]
+LEAD = 10.0  # log likelihood ratio that is clear
+KEEP = 20.0  # that the fresh row needs at the end of the probation
+FLOOR = 15.0  # of the ratios, below zero
+SETTLED = 0.5  # time after which a fresh row that is clearly worse is given up [s]
+TRUSTED_AFTER = 5.0  # rows that have fitted for so long are believed [s]
+SEEN_LATE = 80.0  # samples that a jump of the noise may need to be seen
+DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p about their old values
+LONG_AGO = 1e9
+
+
+@compiled
+def reset(change: Any, rows: Any) -> None:
+    """The rows are believed until the data object."""
+    change.testing = 0
+    change.leads = 0
+    change.detected = 0
+    change.fitting_time = LONG_AGO
+    rows[FRESH].active = 0
+
+
+@compiled
+def end_test(change: Any, rows: Any) -> None:
+    """Go on without the fresh row."""
+    change.testing = 0
+    change.leads = 0
+    rows[FRESH].active = 0
+
+
+@compiled
+def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> None:
+    """Begin the fresh row, against the chosen one."""
+    change.testing = 1
+    change.leads = 0
+    change.ratio = 0.0
+    change.time = 0.0
+    change.veteran = judge.chosen
+    change.trusted = 1 if change.fitting_time > TRUSTED_AFTER else 0
+    for m in range(FRESH):
+        rows[m].alarmed = 0
+        rows[m].change_lead = 0.0
+    rows[judge.chosen].alarmed = 1
+    fresh = rows[FRESH]
+    seed(rows[judge.chosen], fresh, tool.contact_clock, tool.contact_clock)
+    fresh.model_error = 0.0
+    fresh.contact_time = 0.0
+    fresh.active = 1
+    free_parameters(settings, fresh, DEVIATIONS)
+
+
+@compiled
+def start_fresh_motion(rows: Any, motion: Any, noise: float) -> None:
+    """What the veteran made of the motion since the change is as wrong as its parameters."""
+    take_motion(rows[FRESH], motion, noise)
+
+
+@compiled
+def answer(
+    settings: Any,
+    change: Any,
+    judge: Any,
+    rows: Any,
+    tool: Any,
+    motion: Any,
+    sensor_noise: Any,
+    may_begin: bool,
+) -> None:
+    """Answer the alarms of this sample: a test of a change, or model error.
+
+    Args:
+        settings: settings record.
+        change: changed.
+        judge: who is chosen.
+        rows: changed.
+        tool: record of the motion.
+        motion: record of `motion_density`.
+        sensor_noise: variances in use, shape (2,).
+        may_begin: True if a test may begin.
+    """
+    for m in range(FRESH + 1):
+        row = rows[m]
+        if row.active == 0 or row.alarm == 0:
+            continue
+        begins = m == judge.chosen and change.testing == 0 and may_begin
+        if begins and settings.find_changes != 0 and tool.contact_clock > PROBATION:
+            begin_test(settings, change, judge, rows, tool)
+            start_fresh_motion(rows, motion, sensor_noise[0])
+        else:
+            raise_model_error(settings, row, sensor_noise[1])
+            if m == judge.chosen:
+                change.fitting_time = 0.0
+
+
+@compiled
+def _others_are_beaten(change: Any, rows: Any, elapsed: float) -> bool:
+    """Advance the ratios to all rows; True if each raised an alarm too or is clearly beaten."""
+    beaten = True
+    evidence = rows[FRESH].evidence
+    for m in range(FRESH):
+        row = rows[m]
+        if row.active == 0:
+            continue
+        lead = row.change_lead * (1.0 - elapsed / FORGETTING_TIME) + evidence - row.evidence
+        row.change_lead = max(lead, -FLOOR)
+        if row.alarmed == 0 and row.change_lead < LEAD:
+            beaten = False
+    return beaten
+
+
+@compiled
+def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, rose: bool) -> None:
+    """After all rows have used a sample in contact: who leads, and is it over?
+
+    Args:
+        change: changed.
+        judge: changed if it is another tissue.
+        rows: changed if it is another tissue.
+        tool: record of the motion.
+        elapsed: time since the last sample [s].
+        rose: True if a sensor's noise was just seen to rise.
+    """
+    late = change.time > SEEN_LATE * elapsed
+    if rose and not late:
+        # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
+        end_test(change, rows)
+        return
+    change.time += elapsed
+    beaten = _others_are_beaten(change, rows, elapsed)
+    change.ratio = rows[change.veteran].change_lead
+    if change.leads == 0 and change.ratio > LEAD and beaten:
+        change.leads = 1
+    elif change.leads != 0 and change.ratio < -LEAD:
+        change.leads = 0
+    over = change.time > PROBATION
+    trusted = change.trusted != 0 and late
+    if change.leads != 0 and (trusted or (over and change.ratio > KEEP)):
+        change.detected = 1
+        judging.give_to_all(judge, rows, tool.contact_clock)
+        end_test(change, rows)
+    elif over or (change.time > SETTLED and change.leads == 0 and change.ratio < -LEAD):
+        end_test(change, rows)

@@ -1,0 +1,111 @@
+"""The hypotheses on the tissue, as rows of one table, from the calmest to the freest.
+
+All share the motion model and the contact law. They differ in what the parameters may do between
+two samples: nothing, walk, follow a rate that is a state of its own, or stay while the surface
+moves. To add one, add a row here and its code to `estimate.Hypothesis`.
+
+Every row has the states [d, v, ln K, ln B, n, p, a] and up to two of its own. A state of its own
+drives others at a constant rate; the first may also be the contact position.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from hc_estimator.estimate import Hypothesis
+
+# States of a row.
+DEPTH, VELOCITY, LOG_STIFFNESS, LOG_DAMPING, EXPONENT, VELOCITY_EXPONENT, ACCELERATION = range(7)
+OWN = 7  # the first state of a row's own
+STATES = 9  # at most
+FIRST_PARAMETER, LAST_PARAMETER = LOG_STIFFNESS, ACCELERATION  # half-open
+DRIVEN = 4  # what an own state can drive: ln K, ln B, n, the first own state
+
+
+@dataclasses.dataclass(frozen=True)
+class HypothesisRow:
+    """What the parameters may do.
+
+    Attributes:
+        hypothesis: what is reported when this row is chosen.
+        setting: boolean setting that switches it on; empty for the constant tissue.
+        walks: variance that ln K, ln B, n and p gain per second of contact [1/s].
+        own: number of states of its own.
+        drives: rate at which each own state drives ln K, ln B, n and the first own state.
+        own_walks: variance that each own state gains per second.
+        own_variances: variance of each own state at the start.
+        surface: True if the first own state is the contact position [mm], the second its rate.
+    """
+
+    hypothesis: Hypothesis
+    setting: str
+    walks: tuple[float, float, float, float]
+    own: int = 0
+    drives: tuple[tuple[float, float, float, float], ...] = ()
+    own_walks: tuple[float, ...] = ()
+    own_variances: tuple[float, ...] = ()
+    surface: bool = False
+
+
+CALM = 3e-10  # keeps the covariance of a constant tissue from vanishing
+
+# Walks and rates were chosen on simulated scans (single rows over seven random scans; see
+# docs/accuracy.md): over a lump the rate of ln K wanders by about 0.1 / s within a second; with the
+# damping tied to the stiffness but for a walk of its own both a damping that follows and one
+# that does not are tracked; layers whose exponent varies need the rate of n as well. Breathing (1 mm,
+# 0.25 Hz) changes the surface's velocity by a mm/s in half a second.
+ROWS = (
+    HypothesisRow(Hypothesis.CONSTANT, "", (CALM, CALM, CALM, CALM)),
+    HypothesisRow(
+        Hypothesis.STIFFNESS_TREND,
+        "follow_stiffness",
+        (1e-5, 1e-3, 1e-8, 1e-8),
+        own=1,
+        drives=((1.0, 1.0, 0.0, 0.0),),
+        own_walks=(1e-2,),
+        own_variances=(1e-2,),
+    ),
+    HypothesisRow(
+        Hypothesis.ALL_DRIFT,
+        "follow_layers",
+        (1e-5, 1e-3, 1e-8, 1e-8),
+        own=2,
+        drives=((1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
+        own_walks=(1e-2, 1e-4),
+        own_variances=(1e-2, 1e-3),
+    ),
+    HypothesisRow(
+        Hypothesis.SURFACE_MOVES,
+        "follow_surface",
+        (CALM, CALM, CALM, CALM),
+        own=2,
+        drives=((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
+        own_walks=(0.0, 0.2),
+        own_variances=(1.0, 2.0),
+        surface=True,
+    ),
+    # The tissue begun anew; see `change`. Always the last row.
+    HypothesisRow(Hypothesis.CHANGED, "find_changes", (CALM, CALM, CALM, CALM)),
+)
+FRESH = len(ROWS) - 1
+
+# The same as arrays, which compiled code sees as constants.
+CODES = np.array([int(row.hypothesis) for row in ROWS])
+COUNTS = np.array([OWN + row.own for row in ROWS])
+WALKS = np.array([row.walks for row in ROWS])
+SURFACE = np.array([row.surface for row in ROWS])
+
+
+def _own_values(name: str, width: int) -> np.ndarray:  # type: ignore[type-arg]
+    values = np.zeros((len(ROWS), 2, width))
+    for m, row in enumerate(ROWS):
+        for i, value in enumerate(getattr(row, name)):
+            values[m, i] = value
+    return values
+
+
+DRIVES = _own_values("drives", DRIVEN)
+OWN_WALKS = _own_values("own_walks", 1)[:, :, 0]
+OWN_VARIANCES = _own_values("own_variances", 1)[:, :, 0]

@@ -1,0 +1,247 @@
+"""Which hypothesis is given out: the calmest of those that predict as well as the best.
+
+What each row said 0.05 to 0.4 s ago is held against the force of now, in time in contact: a row
+that only follows the present cannot hide there, and one horizon alone would be fooled where it
+equals the period of the motion. The own states are carried on, shrunk by their significance.
+
+A row that claims to fit (no model error), yet is clearly less likely than another that does, is
+refuted and out of the choice; so is one whose innovations are far from consistent. The likelihood
+is not asked where the law does not fit: there it would choose the row that overfits the moment. A
+row that stays inconsistent is seeded anew from the chosen one, and waits before it counts again,
+for its copied past looks good. (Static multiple-model estimation: Magill, IEEE Trans. AC 10, 1965;
+the choice by delayed predictions is ours, see `hc bench accuracy ablation`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.hypotheses import (
+    DEPTH,
+    DRIVES,
+    EXPONENT,
+    FRESH,
+    LOG_DAMPING,
+    LOG_STIFFNESS,
+    OWN,
+    SURFACE,
+    VELOCITY,
+    VELOCITY_EXPONENT,
+)
+from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.records import SLOTS
+from hc_estimator.multiple_model.rows import seed
+
+HORIZONS = np.array([0.05, 0.1, 0.2, 0.4])  # [s] in contact
+PERIOD = 0.005  # between two snapshots, at least [s]
+MEMORY = 0.4  # time constant of the scores [s]
+FIRST_WEIGHT = 0.3  # of the scores, before they count
+MARGIN = 1.15  # mean square over the best from which on a row predicts worse
+LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
+REFUTED = 5.0  # log likelihood ratio
+CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
+WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
+SEEDED_AFTER = 0.5  # time that a row may stay so [s]
+WAIT = 2.0  # time after which a row seeded anew counts again [s]
+
+
+@compiled
+def reset(judge: Any) -> None:
+    """Nobody has said anything."""
+    judge.chosen = 0
+    judge.count = 0
+    judge.waited = 0.0
+    judge.weight = 0.0
+
+
+@compiled
+def _shrunk(row: Any, i: int) -> float:
+    """An own state times the share of it that is no chance."""
+    value = row.state[OWN + i]
+    square = value * value
+    variance = row.covariance[OWN + i, OWN + i]
+    return value * square / (square + variance) if square > 0.0 else 0.0  # type: ignore[no-any-return]
+
+
+@compiled
+def _note(judge: Any, rows: Any, clock: float) -> None:
+    """Keep what every row says now."""
+    slot = judge.count % SLOTS
+    judge.said_at[slot] = clock
+    for m in range(rows.shape[0]):
+        said, row = judge.said[slot, m], rows[m]
+        said[0] = row.state[LOG_STIFFNESS]
+        said[1] = row.state[LOG_DAMPING]
+        said[2] = row.state[EXPONENT]
+        said[3] = row.state[VELOCITY_EXPONENT]
+        if SURFACE[m]:
+            said[4] = row.state[OWN]
+            said[5] = row.state[OWN + 1]
+        else:
+            said[4] = _shrunk(row, 0)
+            said[5] = _shrunk(row, 1)
+    judge.count += 1
+
+
+@compiled
+def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> float:
+    """Force [N] now by what a row said some time [s] ago; `tool` is the state of the motion."""
+    depth, velocity = tool[DEPTH], tool[VELOCITY]
+    if SURFACE[m]:
+        depth -= said[4] + ahead * said[5]
+        velocity -= said[5]
+        return force_of(settings, depth, velocity, said[0], said[1], said[2], said[3])
+    k = said[0] + ahead * (DRIVES[m, 0, 0] * said[4] + DRIVES[m, 1, 0] * said[5])
+    b = said[1] + ahead * (DRIVES[m, 0, 1] * said[4] + DRIVES[m, 1, 1] * said[5])
+    n = said[2] + ahead * (DRIVES[m, 0, 2] * said[4] + DRIVES[m, 1, 2] * said[5])
+    return force_of(settings, depth, velocity, k, b, n, said[3])
+
+
+@compiled
+def _score(settings: Any, judge: Any, rows: Any, clock: float, force: float, share: float) -> None:
+    """Hold what the rows said some time ago against the force of now."""
+    period = max(PERIOD, judge.waited)
+    tool = rows[judge.chosen].state
+    for m in range(rows.shape[0]):
+        row = rows[m]
+        if row.active == 0:
+            continue
+        total, count = 0.0, 0
+        for h in range(HORIZONS.size):
+            back = max(int(round(HORIZONS[h] / period)), 1)
+            if back > min(judge.count, SLOTS - 1):
+                break
+            slot = (judge.count - back) % SLOTS
+            said_at = judge.said_at[slot]
+            if said_at <= row.since:
+                break
+            ahead = clock - said_at
+            error = force - _expected(settings, judge.said[slot, m], m, ahead, tool)
+            total += error * error
+            count += 1
+        if count > 0:
+            row.score += share * (total / count - row.score)
+
+
+@compiled
+def learn(
+    settings: Any, judge: Any, rows: Any, tool: Any, force: float, elapsed: float, contact: bool
+) -> None:
+    """Take an accepted force into scores and likelihoods, and choose.
+
+    Args:
+        settings: settings record.
+        judge: changed.
+        rows: scores are changed; rows that stay inconsistent are seeded anew.
+        tool: record of the motion, whose contact clock has advanced.
+        force: reading, less the zero [N].
+        elapsed: time since the last sample [s].
+        contact: True if the tool is in contact.
+    """
+    if not contact:
+        return
+    for m in range(FRESH):
+        row = rows[m]
+        if row.active != 0:
+            row.log_likelihood += row.evidence - row.log_likelihood * elapsed / LIKELIHOOD_TIME
+    judge.waited += elapsed
+    if judge.waited < PERIOD - 0.5 * elapsed:
+        return
+    clock = tool.contact_clock
+    share = min(1.0, judge.waited / MEMORY)
+    judge.weight = min(1.0, judge.weight + share)
+    _score(settings, judge, rows, clock, force, share)
+    _note(judge, rows, clock)
+    if judge.weight > FIRST_WEIGHT:
+        _choose(judge, rows, clock)
+        _seed_anew(judge, rows, clock, judge.waited)
+    judge.waited = 0.0
+
+
+@compiled
+def _counts(row: Any, clock: float) -> bool:
+    """True unless the row is still waiting after it was seeded anew."""
+    return bool(row.active != 0 and clock >= row.counts_from)
+
+
+@compiled
+def _steadiest(rows: Any) -> float:
+    """Recent mean of the normalised innovation squared of the row in which it is smallest."""
+    least = math.inf
+    for m in range(FRESH):
+        if rows[m].active != 0:
+            least = min(least, rows[m].recent_nis)
+    return max(least, 2.0)
+
+
+@compiled
+def _is_eligible(row: Any, clock: float, steadiest: float, likeliest: float) -> bool:
+    """True if nothing speaks against the row but, perhaps, its predictions."""
+    if not _counts(row, clock) or row.recent_nis > CONSISTENT * steadiest:
+        return False
+    return bool(row.model_error > 0.0 or row.log_likelihood >= likeliest - REFUTED)
+
+
+@compiled
+def _choose(judge: Any, rows: Any, clock: float) -> None:
+    """The calmest eligible row that predicts as well as the best of them."""
+    steadiest = _steadiest(rows)
+    likeliest = -math.inf
+    for m in range(FRESH):
+        if rows[m].model_error == 0.0 and _counts(rows[m], clock):
+            likeliest = max(likeliest, rows[m].log_likelihood)
+    best = math.inf
+    for m in range(FRESH):
+        if _is_eligible(rows[m], clock, steadiest, likeliest):
+            best = min(best, rows[m].score)
+    for m in range(FRESH):
+        if (
+            _is_eligible(rows[m], clock, steadiest, likeliest)
+            and rows[m].score <= MARGIN * best
+        ):
+            judge.chosen = m
+            return
+
+
+@compiled
+def _seed_anew(judge: Any, rows: Any, clock: float, elapsed: float) -> None:
+    """Give rows that stay far from consistent the state of the chosen one."""
+    steadiest = _steadiest(rows)
+    chosen = rows[judge.chosen]
+    for m in range(FRESH):
+        row = rows[m]
+        if m == judge.chosen or row.active == 0:
+            continue
+        misfits = row.model_error > 0.0 and row.score > WORSE * chosen.score
+        if not (misfits or row.recent_nis > CONSISTENT * steadiest):
+            row.inconsistent_time = 0.0
+            continue
+        row.inconsistent_time += elapsed
+        if row.inconsistent_time > SEEDED_AFTER:
+            likelihood = chosen.log_likelihood - REFUTED
+            score = 1.5 * chosen.score
+            seed(chosen, row, clock, clock + WAIT)
+            row.log_likelihood = likelihood
+            row.score = score
+
+
+@compiled
+def give_to_all(judge: Any, rows: Any, clock: float) -> None:
+    """The fresh row is the tissue from now on: every row begins where it stands."""
+    fresh = rows[FRESH]
+    since = fresh.since
+    for m in range(FRESH):
+        row = rows[m]
+        if row.active == 0:
+            continue
+        seed(fresh, row, since, clock)
+        row.model_error = 0.0
+        for slot in range(SLOTS):
+            for j in range(judge.said.shape[2]):
+                judge.said[slot, m, j] = judge.said[slot, FRESH, j]
+    judge.chosen = 0
+    judge.weight = 0.0

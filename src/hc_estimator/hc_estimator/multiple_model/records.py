@@ -1,0 +1,118 @@
+"""The records in which the default filter keeps what it knows; one per question.
+
+A kernel gets the records that it may touch and nothing else, so that its signature says what it
+reads and writes. All of it is saved and restored with the estimator.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hc_estimator.adaptation.difference_noise import NOISE
+from hc_estimator.adaptation.motion_density import MOTION
+from hc_estimator.memory import Field, record_type
+from hc_estimator.multiple_model.hypotheses import ROWS, STATES
+from hc_estimator.screening import CLOCK_FIELDS
+
+ROW_COUNT = len(ROWS)
+ALARM_DELAY = 8  # samples by which the cumulative sum of `model_error` lags
+
+# One hypothesis.
+ROW = record_type(
+    (
+        Field("index", np.int64, (), 0, ROW_COUNT - 1),  # place in `hypotheses.ROWS`
+        Field("active", np.int64, (), 0, 1),
+        Field("state", np.float64, (STATES,)),
+        Field("covariance", np.float64, (STATES, STATES)),
+        Field("model_error", np.float64, ()),  # variance of the force that the law misses [N^2]
+        Field("alarm_sum", np.float64, ()),
+        # Squared innovation and its variance without sensor noise: force, displacement.
+        Field("alarm_line", np.float64, (ALARM_DELAY, 4)),
+        Field("alarm_position", np.int64, (), 0, ALARM_DELAY - 1),
+        Field("alarm", np.int64, (), 0, 1),  # 1 if the alarm went off at this sample
+        Field("contact_time", np.float64, ()),  # informative contact since the row's start [s]
+        Field("recent_nis", np.float64, ()),  # short mean of the normalised innovation squared
+        Field("score", np.float64, ()),  # mean squared error of delayed predictions [N^2]
+        Field("log_likelihood", np.float64, ()),  # forgetting sum
+        Field("since", np.float64, ()),  # contact clock at its last seeding [s]
+        Field("counts_from", np.float64, ()),  # contact clock from which on it may be chosen [s]
+        Field("inconsistent_time", np.float64, ()),  # [s]
+        Field("alarmed", np.int64, (), 0, 1),  # since the test of a change began
+        Field("change_lead", np.float64, ()),  # log likelihood ratio of the fresh row to this one
+        # Of the present sample:
+        Field("predicted_force", np.float64, ()),  # of the law at the predicted state [N]
+        Field("innovation", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("innovation_variance", np.float64, (2,)),
+        Field("explained", np.float64, ()),  # force variance that the state explains [N^2]
+        Field("force_noise", np.float64, ()),  # force variance used, tempering included [N^2]
+        Field("sensitivity", np.float64, (STATES,)),  # of the force per column of the factor [N]
+        Field("factor", np.float64, (STATES, STATES)),  # Cholesky factor of the covariance
+        Field("nis", np.float64, (2,)),  # displacement, force given displacement
+        Field("untempered_nis", np.float64, ()),  # of both channels
+        Field("evidence", np.float64, ()),  # log likelihood of the sample
+    )
+)
+
+# How the tool has moved of late.
+TOOL = record_type(
+    (
+        Field("mean_square_velocity", np.float64, ()),
+        Field("mean_square_acceleration", np.float64, ()),  # less its own variance
+        Field("away_time", np.float64, ()),  # since contact was lost [s]
+        Field("contact_clock", np.float64, ()),  # time in contact so far [s]
+    )
+)
+
+SLOTS = 96  # snapshots of what the rows said; 80 reach back 0.4 s at 200 a second
+SAID = 6  # ln K, ln B, n, p, own states (shrunk)
+
+# Who predicts best.
+JUDGE = record_type(
+    (
+        Field("chosen", np.int64, (), 0, ROW_COUNT - 1),
+        Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
+        Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
+        Field("count", np.int64, (), 0),
+        Field("waited", np.float64, ()),  # contact since the last snapshot [s]
+        Field("weight", np.float64, ()),  # of the scores, grows to 1
+    )
+)
+
+# Is it another tissue?
+CHANGE = record_type(
+    (
+        Field("testing", np.int64, (), 0, 1),
+        Field("veteran", np.int64, (), 0, ROW_COUNT - 1),  # row whose alarm began the test
+        Field("ratio", np.float64, ()),  # log likelihood ratio of the fresh row to that one
+        Field("time", np.float64, ()),  # in contact since the alarm [s]
+        Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
+        Field("trusted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
+        Field("fitting_time", np.float64, ()),  # in contact without model error [s]
+        Field("detected", np.int64, (), 0, 1),  # at the present sample
+    )
+)
+
+# What is given out of a sample, by the row that was chosen before it.
+GIVEN = record_type(
+    (
+        Field("predicted_force", np.float64),  # [N]
+        Field("reconstructed_force", np.float64),  # [N]
+        Field("innovation", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("nis", np.float64),
+    )
+)
+
+BANK: tuple[Field, ...] = (
+    Field("clock", record_type(CLOCK_FIELDS)),
+    Field("calibrated", np.int64, (), 0, 1),  # 1 once the sensors' noise is known
+    Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
+    Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
+    Field("sensor_noise", np.float64, (2,)),  # variances in use [mm^2], [N^2]
+    Field("noise", NOISE, (2,)),
+    Field("motion", MOTION),
+    Field("tool", TOOL),
+    Field("rows", ROW, (ROW_COUNT,)),
+    Field("judge", JUDGE),
+    Field("change", CHANGE),
+    Field("given", GIVEN),
+)

@@ -1,0 +1,104 @@
+"""Writes what the bank knows after a sample into one row of numbers; see `estimate`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator import estimate as columns
+from hc_estimator.adaptation import motion_density
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.hypotheses import (
+    CODES,
+    DEPTH,
+    FRESH,
+    LOG_STIFFNESS,
+    OWN,
+    SURFACE,
+    VELOCITY,
+)
+from hc_estimator.multiple_model.kalman import depth_of
+from hc_estimator.multiple_model.rows import prior_deviation
+from hc_estimator.multiple_model.sample import given_row
+from hc_estimator.report import clear_row, write_fixed_parameters
+from hc_estimator.screening import ACCEPTED, OUTLIER
+
+PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE
+IDENTIFIABILITY, INNOVATION = columns.IDENTIFIABILITY, columns.INNOVATION
+FORCE_PREDICTED, FORCE_RECONSTRUCTED = columns.FORCE_PREDICTED, columns.FORCE_RECONSTRUCTED
+NIS, REJECTED = columns.NIS, columns.REJECTED
+DISPLACEMENT_COLUMN, VELOCITY_COLUMN = columns.DISPLACEMENT, columns.VELOCITY
+DISPLACEMENT_NOISE_STD = columns.DISPLACEMENT_NOISE_STD
+FORCE_NOISE_STD = columns.FORCE_NOISE_STD
+CONTACT, CHANGE_DETECTED = columns.CONTACT, columns.CHANGE_DETECTED
+MODEL_MISMATCH = columns.MODEL_MISMATCH
+PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
+CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTACT_POSITION_STD
+HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
+SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
+
+
+@compiled
+def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64]) -> None:
+    """Fill a row of numbers after a sample.
+
+    Args:
+        settings: settings record.
+        bank: record of the bank.
+        rejected: code of the decision on the sample.
+        out: takes the numbers, shape (estimate.COLUMNS,).
+    """
+    clear_row(out)
+    row, given = bank.rows[given_row(bank)], bank.given
+    state, covariance = row.state, row.covariance
+    for i in range(4):
+        value = state[LOG_STIFFNESS + i]
+        out[PARAMETERS + i] = math.exp(value) if i < 2 else value
+        variance = covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
+        prior = prior_deviation(settings, i) ** 2
+        share = 0.0 if prior <= 0.0 else 1.0 - variance / prior
+        out[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
+    for i in range(4):
+        slope = out[PARAMETERS + i] if i < 2 else 1.0
+        for j in range(i + 1):
+            other = out[PARAMETERS + j] if j < 2 else 1.0
+            element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
+            out[COVARIANCE + 4 * i + j] = element
+            out[COVARIANCE + 4 * j + i] = element
+    write_fixed_parameters(settings, out)
+    if rejected in (ACCEPTED, OUTLIER):
+        out[FORCE_PREDICTED] = given.predicted_force
+        out[NIS] = given.nis
+        for i in range(2):
+            if bank.clock.present[i] != 0:
+                out[INNOVATION + i] = given.innovation[i]
+    out[FORCE_RECONSTRUCTED] = given.reconstructed_force
+    out[DISPLACEMENT_COLUMN] = state[DEPTH]
+    out[VELOCITY_COLUMN] = state[VELOCITY]
+    out[DISPLACEMENT_NOISE_STD] = math.sqrt(bank.sensor_noise[0])
+    out[FORCE_NOISE_STD] = math.sqrt(bank.sensor_noise[1] + row.model_error)
+    out[CONTACT] = 1.0 if depth_of(row) > 0.0 else 0.0
+    out[CHANGE_DETECTED] = float(bank.change.detected)
+    out[MODEL_MISMATCH] = 1.0 if row.model_error > 0.0 else 0.0
+    out[REJECTED] = float(rejected)
+    density = motion_density.jerk_density(settings, bank.motion)
+    out[PROCESS_NOISE_SCALE] = density / settings.jerk_density
+    _write_surface(bank, row, out)
+    out[HYPOTHESIS] = float(CODES[row.index])
+    for m in range(FRESH + 1):
+        if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
+            out[HYPOTHESIS_SCORES + CODES[m]] = math.sqrt(max(bank.rows[m].score, 0.0))
+
+
+@compiled
+def _write_surface(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
+    """Where the contact begins, and how well that is known, by the row that asks for it."""
+    surface = bank.rows[SURFACE_ROW]
+    if surface.active == 0:
+        return
+    if row.index == SURFACE_ROW:
+        out[CONTACT_POSITION] = surface.state[OWN]
+    out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))

@@ -1,0 +1,205 @@
+"""Beginning a hypothesis: from the prior, from another one, or with its motion alone anew.
+
+Start, recovery and restart all go through `reset`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.adaptation import motion_density
+from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import fixed_value
+from hc_estimator.linear_algebra import clear_matrix
+from hc_estimator.multiple_model.hypotheses import (
+    ACCELERATION,
+    COUNTS,
+    DEPTH,
+    EXPONENT,
+    LOG_DAMPING,
+    LOG_STIFFNESS,
+    OWN,
+    OWN_VARIANCES,
+    STATES,
+    VELOCITY,
+    VELOCITY_EXPONENT,
+)
+from hc_estimator.multiple_model.records import ALARM_DELAY
+
+MOTION = (DEPTH, VELOCITY, ACCELERATION)
+# Limits of the estimate, inside which the contact law means something.
+LARGEST_LOG_STIFFNESS = 16.0
+# B beyond these multiples of K is no tissue; far below, the force says nothing of ln B any more.
+SMALLEST_LOG_RATIO = -7.6
+LARGEST_LOG_RATIO = 3.0
+SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.6, 4.0
+SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT = 0.4, 2.0
+LARGEST_RATE = 20.0  # of an own state that drives a parameter [1/s]
+LARGEST_SOUND = 1e100  # beyond it a number is no estimate
+
+
+@compiled
+def prior_deviation(settings: Any, parameter: int) -> float:
+    """Standard deviation of the first guess of ln K, ln B, n or p (0 to 3); 0 holds it fixed."""
+    if not math.isnan(fixed_value(settings.contact_model, parameter)):
+        return 0.0
+    if parameter == 0:
+        return settings.initial_stiffness_log_std  # type: ignore[no-any-return]
+    if parameter == 1:
+        return settings.initial_damping_log_std  # type: ignore[no-any-return]
+    if parameter == 2:
+        return settings.initial_displacement_exponent_std  # type: ignore[no-any-return]
+    return settings.initial_velocity_exponent_std  # type: ignore[no-any-return]
+
+
+@compiled
+def clear_adaptation(row: Any) -> None:
+    """Forget what was learnt of the row's innovations."""
+    row.model_error = 0.0
+    row.alarm_sum = 0.0
+    row.alarm_position = 0
+    row.alarm = 0
+    for k in range(ALARM_DELAY):
+        for j in range(4):
+            row.alarm_line[k, j] = 0.0
+    row.contact_time = 0.0
+    row.recent_nis = 2.0
+    row.score = 0.0
+    row.log_likelihood = 0.0
+    row.inconsistent_time = 0.0
+    row.alarmed = 0
+    row.change_lead = 0.0
+
+
+@compiled
+def begin_own_states(row: Any) -> None:
+    """Own states at their start, without ties to the others."""
+    for i in range(OWN, STATES):
+        row.state[i] = 0.0
+        for j in range(STATES):
+            row.covariance[i, j] = 0.0
+            row.covariance[j, i] = 0.0
+        row.covariance[i, i] = OWN_VARIANCES[row.index, i - OWN]
+
+
+@compiled
+def begin_motion(settings: Any, row: Any, displacement: float) -> None:
+    """Forget the motion: mean at a reading and at rest, wide covariance."""
+    for i in MOTION:
+        row.state[i] = 0.0
+        for j in range(STATES):
+            row.covariance[i, j] = 0.0
+            row.covariance[j, i] = 0.0
+    row.state[DEPTH] = displacement
+    row.covariance[DEPTH, DEPTH] = settings.initial_displacement_std**2
+    row.covariance[VELOCITY, VELOCITY] = settings.initial_velocity_std**2
+    row.covariance[ACCELERATION, ACCELERATION] = settings.initial_acceleration_std**2
+
+
+@compiled
+def reset(settings: Any, row: Any, displacement: float) -> None:
+    """Begin from the prior, with the tool at a displacement [mm]."""
+    clear_matrix(row.covariance)
+    state = row.state
+    state[LOG_STIFFNESS] = math.log(settings.initial_stiffness)
+    state[LOG_DAMPING] = math.log(settings.initial_damping)
+    state[EXPONENT] = settings.initial_displacement_exponent
+    state[VELOCITY_EXPONENT] = settings.initial_velocity_exponent
+    for i in range(4):
+        row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i] = prior_deviation(settings, i) ** 2
+    begin_own_states(row)
+    begin_motion(settings, row, displacement)
+    row.predicted_force = 0.0
+    row.since = -1.0
+    row.counts_from = 0.0
+    clear_adaptation(row)
+
+
+@compiled
+def seed(source: Any, row: Any, since: float, counts_from: float) -> None:
+    """Give a row the motion and the parameters of another, and its own states their start.
+
+    Args:
+        source: row to take from.
+        row: row that is changed.
+        since: contact clock [s] from which on what the row says is its own.
+        counts_from: contact clock [s] from which on it may be chosen.
+    """
+    for i in range(OWN):
+        row.state[i] = source.state[i]
+        for j in range(OWN):
+            row.covariance[i, j] = source.covariance[i, j]
+    begin_own_states(row)
+    row.predicted_force = source.predicted_force
+    contact_time, model_error = source.contact_time, source.model_error
+    clear_adaptation(row)
+    row.contact_time = contact_time
+    row.model_error = model_error
+    row.since = since
+    row.counts_from = counts_from
+
+
+@compiled
+def free_parameters(settings: Any, row: Any, deviations: tuple[float, float, float, float]) -> None:
+    """Let the parameters go: their mean stays, their deviations are the given ones."""
+    for i in range(4):
+        k = LOG_STIFFNESS + i
+        for j in range(STATES):
+            row.covariance[k, j] = 0.0
+            row.covariance[j, k] = 0.0
+        if prior_deviation(settings, i) > 0.0:
+            row.covariance[k, k] = deviations[i] ** 2
+
+
+@compiled
+def take_motion(row: Any, motion: Any, noise: float) -> None:
+    """Replace the motion by what the displacement alone says, if that has settled.
+
+    Args:
+        row: row that is changed; ties between motion and parameters are cut.
+        motion: record of `motion_density`.
+        noise: variance of the displacement's noise [mm^2].
+    """
+    if not motion_density.is_settled(motion):
+        return
+    for i in MOTION:
+        for j in range(STATES):
+            row.covariance[i, j] = 0.0
+            row.covariance[j, i] = 0.0
+    for a in range(3):
+        row.state[MOTION[a]] = motion_density.motion_of(motion, a)
+        for b in range(3):
+            row.covariance[MOTION[a], MOTION[b]] = motion_density.covariance_of(motion, a, b, noise)
+
+
+@compiled
+def limit(settings: Any, row: Any) -> None:
+    """Keep the mean of the parameters where the contact law means something."""
+    state = row.state
+    state[LOG_STIFFNESS] = min(
+        max(state[LOG_STIFFNESS], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS
+    )
+    if settings.initial_damping_log_std > 0.0 and settings.initial_stiffness_log_std > 0.0:
+        ratio = state[LOG_DAMPING] - state[LOG_STIFFNESS]
+        ratio = min(max(ratio, SMALLEST_LOG_RATIO), LARGEST_LOG_RATIO)
+        state[LOG_DAMPING] = state[LOG_STIFFNESS] + ratio
+    if settings.initial_displacement_exponent_std > 0.0:
+        state[EXPONENT] = min(max(state[EXPONENT], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+    if settings.initial_velocity_exponent_std > 0.0:
+        state[VELOCITY_EXPONENT] = min(
+            max(state[VELOCITY_EXPONENT], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
+        )
+    for i in range(OWN, COUNTS[row.index]):
+        state[i] = min(max(state[i], -LARGEST_RATE), LARGEST_RATE)
+
+
+@compiled
+def is_sound(row: Any) -> bool:
+    """True if every number of the row is one, and every variance positive or zero."""
+    total = 0.0
+    for i in range(COUNTS[row.index]):
+        if not row.covariance[i, i] >= 0.0:
+            return False
+        total += abs(row.state[i]) + row.covariance[i, i]
+    return total < LARGEST_SOUND  # type: ignore[no-any-return]
