@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import NOISE_ADAPTATION, NOISE_SPECIFICATIONS
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import change, sample, tempering
+from hc_estimator.multiple_model import change, maneuver, sample, tempering
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
 from hc_estimator.screening import ACCEPTED, screen
@@ -48,6 +48,7 @@ SPECIFICATIONS = (
         runtime=False,
     ),
     *change.SPECIFICATIONS,
+    *maneuver.SPECIFICATIONS,
 )
 FIELDS = BANK
 

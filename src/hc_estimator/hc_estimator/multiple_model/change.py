@@ -82,6 +82,12 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
 
 
 @compiled
+def may_test(settings: Any, tool: Any) -> bool:
+    """True if an alarm may begin a test."""
+    return bool(settings.find_changes != 0 and tool.contact_clock > PROBATION)
+
+
+@compiled
 def start_fresh_motion(rows: Any, motion: Any, noise: float) -> None:
     """What the veteran made of the motion since the change is as wrong as its parameters."""
     take_motion(rows[FRESH], motion, noise)
@@ -96,7 +102,6 @@ def answer(
     tool: Any,
     motion: Any,
     sensor_noise: Any,
-    may_begin: bool,
 ) -> None:
     """Answer the alarms of this sample: a test of a change, or model error.
 
@@ -108,14 +113,13 @@ def answer(
         tool: record of the motion.
         motion: record of `motion_density`.
         sensor_noise: variances in use, shape (2,).
-        may_begin: True if a test may begin.
     """
     for m in range(FRESH + 1):
         row = rows[m]
         if row.active == 0 or row.alarm == 0:
             continue
-        begins = m == judge.chosen and change.testing == 0 and may_begin
-        if begins and settings.find_changes != 0 and tool.contact_clock > PROBATION:
+        begins = m == judge.chosen and change.testing == 0
+        if begins and may_test(settings, tool):
             begin_test(settings, change, judge, rows, tool)
             start_fresh_motion(rows, motion, sensor_noise[0])
         else:

@@ -53,6 +53,10 @@ from hc_estimator.multiple_model.hypotheses import (
 TINY = 1e-300
 LARGEST_LOG = 300.0  # of a force; beyond it exp() would not be finite when squared
 CENTRAL_WEIGHT = 2.0  # of the central point in covariances: alpha = 1, beta = 2, kappa = 0
+# Which parameters an update only considers (Schmidt), instead of correcting them.
+HOLD_NOTHING = 0
+HOLD_ALL = 1
+HOLD_DAMPING = 2  # B and p
 PIVOT_TOLERANCE = 1e-15  # a pivot this much smaller than its element is rounding error
 
 
@@ -150,7 +154,7 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool) -> None:
 
 
 @compiled
-def use_displacement(row: Any, reading: float, offset: float, noise: float, hold: bool) -> None:
+def use_displacement(row: Any, reading: float, offset: float, noise: float, hold: int) -> None:
     """Kalman update with a displacement.
 
     Args:
@@ -158,7 +162,7 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
         reading: [mm].
         offset: by how much later than the state it was taken [s].
         noise: its variance [mm^2].
-        hold: True if the parameters stay as they are (Schmidt's consider update).
+        hold: which parameters are only considered.
     """
     state, covariance, gain = row.state, row.covariance, row.sensitivity
     count = COUNTS[row.index]
@@ -177,7 +181,15 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
 
 
 @compiled
-def _apply(row: Any, covariance_column: Any, innovation: float, variance: float, hold: bool) -> None:
+def _is_held(i: int, hold: int) -> bool:
+    """True if a state is only considered."""
+    if hold == HOLD_DAMPING:
+        return i == LOG_DAMPING or i == VELOCITY_EXPONENT
+    return FIRST_PARAMETER <= i < LAST_PARAMETER or i >= OWN
+
+
+@compiled
+def _apply(row: Any, covariance_column: Any, innovation: float, variance: float, hold: int) -> None:
     """State and covariance after a scalar update.
 
     Args:
@@ -185,13 +197,13 @@ def _apply(row: Any, covariance_column: Any, innovation: float, variance: float,
         covariance_column: covariance of the state with the measurement, shape (STATES,).
         innovation: measured minus predicted.
         variance: of the innovation.
-        hold: True if the parameters stay as they are; the covariance is then that of the reduced
-            gain K', P - K' c^T - c K'^T + K' S K'^T.
+        hold: which parameters are only considered; the covariance is that of the reduced gain K',
+            P - K' c^T - c K'^T + K' S K'^T.
     """
     state, covariance, column = row.state, row.covariance, covariance_column
     count = COUNTS[row.index]
     inverse = 1.0 / variance
-    if not hold:
+    if hold == HOLD_NOTHING:
         scaled = innovation * inverse
         for i in range(count):
             state[i] += column[i] * scaled
@@ -202,12 +214,11 @@ def _apply(row: Any, covariance_column: Any, innovation: float, variance: float,
                 covariance[j, i] = element
         return
     for i in range(count):
-        held_i = FIRST_PARAMETER <= i < LAST_PARAMETER or i >= OWN
+        held_i = _is_held(i, hold)
         if not held_i:
             state[i] += column[i] * innovation * inverse
         for j in range(i + 1):
-            held_j = FIRST_PARAMETER <= j < LAST_PARAMETER or j >= OWN
-            if held_i and held_j:
+            if held_i and _is_held(j, hold):
                 continue
             # Where either gain is the full one, all four terms come to one.
             element = covariance[i, j] - column[i] * column[j] * inverse
@@ -358,7 +369,7 @@ def innovate_force(row: Any, reading: float, noise: float) -> None:
 
 
 @compiled
-def use_force(row: Any, hold: bool) -> None:
+def use_force(row: Any, hold: int) -> None:
     """Update with the force whose innovation is noted; `hold` as in `use_displacement`."""
     count = COUNTS[row.index]
     factor, sensitivity = row.factor, row.sensitivity

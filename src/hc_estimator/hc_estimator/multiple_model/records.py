@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from hc_estimator.adaptation.difference_noise import NOISE
-from hc_estimator.adaptation.motion_density import MOTION
+from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
-from hc_estimator.multiple_model.hypotheses import ROWS, STATES
+from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
 from hc_estimator.screening import CLOCK_FIELDS
 
 ROW_COUNT = len(ROWS)
@@ -92,6 +92,34 @@ CHANGE = record_type(
     )
 )
 
+KEPT = 13  # states of every row
+MEMBERS = len(INDICES)
+
+# A row as it was.
+KEPT_ROW = record_type(
+    (
+        Field("state", np.float64, (STATES,)),
+        Field("covariance", np.float64, (STATES, STATES)),
+        Field("model_error", np.float64),
+    )
+)
+# Did the tool turn suddenly?
+MANEUVER = record_type(
+    (
+        Field("rows", KEPT_ROW, (KEPT, FRESH)),  # ring
+        Field("time", np.float64, (KEPT,)),  # [s]
+        Field("member", np.int64, (KEPT,), 0, MEMBERS - 1),  # chosen in the bank
+        Field("count", np.int64, (), 0),  # kept so far
+        Field("waited", np.int64, (), 0),  # samples since the last of them
+        Field("since", np.float64),  # samples since the last maneuver
+        Field("since_member", np.int64, (), 0, MEMBERS - 1),  # chosen before it
+        Field("doubted", np.int64, (), 0, 1),  # 1 while only the force has shown it
+        Field("density", np.float64),  # jerk density of the maneuver [mm^2/s^5]
+        Field("alarm_since", np.float64),  # samples since the chosen row's alarm sum was zero
+        Field("square_speed", np.float64),  # largest of the last seconds [mm^2/s^2]
+    )
+)
+
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
@@ -114,5 +142,6 @@ BANK: tuple[Field, ...] = (
     Field("rows", ROW, (ROW_COUNT,)),
     Field("judge", JUDGE),
     Field("change", CHANGE),
+    Field("maneuver", MANEUVER),
     Field("given", GIVEN),
 )

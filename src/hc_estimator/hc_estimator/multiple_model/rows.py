@@ -84,13 +84,20 @@ def begin_own_states(row: Any) -> None:
 
 
 @compiled
-def begin_motion(settings: Any, row: Any, displacement: float) -> None:
-    """Forget the motion: mean at a reading and at rest, wide covariance."""
+def clear_motion(row: Any) -> None:
+    """Zero the motion's variances and its ties to everything else."""
     for i in MOTION:
-        row.state[i] = 0.0
         for j in range(STATES):
             row.covariance[i, j] = 0.0
             row.covariance[j, i] = 0.0
+
+
+@compiled
+def begin_motion(settings: Any, row: Any, displacement: float) -> None:
+    """Forget the motion: mean at a reading and at rest, wide covariance."""
+    clear_motion(row)
+    for i in MOTION:
+        row.state[i] = 0.0
     row.state[DEPTH] = displacement
     row.covariance[DEPTH, DEPTH] = settings.initial_displacement_std**2
     row.covariance[VELOCITY, VELOCITY] = settings.initial_velocity_std**2
@@ -163,10 +170,7 @@ def take_motion(row: Any, motion: Any, noise: float) -> None:
     """
     if not motion_density.is_settled(motion):
         return
-    for i in MOTION:
-        for j in range(STATES):
-            row.covariance[i, j] = 0.0
-            row.covariance[j, i] = 0.0
+    clear_motion(row)
     for a in range(3):
         row.state[MOTION[a]] = motion_density.motion_of(motion, a)
         for b in range(3):

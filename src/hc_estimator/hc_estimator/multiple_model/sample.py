@@ -6,7 +6,8 @@
 4.  How consistent is each row with it?                    -> alarms, model error
 5.  How noisy are the sensors, how does the tool move?     -> noise, jerk density
 6.  Who predicts best?                                     -> the chosen row
-7.  Is an alarm another tissue?                            -> a fresh row, a change
+7.  Did the tool turn suddenly?                            -> back to before it
+8.  Is an alarm another tissue?                            -> a fresh row, a change
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import judge as judging
+from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model import model_error, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
@@ -29,6 +31,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
 )
 from hc_estimator.multiple_model.kalman import (
+    HOLD_ALL,
     depth_of,
     foresee_force,
     force_of_row,
@@ -78,6 +81,7 @@ def start(settings: Any, bank: Any) -> None:
     bank.rows[3].active = settings.follow_surface
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
+    maneuvers.reset(bank.maneuver)
 
 
 @compiled
@@ -104,7 +108,7 @@ def use(settings: Any, bank: Any, time: float) -> int:
     if decision == ACCEPTED:
         note_accepted(bank.clock, time)
         _learn_readings(settings, bank, time)
-        _decide(settings, bank)
+        _decide(settings, bank, time)
     else:  # the rows stand at the sample's stamp all the same
         bank.clock.last_time = time
         bank.clock.started = 1
@@ -126,9 +130,8 @@ def _update(settings: Any, bank: Any) -> int:
             continue
         row.predicted_force = force_of_row(settings, row, 0.0)
         if clock.present[0] != 0:
-            use_displacement(
-                row, clock.measurement[0], 0.0, bank.sensor_noise[0], _is_free(row)
-            )
+            hold = _hold(settings, bank, row)
+            use_displacement(row, clock.measurement[0], 0.0, bank.sensor_noise[0], hold)
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
@@ -136,7 +139,7 @@ def _update(settings: Any, bank: Any) -> int:
             return OUTLIER
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
-                use_force(rows[m], rows[m].state[DEPTH] <= 0.0 and not SURFACE[m])
+                use_force(rows[m], _hold(settings, bank, rows[m]))
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
@@ -180,7 +183,8 @@ def _predict(settings: Any, bank: Any) -> None:
         if anew:
             begin_motion(settings, row, clock.measurement[0])
         else:
-            predict(row, clock.elapsed, density, goes_on or SURFACE[m])
+            jerk = maneuvers.jerk_density(bank.maneuver, row, clock.elapsed, density)
+            predict(row, clock.elapsed, jerk, goes_on or SURFACE[m])
     if anew:
         clock.restart = 1
         bank.motion_anew = 0
@@ -215,14 +219,16 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
 
 
 @compiled
-def _is_free(row: Any) -> bool:
-    """True if the predicted displacement is free motion beyond doubt.
+def _hold(settings: Any, bank: Any, row: Any) -> int:
+    """Which parameters of a row this sample must not teach.
 
     The air says nothing of the tissue; without this the parameters would go on following the
     displacement through what is left of their correlation with the motion.
     """
     spread = FREE_DEVIATIONS * math.sqrt(row.covariance[DEPTH, DEPTH])
-    return bool(row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index])
+    if row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index]:
+        return HOLD_ALL
+    return maneuvers.hold(settings, bank.maneuver, row, bank.clock.elapsed)
 
 
 @compiled
@@ -239,6 +245,10 @@ def _foresee(settings: Any, bank: Any) -> bool:
         force_noise = UNKNOWN
         if bank.calibrated != 0:
             force_noise = noise + row.model_error + max(row.force_noise, 0.0) * samples
+            if settings.find_maneuvers != 0:
+                force_noise += maneuvers.product_variance(
+                    settings, bank.maneuver, row, clock.elapsed, samples
+                )
         innovate_force(row, clock.measurement[1], force_noise)
     return True
 
@@ -341,7 +351,7 @@ def _follow_noise(bank: Any) -> None:
 
 
 @compiled
-def _decide(settings: Any, bank: Any) -> None:
+def _decide(settings: Any, bank: Any, time: float) -> None:
     """Learn from the innovations; choose a row; answer alarms."""
     clock, rows, tool = bank.clock, bank.rows, bank.tool
     if bank.calibrated == 0:
@@ -361,23 +371,37 @@ def _decide(settings: Any, bank: Any) -> None:
         judging.learn(
             settings, bank.judge, rows, tool, clock.measurement[1], clock.elapsed, touching
         )
-    changes.answer(
-        settings,
-        bank.change,
-        bank.judge,
-        rows,
-        tool,
-        bank.motion,
-        bank.sensor_noise,
-        True,
-    )
+    alarm = rows[bank.judge.chosen].alarm != 0
+    if not maneuvers.answer(settings, bank, time, alarm):
+        changes.answer(
+            settings,
+            bank.change,
+            bank.judge,
+            rows,
+            tool,
+            bank.motion,
+            bank.sensor_noise,
+        )
     if bank.change.testing != 0 and touching and clock.present[1] != 0:
         rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
         changes.judge_test(bank.change, bank.judge, rows, tool, clock.elapsed, rose)
+        if bank.change.testing == 0 and bank.change.detected == 0:
+            maneuvers.audit(settings, bank)
     if rows[bank.judge.chosen].model_error > 0.0:
         bank.change.fitting_time = 0.0
     elif touching:
         bank.change.fitting_time += clock.elapsed
+    if clock.restart != 0 or bank.change.detected != 0:
+        bank.maneuver.count = 0
+    maneuvers.keep(
+        bank.maneuver,
+        rows,
+        rows[bank.judge.chosen],
+        bank.motion,
+        time,
+        clock.elapsed,
+        bank.change.testing != 0,
+    )
 
 
 @compiled

@@ -1,0 +1,314 @@
+"""Sudden turns of the tool: a ramp that begins, a hold, a reversal.
+
+The motion model takes the tool to move smoothly. Where its velocity jumps, the force shows it
+within a sample (through the damping), the displacement only some tens of samples later; in between
+a filter answers with wrong damping, or with a change of the tissue that is none. In the tracking of
+maneuvering targets (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and
+Navigation, 2001, chapter 11) the answer is to go back to before the maneuver and to let the motion
+go. Here:
+
+- Every few samples, the rows are kept.
+- A maneuver is suspected when the bank in `motion_density` starts the chosen member anew (the
+  displacement shows it), and when the chosen row's alarm goes off (the force may show it).
+- Then parameters and model errors are those of before, the motion is known by its last reading
+  only, its velocity within the speeds of the last seconds, and for some samples the parameters
+  are considered, not updated, while the velocity is found anew.
+- A tissue that changes is not mistaken for a maneuver: an alarm begins the test of a change all the
+  same. Nor is a law that does not fit: if the test finds no other tissue, and the displacement has
+  shown no maneuver, there is a model error.
+
+Two more errors of the unscented transform belong to a velocity that is not known. Its points lie on
+the axes, and do not see that the force is the *product* of velocity and damping;
+`product_variance` is that part. And as long as not even the direction of the motion is known,
+sign(v) |v|^p looks linear in it, and noise of the velocity would be counted as knowledge of B and
+p: `hold` leaves those two as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.adaptation import motion_density
+from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import ADHESIVE, HUNT_CROSSLEY
+from hc_estimator.linear_algebra import copy_matrix, copy_vector
+from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model.hypotheses import (
+    ACCELERATION,
+    DEPTH,
+    EXPONENT,
+    FRESH,
+    LOG_DAMPING,
+    VELOCITY,
+    VELOCITY_EXPONENT,
+)
+from hc_estimator.multiple_model.kalman import HOLD_ALL, HOLD_DAMPING, HOLD_NOTHING, depth_of
+from hc_estimator.multiple_model.model_error import raise_model_error
+from hc_estimator.multiple_model.records import KEPT
+from hc_estimator.multiple_model.rows import clear_motion
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "find_maneuvers",
+        "bool",
+        True,
+        "Look for sudden turns of the tool, and go back to before them; otherwise the motion is "
+        "taken to be smooth throughout.",
+    ),
+)
+
+PERIOD = 8  # samples between two of them
+BEFORE = 32.0  # samples before the displacement showed a maneuver that are not trusted
+BEFORE_TIME = 0.05  # time before an alarm that is not trusted [s]
+FEWEST_BEFORE = 12.0  # samples that this is at least
+OLDEST_TIME = 0.55  # that one goes back at most [s]
+HOLD_TIME = 0.03  # for which the parameters are considered only [s]
+FEWEST_HELD = 10.0  # samples that this is at least
+PAUSE_TIME = 0.15  # after a maneuver in which an alarm is no further one [s]
+FEWEST_PAUSED = 40.0  # samples that this is at least
+TURN_TIME = 0.05  # a maneuver takes at most about so long [s]
+SPEED_MEMORY = 5.0  # time constant with which the largest speed is forgotten [s]
+LEAST_READINGS = 100  # of the displacement before it can show a maneuver
+MOVING = 3.0  # deviations of the velocity that are no noise
+COHERENCE = 10.0  # samples over which the error of the velocity stays the same, at most
+LONG_AGO = 1e9
+
+
+@compiled
+def reset(maneuver: Any) -> None:
+    """No maneuver so far."""
+    maneuver.count = 0
+    maneuver.waited = 0
+    maneuver.since = LONG_AGO
+    maneuver.since_member = 0
+    maneuver.doubted = 0
+    maneuver.density = 0.0
+    maneuver.alarm_since = 0.0
+    maneuver.square_speed = 0.0
+
+
+@compiled
+def keep(
+    maneuver: Any, rows: Any, chosen: Any, motion: Any, time: float, elapsed: float, hold: bool
+) -> None:
+    """Keep the rows after an accepted sample if it is time to.
+
+    Args:
+        maneuver: changed.
+        rows: kept.
+        chosen: the row in charge.
+        motion: record of `motion_density`.
+        time: of the sample [s].
+        elapsed: since the last one [s].
+        hold: True while nothing is to be kept (a test of a change runs).
+    """
+    square = chosen.state[VELOCITY] ** 2 - MOVING**2 * chosen.covariance[VELOCITY, VELOCITY]
+    forgotten = maneuver.square_speed * (1.0 - min(elapsed / SPEED_MEMORY, 1.0))
+    maneuver.square_speed = max(forgotten, square)
+    maneuver.since += 1.0
+    member = maneuver.since_member
+    if motion.age[member] < motion_density.SETTLED[member]:
+        maneuver.doubted = 0
+    maneuver.alarm_since = 0.0 if chosen.alarm_sum == 0.0 else maneuver.alarm_since + 1.0
+    if hold:
+        return
+    maneuver.waited += 1
+    if maneuver.waited < PERIOD:
+        return
+    maneuver.waited = 0
+    slot = maneuver.count % KEPT
+    for m in range(FRESH):
+        if rows[m].active != 0:
+            kept = maneuver.rows[slot, m]
+            copy_vector(rows[m].state, kept.state)
+            copy_matrix(rows[m].covariance, kept.covariance)
+            kept.model_error = rows[m].model_error
+    maneuver.time[slot] = time
+    maneuver.member[slot] = motion.chosen
+    maneuver.count += 1
+
+
+@compiled
+def _find(maneuver: Any, time: float, elapsed: float, samples: float) -> int:
+    """Slot of the youngest that is so many samples old; -1 if there is none."""
+    for back in range(1, min(maneuver.count, KEPT) + 1):
+        slot = (maneuver.count - back) % KEPT
+        age = time - maneuver.time[slot]
+        if age > (samples - 0.5) * elapsed:
+            return slot if age <= OLDEST_TIME else -1
+    return -1
+
+
+@compiled
+def _shown(
+    maneuver: Any, chosen: Any, motion: Any, readings: int, time: float, elapsed: float
+) -> int:
+    """Slot before a maneuver that the displacement shows; -1 if it shows none."""
+    if chosen.contact_time == 0.0 or motion.density <= 0.0:
+        return -1
+    if min(motion.count, readings) < LEAST_READINGS:
+        return -1
+    slot = _find(maneuver, time, elapsed, BEFORE)
+    if slot >= 0:
+        m = maneuver.member[slot]
+        if motion.chosen > m and motion.age[m] < motion_density.SETTLED[m]:
+            return slot
+    return -1
+
+
+@compiled
+def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
+    """Go back to before a maneuver, if there was one.
+
+    Args:
+        settings: settings record.
+        bank: rows, maneuver and change are changed.
+        time: of the sample [s].
+        alarm: of the chosen row.
+
+    Returns:
+        True if the alarms of this sample are answered.
+    """
+    maneuver, change = bank.maneuver, bank.change
+    chosen, elapsed = bank.rows[bank.judge.chosen], bank.clock.elapsed
+    if settings.find_maneuvers == 0 or chosen.model_error > 0.0 or elapsed <= 0.0:
+        return False
+    slot = _shown(maneuver, chosen, bank.motion, bank.noise[0].count, time, elapsed)
+    if slot >= 0:
+        if change.testing != 0:
+            if change.time > time - maneuver.time[slot]:
+                return False  # the alarm was there before
+            changes.end_test(change, bank.rows)
+        if maneuver.since >= BEFORE:
+            _go_back(bank, slot)
+        maneuver.count = 0
+        maneuver.doubted = 0
+        return True
+    pause = max(PAUSE_TIME / elapsed, FEWEST_PAUSED)
+    if not alarm or change.testing != 0 or maneuver.since <= pause:
+        return False
+    before_alarm = max(min(BEFORE_TIME / elapsed, BEFORE), FEWEST_BEFORE)
+    slot = _find(maneuver, time, elapsed, maneuver.alarm_since + before_alarm)
+    if slot < 0:
+        return False
+    if changes.may_test(settings, bank.tool):
+        changes.begin_test(settings, change, bank.judge, bank.rows, bank.tool)
+        changes.start_fresh_motion(bank.rows, bank.motion, bank.sensor_noise[0])
+    _go_back(bank, slot)
+    maneuver.doubted = 1
+    return True
+
+
+@compiled
+def audit(settings: Any, bank: Any) -> None:
+    """At the end of a test that found no other tissue: was there a maneuver at all?
+
+    If the displacement has shown none, the alarm was neither: then the contact law does not fit.
+    """
+    if bank.maneuver.doubted != 0:
+        bank.maneuver.doubted = 0
+        raise_model_error(settings, bank.rows[bank.judge.chosen], bank.sensor_noise[1])
+
+
+@compiled
+def _go_back(bank: Any, slot: int) -> None:
+    """Take parameters and model errors from a slot; the motion is the last reading."""
+    maneuver, motion, noise = bank.maneuver, bank.motion, bank.sensor_noise[0]
+    chosen = bank.judge.chosen
+    velocity = bank.rows[chosen].state[VELOCITY]
+    if motion.count > motion_density.FIRST_READINGS:
+        velocity = motion_density.motion_of(motion, 1)
+    kept = maneuver.rows[slot, chosen]
+    square = max(maneuver.square_speed, (velocity - kept.state[VELOCITY]) ** 2)
+    square += kept.covariance[VELOCITY, VELOCITY]
+    acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
+    for m in range(FRESH):
+        row, kept = bank.rows[m], maneuver.rows[slot, m]
+        if row.active == 0:
+            continue
+        copy_vector(kept.state, row.state)
+        copy_matrix(kept.covariance, row.covariance)
+        clear_motion(row)
+        row.state[DEPTH] = bank.clock.measurement[0]
+        row.covariance[DEPTH, DEPTH] = noise
+        row.covariance[VELOCITY, VELOCITY] = square
+        row.covariance[ACCELERATION, ACCELERATION] = acceleration
+        row.model_error = kept.model_error
+        row.alarm_sum = 0.0
+        for k in range(row.alarm_line.shape[0]):
+            for j in range(row.alarm_line.shape[1]):
+                row.alarm_line[k, j] = 0.0
+    maneuver.density = 3.0 * square / TURN_TIME**3
+    maneuver.since = 0.0
+    maneuver.since_member = maneuver.member[slot]
+    maneuver.waited = 0
+    if bank.change.testing == 0:
+        maneuver.count = 0
+
+
+@compiled
+def _held(elapsed: float) -> float:
+    """Samples for which the parameters are considered only."""
+    return max(HOLD_TIME / max(elapsed, 1e-9), FEWEST_HELD)
+
+
+@compiled
+def is_turning(maneuver: Any, row: Any, elapsed: float) -> bool:
+    """True for the samples after a maneuver, but for the fresh row."""
+    return bool(row.index != FRESH and maneuver.since < _held(elapsed))
+
+
+@compiled
+def jerk_density(maneuver: Any, row: Any, elapsed: float, density: float) -> float:
+    """Jerk density for a row [mm^2/s^5]: that of a maneuver while the tool turns."""
+    if is_turning(maneuver, row, elapsed):
+        return max(density, maneuver.density)
+    return density
+
+
+@compiled
+def product_variance(settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float) -> float:
+    """Variance of the force from velocity times damping, both not known [N^2].
+
+    The second-order term of the damping force in the velocity and in the logarithm of its factor
+    B d^n |v|^p, for some time after a maneuver; times the samples over which it stays the same.
+
+    Args:
+        settings: settings record.
+        maneuver: record of the last maneuver.
+        row: a row that stands at the sample.
+        elapsed: time since the last sample [s].
+        coherent: samples over which an error of the linearisation stays the same.
+    """
+    if maneuver.since > COHERENCE * _held(elapsed):
+        return 0.0
+    if settings.contact_model != HUNT_CROSSLEY and settings.contact_model != ADHESIVE:
+        return 0.0
+    state, covariance = row.state, row.covariance
+    depth, variance = depth_of(row), covariance[VELOCITY, VELOCITY]
+    if not (depth > 0.0 and variance > 0.0 and elapsed > 0.0):
+        return 0.0
+    b, n, q = LOG_DAMPING, EXPONENT, VELOCITY_EXPONENT
+    log_depth = math.log(depth)
+    log_speed = 0.5 * math.log(state[VELOCITY] ** 2 + variance)
+    p = state[q]
+    slope = p * math.exp(min(state[b] + state[n] * log_depth + (p - 1.0) * log_speed, 300.0))
+    by_p = log_speed + 1.0 / p
+    of_log = covariance[b, b] + log_depth**2 * covariance[n, n] + by_p**2 * covariance[q, q]
+    of_log += 2.0 * (log_depth * covariance[b, n] + by_p * covariance[b, q])
+    of_log += 2.0 * log_depth * by_p * covariance[n, q]
+    return float(min(coherent, COHERENCE) * slope * slope * variance * max(of_log, 0.0))
+
+
+@compiled
+def hold(settings: Any, maneuver: Any, row: Any, elapsed: float) -> int:
+    """What an unknown velocity must not teach: all parameters, B and p, or nothing."""
+    if settings.find_maneuvers == 0 or row.index == FRESH:
+        return HOLD_NOTHING
+    if is_turning(maneuver, row, elapsed):
+        return HOLD_ALL
+    if row.state[VELOCITY] ** 2 < row.covariance[VELOCITY, VELOCITY]:
+        return HOLD_DAMPING
+    return HOLD_NOTHING
