@@ -144,7 +144,7 @@ SETTINGS = record_type(
         Field("state_space", np.int64),
         Field("contact_model", np.int64),
         *(
-            Field(name, np.float64 if specification.kind == "float" else np.int64)
+            Field(name, np.float64 if specification.kind in ("float", "auto") else np.int64)
             for name, specification in _ALL_SPECIFICATIONS.items()
         ),
     )
@@ -201,6 +201,7 @@ class Estimator:
         self._memory_type = MEMORY if entry.memory is None else record_type(entry.memory)
         self._initialise = entry.initialise or _initialise
         self._set_noise = entry.set_noise or _set_noise
+        self._take_settings = entry.take_settings
         self._memory = np.zeros(1, self._memory_type)
         columns = FILTERS[filter].particle_columns
         rows = 2 * int(values["particle_count"]) if columns else 0
@@ -305,6 +306,8 @@ class Estimator:
         self._write_settings(values)
         if "displacement_noise_std" in values or "force_noise_std" in values:
             self._set_noise(self._settings, self._memory)
+        if self._take_settings is not None:
+            self._take_settings(self._settings, self._memory)
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) what `step` and `reconfigure` need; the state stays."""

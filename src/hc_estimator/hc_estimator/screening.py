@@ -116,6 +116,8 @@ CLOCK_FIELDS = (
     Field("restart", np.int64, (), 0, 1),  # 1 if the motion must be forgotten before this sample
     Field("measurement", np.float64, (2,)),  # displacement [mm], force [N]
     Field("present", np.int64, (2,), 0, 1),  # 0 for a reading that is missing
+    Field("state_time", np.float64),  # at which the state stands [s]
+    Field("offset", np.float64),  # of the displacement's stamp from it [s]
 )
 
 

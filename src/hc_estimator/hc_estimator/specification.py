@@ -12,7 +12,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 ParameterValue = bool | int | float | str
-Kind = Literal["bool", "int", "float", "str"]
+Kind = Literal["bool", "int", "float", "str", "auto"]
+AUTO = "auto"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,7 +22,7 @@ class ParameterSpecification:
 
     Attributes:
         name: unique within the package.
-        kind: "bool", "int", "float" or "str".
+        kind: "bool", "int", "float", "str", or "auto" for a number or the text 'auto'.
         default: value when none is given.
         minimum: smallest allowed number (numbers only).
         maximum: largest allowed number (numbers only).
@@ -49,6 +50,8 @@ class ParameterSpecification:
         if self.kind == "str":
             return "one of " + ", ".join(self.choices)
         unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.kind == "auto":
+            return f"'auto' or a number from {self.minimum:g} to {self.maximum:g}{unit}"
         word = "an integer" if self.kind == "int" else "a number"
         return f"{word} from {self.minimum:g} to {self.maximum:g}{unit}"
 
@@ -71,6 +74,10 @@ class ParameterSpecification:
         elif self.kind == "str":
             if isinstance(value, str) and value in self.choices:
                 result = value
+        elif self.kind == "auto" and isinstance(value, str):
+            result = _auto_or_number(value)
+            if isinstance(result, float):
+                result = self._checked_number(result)
         elif isinstance(value, (int, float)) or hasattr(value, "__float__"):
             result = self._checked_number(value)
         if result is None:
@@ -94,9 +101,21 @@ class ParameterSpecification:
 
     def encoded(self, value: ParameterValue) -> float | int:
         """The number that stands for a checked value in the settings record."""
+        if self.kind == "auto":
+            return math.nan if value == AUTO else float(value)
         if isinstance(value, str):
             return self.choices.index(value)
         return value if self.kind == "float" else int(value)
+
+
+def _auto_or_number(text: str) -> float | str | None:
+    """The text 'auto', the number that a text holds, or nothing."""
+    if text == AUTO:
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def with_defaults(

@@ -34,6 +34,7 @@ class FilterEntry:
         memory: fields of its memory where it has one of its own; None: that of the plain filters.
         initialise: compiled function that sets its memory before any sample, if it has its own.
         set_noise: compiled function that takes the noise levels of the settings, if so.
+        take_settings: compiled function that takes other changed settings into the memory, if any.
     """
 
     run: Callable[..., None]
@@ -49,6 +50,7 @@ class FilterEntry:
     memory: tuple[Field, ...] | None = None
     initialise: Callable[..., None] | None = None
     set_noise: Callable[..., None] | None = None
+    take_settings: Callable[..., None] | None = None
 
 
 # First guess and tempering with which, from one setting, `ukf` and its kin found six tissues with K
@@ -102,6 +104,7 @@ FILTERS: dict[str, FilterEntry] = {
         memory=self_tuning_ukf.FIELDS,
         initialise=self_tuning_ukf.initialise,
         set_noise=self_tuning_ukf.set_noise,
+        take_settings=self_tuning_ukf.take_settings,
     ),
     "ukf": FilterEntry(
         run=ukf.run,

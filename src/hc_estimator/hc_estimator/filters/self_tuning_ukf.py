@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import NOISE_ADAPTATION, NOISE_SPECIFICATIONS
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import change, maneuver, sample, tempering
+from hc_estimator.multiple_model import alignment, change, maneuver, sample, tempering
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
 from hc_estimator.screening import ACCEPTED, screen
@@ -49,6 +49,7 @@ SPECIFICATIONS = (
     ),
     *change.SPECIFICATIONS,
     *maneuver.SPECIFICATIONS,
+    *alignment.SPECIFICATIONS,
 )
 FIELDS = BANK
 
@@ -56,13 +57,21 @@ FIELDS = BANK
 @compiled
 def initialise(settings_array: Any, memory_array: Any) -> None:
     """State of the bank before any sample."""
-    sample.start(settings_array[0], memory_array[0])
+    settings, bank = settings_array[0], memory_array[0]
+    sample.start(settings, bank)
+    alignment.reset(settings, bank)
 
 
 @compiled
 def set_noise(settings_array: Any, memory_array: Any) -> None:
     """Take the noise levels of the settings."""
     sample.take_noise(settings_array[0], memory_array[0])
+
+
+@compiled
+def take_settings(settings_array: Any, memory_array: Any) -> None:
+    """Take what else of changed settings the memory holds."""
+    alignment.take_setting(settings_array[0], memory_array[0])
 
 
 @compiled
@@ -79,7 +88,7 @@ def run(
         time = samples[k, 0]
         decision = screen(settings, bank.clock, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
-            decision = sample.use(settings, bank, time)
+            decision = alignment.use(settings, bank, time)
         else:
             bank.change.detected = 0
         write_row(settings, bank, decision, rows[k])

@@ -16,9 +16,9 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import judge as judging
-from hc_estimator.multiple_model.hypotheses import FRESH
+from hc_estimator.multiple_model.hypotheses import ACCELERATION, FRESH, LOG_DAMPING, LOG_STIFFNESS
 from hc_estimator.multiple_model.model_error import raise_model_error
-from hc_estimator.multiple_model.rows import free_parameters, seed, take_motion
+from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -36,10 +36,13 @@ LEAD = 10.0  # log likelihood ratio that is clear
 KEEP = 20.0  # that the fresh row needs at the end of the probation
 FLOOR = 15.0  # of the ratios, below zero
 SETTLED = 0.5  # time after which a fresh row that is clearly worse is given up [s]
-TRUSTED_AFTER = 5.0  # rows that have fitted for so long are believed [s]
+TRUSTED_AFTER = 3.0  # rows that have fitted for so long are believed [s]
+# A row that has seen one velocity only cannot tell a turn of the tool from another tissue: it is
+# believed from this share of the prior variance of ln B down.
+KNOWN = 0.05
+DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 SEEN_LATE = 80.0  # samples that a jump of the noise may need to be seen
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p about their old values
-LONG_AGO = 1e9
 
 
 @compiled
@@ -48,7 +51,7 @@ def reset(change: Any, rows: Any) -> None:
     change.testing = 0
     change.leads = 0
     change.detected = 0
-    change.fitting_time = LONG_AGO
+    change.fitting_time = 0.0
     rows[FRESH].active = 0
 
 
@@ -68,7 +71,13 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
     change.ratio = 0.0
     change.time = 0.0
     change.veteran = judge.chosen
-    change.trusted = 1 if change.fitting_time > TRUSTED_AFTER else 0
+    veteran = rows[judge.chosen]
+    prior = prior_deviation(settings, 1) ** 2
+    for i in range(4):
+        change.before[i] = veteran.state[LOG_STIFFNESS + i]
+        change.before_variance[i] = veteran.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
+    knows_damping = veteran.covariance[LOG_DAMPING, LOG_DAMPING] <= KNOWN * prior
+    change.trusted = 1 if change.fitting_time > TRUSTED_AFTER and knows_damping else 0
     for m in range(FRESH):
         rows[m].alarmed = 0
         rows[m].change_lead = 0.0
@@ -145,6 +154,22 @@ def _others_are_beaten(change: Any, rows: Any, elapsed: float) -> bool:
 
 
 @compiled
+def _differs(change: Any, rows: Any) -> bool:
+    """True if the parameters of the fresh row are others than those at the alarm.
+
+    A row that a turn of the tool has led astray is beaten by a fresh one as well, but that finds
+    the same tissue again.
+    """
+    fresh = rows[FRESH]
+    for i in range(LOG_STIFFNESS, ACCELERATION):
+        distance = fresh.state[i] - change.before[i - LOG_STIFFNESS]
+        variance = fresh.covariance[i, i] + change.before_variance[i - LOG_STIFFNESS]
+        if distance * distance > DIFFERENT * DIFFERENT * variance:
+            return True
+    return False
+
+
+@compiled
 def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, rose: bool) -> None:
     """After all rows have used a sample in contact: who leads, and is it over?
 
@@ -169,9 +194,10 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
     elif change.leads != 0 and change.ratio < -LEAD:
         change.leads = 0
     over = change.time > PROBATION
-    trusted = change.trusted != 0 and late
-    if change.leads != 0 and (trusted or (over and change.ratio > KEEP)):
-        change.detected = 1
+    differs = _differs(change, rows)
+    at_once = change.trusted != 0 and late and differs
+    if change.leads != 0 and (at_once or (over and change.ratio > KEEP)):
+        change.detected = 1 if differs else 0
         judging.give_to_all(judge, rows, tool.contact_clock)
         end_test(change, rows)
     elif over or (change.time > SETTLED and change.leads == 0 and change.ratio < -LEAD):

@@ -74,7 +74,7 @@ def force_of(
 def force_of_row(settings: Any, row: Any, ahead: float) -> float:
     """Force [N] that the row expects some time [s] after its state."""
     state = row.state
-    depth = state[DEPTH] + ahead * (state[VELOCITY] + 0.5 * ahead * state[ACCELERATION])
+    depth = displacement_of(row, ahead)
     velocity = state[VELOCITY] + ahead * state[ACCELERATION]
     if SURFACE[row.index]:
         depth -= state[OWN] + ahead * state[OWN + 1]
@@ -88,6 +88,13 @@ def force_of_row(settings: Any, row: Any, ahead: float) -> float:
         state[EXPONENT],
         state[VELOCITY_EXPONENT],
     )
+
+
+@compiled
+def displacement_of(row: Any, ahead: float) -> float:
+    """Displacement [mm] that the row expects some time [s] after its state."""
+    state = row.state
+    return state[DEPTH] + ahead * (state[VELOCITY] + 0.5 * ahead * state[ACCELERATION])  # type: ignore[no-any-return]
 
 
 @compiled
@@ -167,7 +174,7 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
     state, covariance, gain = row.state, row.covariance, row.sensitivity
     count = COUNTS[row.index]
     half = 0.5 * offset * offset
-    predicted = state[DEPTH] + offset * state[VELOCITY] + half * state[ACCELERATION]
+    predicted = displacement_of(row, offset)
     for i in range(count):
         gain[i] = (
             covariance[i, DEPTH] + offset * covariance[i, VELOCITY] + half * covariance[i, ACCELERATION]

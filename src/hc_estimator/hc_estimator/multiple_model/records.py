@@ -88,6 +88,8 @@ CHANGE = record_type(
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
         Field("trusted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
         Field("fitting_time", np.float64, ()),  # in contact without model error [s]
+        Field("before", np.float64, (4,)),  # ln K, ln B, n, p of that row at the alarm
+        Field("before_variance", np.float64, (4,)),
         Field("detected", np.int64, (), 0, 1),  # at the present sample
     )
 )
@@ -120,10 +122,64 @@ MANEUVER = record_type(
     )
 )
 
+HELD = 512  # readings: 60 ms at 7 kHz
+
+# Readings of the channel that is ahead.
+HELD_READINGS = record_type(
+    (
+        Field("time", np.float64, (HELD,)),  # ring [s]
+        Field("value", np.float64, (HELD,)),
+        Field("count", np.int64, (), 0),  # held so far
+        Field("first", np.int64, (), 0),  # number of the oldest that is still waiting
+    )
+)
+
+RAW = 256  # readings of each channel, for the local parabolas
+GRID = 132  # points of the grid: a window of a second at 100 a second, and its margins
+CANDIDATES = 13  # delays at steps of the grid, about zero
+WINDOWS = 16  # that are remembered
+
+# By how much is the force late?
+DELAY = record_type(
+    (
+        Field("delay", np.float64),  # in use [s]
+        Field("deviation", np.float64),  # of it; NaN if it is not known [s]
+        Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
+        Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
+        Field("raw_count", np.int64, (2,), 0),
+        Field("grid", np.float64, (GRID, 4)),  # ring: displacement, velocity, acceleration, force
+        Field("grid_count", np.int64, (), 0),
+        Field("grid_step", np.float64),  # [s]
+        Field("grid_next", np.float64),  # time of the next point [s]
+        Field("reach", np.int64, (), 0, CANDIDATES // 2),  # candidates to either side of zero
+        Field("points", np.int64, (), 0, GRID),  # of a window
+        Field("first", np.int64, (), 0),  # grid_count at its first point
+        Field("windows", np.int64, (), 0),
+        Field("profile", np.float64, (WINDOWS, CANDIDATES)),  # negative log likelihoods
+        Field("fine_valid", np.int64, (WINDOWS,), 0, 1),
+        Field("fine_delay", np.float64, (WINDOWS,)),  # [s]
+        Field("fine_variance", np.float64, (WINDOWS,)),  # [s^2]
+        Field("fit", np.float64, (3,)),  # K, B, n of the last window
+        # Within one window:
+        Field("in_contact", np.int64, (GRID,), 0, 1),
+        Field("points_of", np.float64, (GRID, 4)),  # ln depth, velocity, acceleration, force
+        Field("parabola", np.float64, (3,)),
+        Field("guess", np.float64, (3,)),
+        Field("total", np.float64, (CANDIDATES,)),
+        Field("normal", np.float64, (4, 4)),
+        Field("slope", np.float64, (4,)),
+        Field("column", np.float64, (4,)),
+        Field("fine", np.float64, (2,)),
+    )
+)
+
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
+        Field("row", np.int64, (), 0, ROW_COUNT - 1),
+        Field("extrapolated", np.float64),  # by how much later the sample's own force belongs [s]
         Field("predicted_force", np.float64),  # [N]
+        Field("latest_force", np.float64),  # the sample's own reading [N]
         Field("reconstructed_force", np.float64),  # [N]
         Field("innovation", np.float64, (2,)),  # displacement [mm], force [N]
         Field("nis", np.float64),
@@ -143,5 +199,7 @@ BANK: tuple[Field, ...] = (
     Field("judge", JUDGE),
     Field("change", CHANGE),
     Field("maneuver", MANEUVER),
+    Field("delay", DELAY),
+    Field("held", HELD_READINGS),
     Field("given", GIVEN),
 )

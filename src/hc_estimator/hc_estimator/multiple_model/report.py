@@ -37,6 +37,7 @@ CONTACT, CHANGE_DETECTED = columns.CONTACT, columns.CHANGE_DETECTED
 MODEL_MISMATCH = columns.MODEL_MISMATCH
 PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
 CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTACT_POSITION_STD
+CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 
@@ -73,8 +74,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
         out[FORCE_PREDICTED] = given.predicted_force
         out[NIS] = given.nis
         for i in range(2):
-            if bank.clock.present[i] != 0:
-                out[INNOVATION + i] = given.innovation[i]
+            out[INNOVATION + i] = given.innovation[i]
     out[FORCE_RECONSTRUCTED] = given.reconstructed_force
     out[DISPLACEMENT_COLUMN] = state[DEPTH]
     out[VELOCITY_COLUMN] = state[VELOCITY]
@@ -86,6 +86,8 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     out[REJECTED] = float(rejected)
     density = motion_density.jerk_density(settings, bank.motion)
     out[PROCESS_NOISE_SCALE] = density / settings.jerk_density
+    out[CHANNEL_DELAY] = bank.delay.delay
+    out[CHANNEL_DELAY_STD] = bank.delay.deviation
     _write_surface(bank, row, out)
     out[HYPOTHESIS] = float(CODES[row.index])
     for m in range(FRESH + 1):

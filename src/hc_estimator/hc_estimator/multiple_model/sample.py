@@ -1,5 +1,6 @@
 """The order of a sample in the default filter; each step answers one question.
 
+0.  What belongs together?                                 -> `alignment`, before this
 1.  Does the motion start anew (a start, a gap), or what is the state at the sample's stamp?
 2.  Is a reading an outlier, by the chosen row?            -> it is refused
 3.  What does each row make of the displacement, then of the force?
@@ -33,6 +34,7 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
+    displacement_of,
     foresee_force,
     force_of_row,
     innovate_force,
@@ -40,9 +42,17 @@ from hc_estimator.multiple_model.kalman import (
     use_displacement,
     use_force,
 )
-from hc_estimator.multiple_model.rows import begin_motion, is_sound, limit, reset, seed
+from hc_estimator.multiple_model.rows import (
+    begin_motion,
+    free_parameters,
+    is_sound,
+    limit,
+    reset,
+    seed,
+)
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 
+ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
@@ -100,15 +110,27 @@ def given_row(bank: Any) -> int:
 
 
 @compiled
-def use(settings: Any, bank: Any, time: float) -> int:
-    """Use the sample in bank.clock; the decision on it."""
+def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float) -> int:
+    """Use the sample in bank.clock.
+
+    Args:
+        settings: settings record.
+        bank: changed.
+        time: stamp of the sample [s].
+        place: where it belongs in the displacement's time [s].
+        extrapolated: by how much later the sample's own force belongs [s].
+
+    Returns:
+        ACCEPTED or the reason for the refusal.
+    """
     bank.change.detected = 0
+    bank.given.extrapolated = extrapolated
     decision = _update(settings, bank)
-    _give(bank, decision)
+    bank.clock.state_time = place
     if decision == ACCEPTED:
         note_accepted(bank.clock, time)
-        _learn_readings(settings, bank, time)
-        _decide(settings, bank, time)
+        _learn_readings(settings, bank, place)
+        _decide(settings, bank, place)
     else:  # the rows stand at the sample's stamp all the same
         bank.clock.last_time = time
         bank.clock.started = 1
@@ -117,10 +139,45 @@ def use(settings: Any, bank: Any, time: float) -> int:
 
 
 @compiled
+def note_held(bank: Any, time: float) -> None:
+    """Take note of a reading that is held back."""
+    bank.change.detected = 0
+    note_accepted(bank.clock, time)
+
+
+@compiled
+def begin_aligned(settings: Any, bank: Any) -> None:
+    """Begin every row with what the last window says, now that the channels are aligned."""
+    fit = bank.delay.fit
+    stiffness = max(fit[0], 1e-6)
+    damping = max(fit[1], 1e-3 * stiffness)
+    for m in range(FRESH):
+        row = bank.rows[m]
+        if row.active == 0:
+            continue
+        displacement = row.state[DEPTH]
+        reset(settings, row, displacement)
+        state = row.state
+        if settings.initial_stiffness_log_std > 0.0:
+            state[LOG_STIFFNESS] = math.log(stiffness)
+        if settings.initial_damping_log_std > 0.0:
+            state[LOG_DAMPING] = math.log(damping)
+        if settings.initial_displacement_exponent_std > 0.0:
+            state[EXPONENT] = fit[2]
+        free_parameters(settings, row, ALIGNED_DEVIATIONS)
+        limit(settings, row)
+    bank.motion_anew = 1
+    judging.reset(bank.judge)
+    changes.reset(bank.change, bank.rows)
+    maneuvers.reset(bank.maneuver)
+
+
+@compiled
 def _update(settings: Any, bank: Any) -> int:
     """Predict every row to the sample and update it with the readings that are there."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
+    _foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     if clock.present[0] != 0 and _is_outlier(settings, bank, chosen, 0):
         return OUTLIER
@@ -131,15 +188,18 @@ def _update(settings: Any, bank: Any) -> int:
         row.predicted_force = force_of_row(settings, row, 0.0)
         if clock.present[0] != 0:
             hold = _hold(settings, bank, row)
-            use_displacement(row, clock.measurement[0], 0.0, bank.sensor_noise[0], hold)
+            noise = bank.sensor_noise[0]
+            use_displacement(row, clock.measurement[0], clock.offset, noise, hold)
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
         if _is_outlier(settings, bank, chosen, 1):
+            _give(settings, bank, OUTLIER)
             return OUTLIER
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
                 use_force(rows[m], _hold(settings, bank, rows[m]))
+    _give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
@@ -147,26 +207,41 @@ def _update(settings: Any, bank: Any) -> int:
 
 
 @compiled
-def _give(bank: Any, decision: int) -> None:
-    """Note what the row in charge made of the sample."""
-    clock, given, row = bank.clock, bank.given, bank.rows[given_row(bank)]
-    given.predicted_force = row.predicted_force
-    given.reconstructed_force = row.predicted_force
+def _foretell(settings: Any, bank: Any) -> None:
+    """Note the force that the row in charge expects of the sample's own reading."""
+    row = bank.rows[given_row(bank)]
+    bank.given.row = row.index
+    bank.given.predicted_force = force_of_row(settings, row, bank.given.extrapolated)
+    bank.given.reconstructed_force = bank.given.predicted_force
+    bank.given.innovation[0] = math.nan
+    bank.given.innovation[1] = math.nan
+
+
+@compiled
+def _give(settings: Any, bank: Any, decision: int) -> None:
+    """Note what the row in charge made of the readings that were used.
+
+    The force is its mean given law and sensor, each weighed by what is known of its error; an error
+    of the linearisation that repeats itself counts once for the force of this moment.
+    """
+    clock, given, row = bank.clock, bank.given, bank.rows[bank.given.row]
     given.nis = 0.0
     if clock.present[0] != 0:
         given.innovation[0] = row.innovation[0]
         given.nis += row.nis[0]
     if clock.present[1] == 0:
         return
-    # The joint innovation, before the displacement was used, is that of the predicted state.
+    # The innovation of both readings together is against the state before either.
     given.innovation[1] = clock.measurement[1] - row.predicted_force
     given.nis += row.nis[1]
-    # Mean of the force given law and sensor, each by what is known of its error; an error of the
-    # linearisation that repeats itself counts once for the force of this moment.
-    law = clock.measurement[1] - row.innovation[1]
     unsure = row.explained + row.model_error
     share = unsure / (unsure + bank.sensor_noise[1]) if decision == ACCEPTED else 0.0
-    given.reconstructed_force = law + share * row.innovation[1]
+    if given.extrapolated == 0.0:
+        law = clock.measurement[1] - row.innovation[1]
+        given.reconstructed_force = law + share * row.innovation[1]
+    else:
+        law = given.predicted_force
+        given.reconstructed_force = law + share * (given.latest_force - law)
 
 
 @compiled
@@ -259,7 +334,7 @@ def _is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
     clock = bank.clock
     limit_squared = settings.outlier_gate * settings.outlier_gate
     if channel == 0:
-        innovation = clock.measurement[0] - chosen.state[DEPTH]
+        innovation = clock.measurement[0] - displacement_of(chosen, clock.offset)
         variance = chosen.covariance[DEPTH, DEPTH] + bank.sensor_noise[0]
     else:
         innovation = chosen.innovation[1]
