@@ -15,9 +15,13 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import sample
+from hc_estimator.multiple_model.hypotheses import VELOCITY_EXPONENT
 from hc_estimator.multiple_model.records import HELD
+from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
+
+KNOWN = 0.1  # share of the prior variance of p below which it is known
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -181,7 +185,11 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     if not delays.advance(finder):
         return
     before = finder.delay
-    if delays.learn_window(finder):
+    row = bank.rows[bank.judge.chosen]
+    prior = prior_deviation(settings, 3) ** 2
+    known = row.covariance[VELOCITY_EXPONENT, VELOCITY_EXPONENT] < KNOWN * prior
+    exponent = row.state[VELOCITY_EXPONENT] if known else 1.0
+    if delays.learn_window(finder, exponent):
         bank.held.first = bank.held.count
         if abs(finder.delay - before) > delays.BEGIN_ANEW:
             sample.begin_aligned(settings, bank)

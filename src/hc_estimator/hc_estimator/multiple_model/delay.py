@@ -3,7 +3,7 @@
 Sensors filter and networks delay, and a delay of the force looks like damping (a negative one like
 damping that is not there). The delay cannot be a state: the likelihood has two optima, one false.
 Instead the readings of every second in contact are fitted, for each candidate delay, by the law
-with p = 1, F = d^n (K + B v), B >= 0 (ours, after delay_prototype of the project's notes). Windows
+with the p that the bank has found (1 until then), F = d^n (K + B v^p), B >= 0 (ours, after delay_prototype of the project's notes). Windows
 of their own are what makes this immune to tissue that varies. The logarithm of what a fit leaves is
 a log likelihood with an unknown noise per window; the windows' sum chooses, and their scatter says
 whether the answer is clear. A Gauss-Newton fit with the delay as a fourth parameter gives the fine
@@ -32,11 +32,12 @@ STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
 FEWEST_READINGS = 7  # in it
 LARGEST = 0.064  # delay that is looked for [s]
-WINDOW = 1.0  # [s]
+WINDOW = 0.5  # [s]
 LEAST_SHARE = 0.3  # of a window that must be in contact
 LEAST_DEPTH = 0.05  # [mm]
+SLOWEST = 1e-3  # speed at which |v|^p is taken at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
-INDEPENDENT = 10.0  # points of a window that count as independent: 0.1 s apart
+INDEPENDENT = 5.0  # points of a window that count as independent: 0.1 s apart
 EXPONENTS = np.arange(0.8, 3.3, 0.4)
 SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.5, 4.0
 REFINEMENTS = 4  # Gauss-Newton steps for n
@@ -50,7 +51,7 @@ APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 4.0  # standard deviations
-CORRECTION = 0.0005  # by which a delay in use is corrected, at least [s]
+CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 SMALLEST_DEVIATION = 0.0001  # no more is claimed [s]
 
@@ -177,7 +178,11 @@ def advance(finder: Any) -> bool:
 
 @compiled
 def _gather(finder: Any, delay: float) -> int:
-    """Points in contact for a candidate delay: ln d, v, a, F in finder.points_of; their number."""
+    """Points in contact for a candidate delay, in finder.points_of; their number.
+
+    A point is ln d, w = sign(v) |v|^p, its rate along with the rate of ln d, and F.
+    """
+    p = finder.velocity_exponent
     shift = int(round(delay / finder.grid_step))
     rest = shift * finder.grid_step - delay
     count = 0
@@ -189,8 +194,12 @@ def _gather(finder: Any, delay: float) -> int:
         depth = point[0] + rest * (point[1] + 0.5 * rest * point[2])
         row = finder.points_of[count]
         row[0] = math.log(max(depth, 0.2 * LEAST_DEPTH))
-        row[1] = point[1] + rest * point[2]
-        row[2] = point[2]
+        velocity = point[1] + rest * point[2]
+        speed = max(abs(velocity), SLOWEST)
+        power = speed**p
+        row[1] = math.copysign(power, velocity)
+        row[2] = p * power / speed * point[2]
+        row[4] = velocity / math.exp(row[0])
         row[3] = finder.grid[here % GRID, 3]
         count += 1
     return count
@@ -287,8 +296,7 @@ def _fine_delay(finder: Any, start: float) -> bool:
             finder.column[0] = power
             finder.column[1] = power * row[1]
             finder.column[2] = force * row[0]
-            depth = math.exp(row[0])
-            finder.column[3] = -(fit[2] * force / depth * row[1] + power * fit[1] * row[2])
+            finder.column[3] = -(fit[2] * force * row[4] + power * fit[1] * row[2])
             for i in range(4):
                 slope[i] += finder.column[i] * residual
                 for j in range(i + 1):
@@ -348,11 +356,16 @@ def _solve(normal: Any, slope: Any, fixed: int) -> bool:
 
 
 @compiled
-def learn_window(finder: Any) -> bool:
+def learn_window(finder: Any, velocity_exponent: float) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
     The new delay is then finder.delay, and the window's K, B and n at it are finder.fit.
+
+    Args:
+        finder: changed.
+        velocity_exponent: p, as far as it is known; 1 else.
     """
+    finder.velocity_exponent = velocity_exponent
     if _find_contact(finder) < LEAST_SHARE * finder.points:
         return False
     slot = finder.windows % WINDOWS
@@ -435,12 +448,15 @@ def _decide(finder: Any, chosen: int) -> bool:
             square += share * (finder.fine_delay[w] - mean) ** 2
     scatter = square / max(used - 1, 1)  # 1 where the windows' own variances are right
     deviation = math.sqrt(max(scatter, 1.0) / weight + SMALLEST_DEVIATION**2)
-    changes = abs(mean - finder.delay) > max(SIGNIFICANT * deviation, CORRECTION)
+    distance = abs(mean - finder.delay)
     if finder.delay == 0.0:
         finder.deviation = deviation
-        changes = changes and abs(mean) > SMALLEST and _is_clear(finder, chosen, windows)
-    elif changes and abs(mean - finder.delay) > step:
-        changes = _is_clear(finder, chosen, windows)
+        changes = distance > max(SIGNIFICANT * deviation, SMALLEST)
+        changes = changes and _is_clear(finder, chosen, windows)
+    else:
+        changes = distance > max(deviation, CORRECTION)
+        if changes and distance > step:
+            changes = _is_clear(finder, chosen, windows)
     if changes:
         finder.delay = mean
     if changes or finder.delay != 0.0:

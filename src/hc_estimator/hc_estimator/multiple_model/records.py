@@ -135,9 +135,9 @@ HELD_READINGS = record_type(
 )
 
 RAW = 256  # readings of each channel, for the local parabolas
-GRID = 132  # points of the grid: a window of a second at 100 a second, and its margins
+GRID = 68  # points of the grid: a window of half a second at 100 a second, and its margins
 CANDIDATES = 13  # delays at steps of the grid, about zero
-WINDOWS = 16  # that are remembered
+WINDOWS = 24  # that are remembered
 
 # By how much is the force late?
 DELAY = record_type(
@@ -162,7 +162,8 @@ DELAY = record_type(
         Field("fit", np.float64, (3,)),  # K, B, n of the last window
         # Within one window:
         Field("in_contact", np.int64, (GRID,), 0, 1),
-        Field("points_of", np.float64, (GRID, 4)),  # ln depth, velocity, acceleration, force
+        Field("velocity_exponent", np.float64),  # p of the fits
+        Field("points_of", np.float64, (GRID, 5)),  # see `delay`
         Field("parabola", np.float64, (3,)),
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,)),
