@@ -43,6 +43,7 @@ FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 REFUTED = 5.0  # log likelihood ratio
+FLOOR = 15.0  # of the log likelihoods below the best: what was long ago is forgiven
 CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
@@ -194,6 +195,8 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
     for m in range(FRESH):
         if rows[m].model_error == 0.0 and _counts(rows[m], clock):
             likeliest = max(likeliest, rows[m].log_likelihood)
+    for m in range(FRESH):
+        rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
     best = math.inf
     for m in range(FRESH):
         if _is_eligible(rows[m], clock, steadiest, likeliest):
