@@ -19,7 +19,7 @@ from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
 from hc_estimator.filters.registry import FIELDS, FILTERS, HIDDEN_SPECIFICATIONS, SCRATCH
-from hc_estimator.memory import Field, record_type
+from hc_estimator.memory import Field, from_plain, record_type, to_plain
 from hc_estimator.specification import (
     ParameterSpecification,
     ParameterValue,
@@ -29,7 +29,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 4  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 5  # of Estimator.state(); raised when its meaning changes
 
 DEFAULT_FILTER = "self_tuning_ukf"
 DEFAULT_STATE_SPACE = "kinematic"
@@ -327,7 +327,7 @@ class Estimator:
             "state_space": self._state_space,
             "contact_model": self._contact_model,
             "configuration": self.configuration,
-            "memory": {name: self._memory[name][0].tolist() for name, _, _ in FIELDS},
+            "memory": to_plain(self._memory[0], self._fields),
             "particles": self._particles[: self._particles.shape[0] // 2].tolist(),
         }
 
@@ -352,17 +352,13 @@ class Estimator:
                     f"cannot restore a state with {name} = {state.get(name)!r}: "
                     f"this estimator has {value!r}"
                 )
-        memory = np.zeros(1, MEMORY)
+        memory = np.zeros(1, self._memory_type)
         try:
             values = checked_values(self._specifications, state["configuration"])
             missing = [s.name for s in self._specifications if s.name not in values]
             if missing:
                 raise ValueError(f"no value for {', '.join(missing)}")
-            for name, kind, shape in FIELDS:
-                field: NDArray[Any] = np.asarray(state["memory"][name], kind)
-                if field.shape != shape:
-                    raise ValueError(f"{name} has shape {field.shape} instead of {shape}")
-                memory[name][0] = field
+            from_plain(state["memory"], self._fields, memory[0])
             particles = self._restored_particles(state["particles"], values)
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"cannot restore an incomplete or damaged state: {error}") from error

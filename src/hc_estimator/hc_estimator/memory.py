@@ -7,9 +7,15 @@ sample; they are written before they are read and are no part of the saved state
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+# Whole numbers beyond these are no counts of samples.
+SMALLEST_COUNT, LARGEST_COUNT = -(2**53), 2**53
 
 
 class Field(NamedTuple):
@@ -73,8 +79,84 @@ SCRATCH_FIELDS: tuple[Field, ...] = (
 )
 
 
+_FIELDS_OF: dict[np.dtype[np.void], tuple[Field, ...]] = {}  # of the types made here
+
+
 def record_type(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     """Structured type of the given fields."""
     description: Any = [(field.name, field.kind, field.shape) for field in fields]
     result: np.dtype[np.void] = np.dtype(description, align=True)
+    _FIELDS_OF[result] = fields
     return result
+
+
+def to_plain(record: NDArray[Any], fields: tuple[Field, ...]) -> dict[str, Any]:
+    """Plain data (numbers, texts, lists, dicts) of the given fields of one record.
+
+    Survives JSON: what is no number is written as the text that `float` understands.
+    """
+    return {field.name: _value_to_plain(record[field.name], field) for field in fields}
+
+
+def _value_to_plain(value: Any, field: Field) -> Any:
+    nested = _FIELDS_OF.get(field.kind) if isinstance(field.kind, np.dtype) else None
+    if nested is not None:
+        if field.shape:
+            flat = np.asarray(value).ravel()
+            return [to_plain(element, nested) for element in flat]
+        return to_plain(value, nested)
+    array = np.asarray(value)
+    plain = array.tolist()
+    return plain if np.isfinite(array).all() else _without_infinity(plain)
+
+
+def _without_infinity(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_without_infinity(element) for element in value]
+    return value if math.isfinite(value) else str(value)
+
+
+def from_plain(plain: Any, fields: tuple[Field, ...], record: NDArray[Any]) -> None:
+    """Fill a record from what `to_plain` made of one.
+
+    Args:
+        plain: the plain data.
+        fields: that are taken.
+        record: one record; takes the values.
+
+    Raises:
+        ValueError: a field is missing, has another shape, or holds a number that makes no sense.
+    """
+    if not isinstance(plain, Mapping):
+        raise ValueError(f"a record is {type(plain).__name__} instead of names and values")
+    for field in fields:
+        if field.name not in plain:
+            raise ValueError(f"{field.name} is missing")
+        _value_from_plain(plain[field.name], field, record)
+
+
+def _value_from_plain(plain: Any, field: Field, record: NDArray[Any]) -> None:
+    nested = _FIELDS_OF.get(field.kind) if isinstance(field.kind, np.dtype) else None
+    if nested is not None:
+        if not field.shape:
+            from_plain(plain, nested, record[field.name])
+            return
+        elements = record[field.name].reshape(-1)
+        if not isinstance(plain, list) or len(plain) != elements.size:
+            raise ValueError(f"{field.name} does not have {elements.size} records")
+        for i, element in enumerate(plain):
+            from_plain(element, nested, elements[i])
+        return
+    try:
+        given: NDArray[Any] = np.asarray(plain, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{field.name} holds something else than numbers") from None
+    if given.shape != field.shape:
+        raise ValueError(f"{field.name} has shape {given.shape} instead of {field.shape}")
+    if field.kind is np.int64:
+        low = SMALLEST_COUNT if field.low is None else field.low
+        high = LARGEST_COUNT if field.high is None else field.high
+        whole = np.isfinite(given).all() and (given == np.floor(given)).all()
+        if not (whole and (given >= low).all() and (given <= high).all()):
+            raise ValueError(f"{field.name} is not a whole number from {low} to {high}")
+    record[field.name] = given

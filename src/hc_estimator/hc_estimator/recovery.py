@@ -19,7 +19,7 @@ from hc_estimator.state_space import registry as state_space
 
 FAILURES = 10  # numerical failures in a row after which the filter starts anew
 
-FIELDS = (Field("failures", np.int64, ()),)
+FIELDS = (Field("failures", np.int64, (), 0),)
 
 
 @compiled

@@ -74,10 +74,10 @@ SPECIFICATIONS = (
 
 FIELDS = (
     Field("change_values", np.float64, (LONGEST_WINDOW,)),  # ring of normalised innovations squared
-    Field("change_position", np.int64, ()),
-    Field("change_filled", np.int64, ()),
+    Field("change_position", np.int64, (), 0, LONGEST_WINDOW - 1),
+    Field("change_filled", np.int64, (), 0, LONGEST_WINDOW),
     Field("change_sum", np.float64, ()),  # CUSUM
-    Field("change_quiet", np.int64, ()),  # samples in contact since the start or the last change
+    Field("change_quiet", np.int64, (), 0),  # samples in contact since the start or the last change
 )
 
 LARGEST_TERM = 30.0  # one spike must not call a change

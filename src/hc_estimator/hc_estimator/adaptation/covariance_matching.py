@@ -95,10 +95,10 @@ WINDOW_ONLY = ParameterSpecification(  # not offered: what makes `raukf` an `auk
 FIELDS = (
     # Ring per accepted sample: the matched state's share, and the two squared innovations.
     Field("matching_values", np.float64, (LONGEST_WINDOW, 3)),
-    Field("matching_position", np.int64, ()),
-    Field("matching_filled", np.int64, ()),
+    Field("matching_position", np.int64, (), 0, LONGEST_WINDOW - 1),
+    Field("matching_filled", np.int64, (), 0, LONGEST_WINDOW),
     Field("matching_mean", np.float64, (3,)),  # what the predicted covariances should be
-    Field("matching_count", np.int64, ()),  # J: samples in the recursion
+    Field("matching_count", np.int64, (), 0),  # J: samples in the recursion
 )
 
 

@@ -68,8 +68,8 @@ SPECIFICATIONS = (
 
 FIELDS = (
     Field("tracking_values", np.float64, (LONGEST_WINDOW,)),  # ring of |Z|^2 / tr R
-    Field("tracking_position", np.int64, ()),
-    Field("tracking_filled", np.int64, ()),
+    Field("tracking_position", np.int64, (), 0, LONGEST_WINDOW - 1),
+    Field("tracking_filled", np.int64, (), 0, LONGEST_WINDOW),
 )
 
 

@@ -37,7 +37,7 @@ SPECIFICATIONS = (
 )
 
 # Samples in contact since the start or the last change.
-FIELDS = (Field("tempering_count", np.int64, ()),)
+FIELDS = (Field("tempering_count", np.int64, (), 0),)
 
 
 @compiled
