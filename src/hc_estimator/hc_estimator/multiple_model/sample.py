@@ -127,11 +127,11 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     clock = bank.clock
     bank.change.detected = 0
     bank.given.extrapolated = extrapolated
-    if clock.restart != 0 or bank.motion_anew != 0:
-        clock.force_elapsed = 0.0
-    else:
-        clock.force_elapsed = place - clock.force_time
-        clock.period += PERIOD_SHARE * (clock.elapsed - clock.period)
+    if clock.restart == 0:
+        share = PERIOD_SHARE if clock.period > 0.0 else 1.0
+        clock.period += share * (clock.elapsed - clock.period)
+    anew = clock.restart != 0 or bank.motion_anew != 0
+    clock.force_elapsed = clock.period if anew else place - clock.force_time
     decision = _update(settings, bank)
     clock.state_time = place
     if clock.present[1] != 0:
