@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from hc_evaluation import metrics
+from hc_evaluation.hold_forward import hold_forward_errors, smooth_motion
 
 
 def test_nees_is_the_squared_mahalanobis_distance_in_logarithms():
@@ -61,10 +62,10 @@ def test_hold_forward_error_of_the_truth_is_the_noise_and_of_a_wrong_tissue_its_
     force = d**1.6 * (0.3 + 0.04 * np.sign(v) * np.abs(v) ** 1.1)
     rng = np.random.default_rng(2)
     noisy = force + 0.01 * rng.normal(size=force.size)
-    _, errors = metrics.hold_forward_errors(time, d, v, noisy, true)
+    _, errors = hold_forward_errors(time, d, v, noisy, true)
     assert np.mean(errors) == pytest.approx(0.01, rel=0.02)
     twice = np.tile(true * [2, 2, 1, 1], (time.size, 1))
-    origins, errors = metrics.hold_forward_errors(time, d, v, force, twice)
+    origins, errors = hold_forward_errors(time, d, v, force, twice)
     expected = [
         np.sqrt(np.mean(force[(time > t + 5e-4) & (time < t + 0.5005)] ** 2)) for t in origins
     ]
@@ -74,6 +75,6 @@ def test_hold_forward_error_of_the_truth_is_the_noise_and_of_a_wrong_tissue_its_
 def test_smoothed_motion_is_exact_on_a_cubic():
     time = np.arange(500) / 500.0
     d = 1.0 + 2.0 * time - 3.0 * time**2 + 4.0 * time**3
-    smooth, velocity = metrics.smooth_motion(d, 500.0)
+    smooth, velocity = smooth_motion(d, 500.0)
     np.testing.assert_allclose(smooth, d, atol=1e-10)
     np.testing.assert_allclose(velocity, 2.0 - 6.0 * time + 12.0 * time**2, atol=1e-8)

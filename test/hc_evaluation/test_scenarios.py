@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hc_evaluation.accuracy import catalogue
-from hc_evaluation.accuracy.scenarios import Motion, Tissue, hunt_crossley_force, simulate
+from hc_evaluation.accuracy.scenarios import Motion, Tissue, simulate
+from hc_evaluation.contact_law import hunt_crossley_force
 
 
 @pytest.mark.parametrize("scenario", catalogue.TISSUES, ids=lambda s: s.name)

@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from hc_estimator import parameter_specifications
+from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.reproduction import (
     ExperimentError,
     available_experiments,
@@ -18,7 +19,7 @@ from hc_evaluation.reproduction import (
 )
 from hc_evaluation.reproduction.position_filters import FILTERS
 from hc_evaluation.reproduction.published import published_papers, published_value
-from hc_evaluation.reproduction.signals import hunt_crossley_force, make_signal
+from hc_evaluation.reproduction.signals import make_signal
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 from scipy.stats import binom
 
 from hc_estimator import DEFAULT_FILTER, create_estimator
+from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.reproduction import load_experiment
 from hc_evaluation.reproduction.campaign import ExperimentResult
 from hc_evaluation.reproduction.floor import first_guess, regression_error, regression_floor
@@ -20,7 +21,7 @@ from hc_evaluation.reproduction.scores import (
     jerk_density,
     score,
 )
-from hc_evaluation.reproduction.signals import Signal, hunt_crossley_force, make_signal
+from hc_evaluation.reproduction.signals import Signal, make_signal
 from hc_evaluation.reproduction.trace import Trace
 from hc_evaluation.reproduction.verdict import (
     FAILS,

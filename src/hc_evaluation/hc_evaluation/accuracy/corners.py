@@ -1,6 +1,7 @@
 """Motions with corners: ramps, holds and ways back, as a stage or a robot drives them.
 
-Drawn at random: a tissue that the contact law describes, and three presses, each with its own depth
+Drawn at random: a tissue that the contact law describes (and that the tool does not leave: B is
+limited by the fastest way back), and three presses, each with its own depth
 and speed about that of the row, a hold at the bottom and the way back. The corners are sharp (the
 velocity jumps between two samples) or round (it changes over some 60 ms).
 """
@@ -17,7 +18,8 @@ from scipy.ndimage import gaussian_filter1d
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup
-from hc_evaluation.accuracy.scenarios import hunt_crossley_force
+from hc_evaluation.accuracy.scenarios import Tissue, without_tension
+from hc_evaluation.contact_law import hunt_crossley_force
 
 FloatArray = NDArray[np.float64]
 
@@ -59,7 +61,7 @@ def cornered_contact(
     draw = np.random.default_rng([seed, list(DEPTHS_MM).index(speed), CORNERS.index(corner)])
     stiffness = 10.0 ** draw.uniform(-0.7, 0.7)
     damping = stiffness * 10.0 ** draw.uniform(-1.7, -0.5)
-    tissue = np.array([stiffness, damping, draw.uniform(1.1, 2.2), draw.uniform(0.85, 1.15)])
+    drawn = Tissue(stiffness, damping, draw.uniform(1.1, 2.2), draw.uniform(0.85, 1.15))
     legs = [np.zeros(round(0.2 * RATE_HZ))]
     for _ in range(3):
         way = DEPTHS_MM[speed] * draw.uniform(0.5, 1.0)
@@ -67,6 +69,7 @@ def cornered_contact(
         count = round(way / pace * RATE_HZ)
         legs += [np.full(count, pace), np.zeros(round(HOLD_S * RATE_HZ)), np.full(count, -pace)]
     velocity = np.concatenate(legs)
+    tissue = without_tension(drawn, float(-np.min(velocity))).as_array()
     if corner == "round":
         velocity = gaussian_filter1d(velocity, ROUND_S * RATE_HZ, mode="nearest")
     way_mm: FloatArray = cumulative_trapezoid(velocity, dx=1.0 / RATE_HZ, initial=0)

@@ -15,13 +15,9 @@ from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, EstimateSeries, Estimator, create_estimator
 from hc_evaluation import metrics
-from hc_evaluation.accuracy.scenarios import (
-    Scenario,
-    SimulatedContact,
-    hunt_crossley_force,
-    simulate,
-)
+from hc_evaluation.accuracy.scenarios import Scenario, SimulatedContact, simulate
 from hc_evaluation.bounds import posterior_cramer_rao_bound
+from hc_evaluation.contact_law import hunt_crossley_force
 
 FloatArray = NDArray[np.float64]
 Numbers = dict[str, float]

@@ -7,7 +7,7 @@ a least-squares fit of the contact law over the whole run, as for the real recor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,9 @@ from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.recorded import FIRST_CONTACT_S
 from hc_evaluation.accuracy.recordings import batch_fit, contact_start, smoothed
-from hc_evaluation.accuracy.scenarios import hunt_crossley_force
-from hc_evaluation.metrics import hold_forward_errors
+from hc_evaluation.accuracy.scenarios import without_tension
+from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.hold_forward import Frozen, hold_forward_rms
 
 FloatArray = NDArray[np.float64]
 
@@ -47,11 +48,13 @@ class MisfitTask:
 def misfit_contact(motion: str, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Time [s], displacement [mm] and force [N] of a contact with faults, each of shape (N,)."""
     draw = np.random.default_rng([seed, MOTIONS.index(motion), 77])
-    tissue = catalogue.random_scenario(seed).tissue.as_array()
-    tissue[1] *= 0.3  # little damping, as in the phantoms of the recordings
+    drawn = catalogue.random_scenario(seed).tissue
     time = np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
     depth = _motion(motion, time, draw)
     velocity = np.gradient(depth, time)
+    # Little damping, as in the phantoms of the recordings.
+    drawn = replace(drawn, damping=0.3 * drawn.damping)
+    tissue = without_tension(drawn, float(-np.min(velocity))).as_array()
     delay = float(draw.choice([0.0, 0.01, 0.025]))
     position = float(draw.choice([0.0, 0.0, 0.2]))
     relaxing = float(draw.choice([0.0, 0.1, 0.25]))
@@ -93,17 +96,16 @@ def misfit_run(task: MisfitTask) -> Numbers:
     batch = batch_fit(smooth, velocity, force)
     start = FIRST_CONTACT_S + contact_start(time, force)
 
-    def held(parameters: FloatArray) -> float:
-        errors = hold_forward_errors(time, smooth, velocity, force, parameters, start_s=start)[1]
-        return float(np.sqrt(np.mean(errors**2)))
+    def held(estimate: Frozen | FloatArray) -> float:
+        return hold_forward_rms(time, smooth, velocity, force, estimate, start_s=start)
 
     floor = held(batch.parameters)
     series = task.setup.create().run(time, displacement, force)
     bare = Setup(task.setup.filter, {**task.setup.parameters, **WITHOUT_HISTORY})
     without = bare.create().run(time, displacement, force)
     return {
-        "ratio": held(series.parameters) / floor,
-        "ratio_without": held(without.parameters) / floor,
+        "ratio": held(Frozen.of(series)) / floor,
+        "ratio_without": held(Frozen.of(without)) / floor,
         "k_off": abs(float(series.parameters[-1, 0] / batch.parameters[0]) - 1.0),
         "changes": float(np.count_nonzero(series.change_detected)),
         "changes_without": float(np.count_nonzero(without.change_detected)),

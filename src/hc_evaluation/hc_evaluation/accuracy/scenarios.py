@@ -2,18 +2,22 @@
 
 The motion is a drift plus a sum of sines, so that displacement, velocity and acceleration are exact
 at any instant and no integration error enters the comparison with the truth. The tissue follows the
-Hunt-Crossley law, F = K d^n + B d^n sign(v)|v|^p (paper A, Eq. 1), and can change abruptly; the
+unilateral Hunt-Crossley law, F = max(0, K d^n + B d^n sign(v)|v|^p), and can change abruptly; the
 sensors add white Gaussian noise, whose level can change abruptly too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_evaluation.contact_law import hunt_crossley_force
+
 FloatArray = NDArray[np.float64]
+
+SPRING_SHARE = 0.9  # of the elastic force that damping takes away on the fastest retreat, at most
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,17 @@ class Tissue:
         return np.array(
             [self.stiffness, self.damping, self.displacement_exponent, self.velocity_exponent]
         )
+
+
+def without_tension(tissue: Tissue, fastest_mm_s: float) -> Tissue:
+    """The tissue with at most the damping at which a retreat does not lose contact.
+
+    Args:
+        tissue: any tissue.
+        fastest_mm_s: speed of the fastest retreat.
+    """
+    largest = SPRING_SHARE * tissue.stiffness / fastest_mm_s**tissue.velocity_exponent
+    return replace(tissue, damping=min(tissue.damping, largest))
 
 
 @dataclass(frozen=True)
@@ -108,27 +123,6 @@ class SimulatedContact:
     parameters: FloatArray
     displacement_noise_std: FloatArray
     force_noise_std: FloatArray
-
-
-def hunt_crossley_force(
-    displacement: FloatArray, velocity: FloatArray, parameters: FloatArray
-) -> FloatArray:
-    """Force of the Hunt-Crossley law [N] (paper A, Eq. 1), zero out of contact.
-
-    Args:
-        displacement: Penetration [mm], shape (N,).
-        velocity: Its rate [mm/s], shape (N,).
-        parameters: K, B, n, p, shape (4,) or (N, 4).
-    """
-    stiffness, damping, exponent, velocity_exponent = np.moveaxis(
-        np.asarray(parameters, dtype=np.float64), -1, 0
-    )
-    depth = np.maximum(displacement, 0.0)
-    dashpot = np.sign(velocity) * np.abs(velocity) ** velocity_exponent
-    force: FloatArray = np.where(
-        depth > 0.0, depth**exponent * (stiffness + damping * dashpot), 0.0
-    )
-    return force
 
 
 def tissue_over_time(scenario: Scenario, time_s: FloatArray) -> FloatArray:

@@ -58,6 +58,12 @@ class Column:
     measurement_noise: tuple[float, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def adhesive(self) -> bool:
+        """Whether its contact law may pull: the papers' law does."""
+        model = self.parameters.get("contact_model")
+        return model == "adhesive" or (model is None and self.setting == "paper")
+
 
 @dataclass(frozen=True)
 class Experiment:

@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_evaluation import metrics
 from hc_evaluation.bounds import posterior_cramer_rao_bound
+from hc_evaluation.contact_law import force_gradient, force_of
+from hc_evaluation.hold_forward import hold_forward_errors
 from hc_evaluation.reproduction.experiment import load_experiment
 from hc_evaluation.reproduction.floor import regression_floor
-from hc_evaluation.reproduction.signals import Signal, hunt_crossley_force, make_signal
+from hc_evaluation.reproduction.signals import Signal, make_signal
 from hc_evaluation.reproduction.trace import Trace
 
 FloatArray = NDArray[np.float64]
@@ -90,16 +91,20 @@ def _parameter_scores(
     truth = signal.parameters
     span = float(signal.time_s[-1] - signal.time_s[0])
     with np.errstate(all="ignore"):
-        force = hunt_crossley_force(
-            signal.true_displacement, signal.true_velocity, trace.parameters
+        force = force_of(
+            signal.true_displacement,
+            signal.true_velocity,
+            trace.parameters,
+            adhesive=trace.adhesive,
         )
         late = slice(first, None)
-        _, held = metrics.hold_forward_errors(
+        _, held = hold_forward_errors(
             signal.time_s,
             signal.true_displacement,
             signal.true_velocity,
             signal.true_force,
             trace.parameters,
+            adhesive=trace.adhesive,
             horizon_s=min(HORIZON_S, HORIZON_SHARE * span),
             start_s=LATE * span,
             stride_s=max(STRIDE_S, STRIDE_SHARE * span),
@@ -223,15 +228,7 @@ def bounds(signal: Signal) -> tuple[FloatArray, Scores]:
         parameter_density=np.zeros(4),
         initial_covariance=np.diag(np.square(PRIOR_STD)),
     )
-    depth, velocity = signal.true_displacement, signal.true_velocity
-    contact = depth > 0.0
-    safe = np.where(contact, depth, 1.0)
-    speed = np.maximum(np.abs(velocity), 1e-12)
-    stiffness, damping, n, p = signal.parameters
-    power = np.where(contact, safe**n, 0.0)
-    drag = np.sign(velocity) * damping * power * speed**p
-    force = power * stiffness + drag
-    slopes = np.stack([power * stiffness, drag, force * np.log(safe), drag * np.log(speed)], axis=1)
+    slopes = force_gradient(signal.true_displacement, signal.true_velocity, truth)[:, 2:]
     variance = np.einsum("ki,kij,kj->k", slopes, bound, slopes)
     first = int(LATE * signal.time_s.size)
     deviations = np.sqrt(np.diagonal(bound[-1]))

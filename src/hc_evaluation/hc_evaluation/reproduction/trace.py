@@ -43,6 +43,7 @@ LITERAL: Mapping[str, Any] = {
     "tempering_amplitude": 0.0,
     "noise_adaptation": "fixed",
     "change_detection": "none",
+    "contact_model": "adhesive",
 }
 
 
@@ -62,6 +63,7 @@ class Trace:
         changes: True where a change was called.
         mismatch: True where the estimator said that the contact law does not fit.
         numerical_failures: samples at which the update had no meaning.
+        adhesive: whether its contact law may pull.
     """
 
     force: FloatArray
@@ -75,6 +77,7 @@ class Trace:
     changes: NDArray[np.bool_]
     mismatch: NDArray[np.bool_]
     numerical_failures: int
+    adhesive: bool = False
 
 
 def make_estimator(column: Column, time_s: float, time_step: float) -> Estimator:
@@ -153,6 +156,7 @@ def _of_series(series: EstimateSeries, column: Column) -> Trace:
         series.change_detected,
         series.model_mismatch.astype(np.bool_),
         int(np.count_nonzero(series.rejected == Rejection.NUMERICAL)),
+        adhesive=column.adhesive,
     )
 
 
@@ -160,9 +164,13 @@ def _joined(parts: list[Trace]) -> Trace:
     arrays = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Trace)
-        if f.name != "numerical_failures"
+        if f.name not in ("numerical_failures", "adhesive")
     }
-    return Trace(**arrays, numerical_failures=sum(part.numerical_failures for part in parts))
+    return Trace(
+        **arrays,
+        numerical_failures=sum(part.numerical_failures for part in parts),
+        adhesive=parts[0].adhesive,
+    )
 
 
 def run_column(column: Column, signal: Signal, settings: Mapping[str, Any]) -> Trace:
