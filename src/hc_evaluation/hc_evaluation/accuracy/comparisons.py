@@ -84,7 +84,7 @@ def defaults(bench: Bench) -> Result:
     folder = data_folder()
     rows: list[Row] = []
     for index, (name, parameters) in enumerate(VARIATIONS):
-        varied = Setup(bench.setup.filter, {**bench.setup.parameters, **parameters})
+        varied = bench.setup.with_parameters(parameters)
         part = bench.part(varied, few)
 
         quiet = quiet_rows(

@@ -32,7 +32,6 @@ FORCE_NOISE_N = 0.01
 DEPTHS_MM = {0.1: 1.0, 0.5: 3.0, 2.0: 6.0, 10.0: 10.0}  # largest, by speed in mm/s
 CORNERS = ("sharp", "round")
 PARAMETERS = ("K", "B", "n", "p")
-WITHOUT_TURNS = {"find_turns": False}
 
 
 @dataclass(frozen=True)
@@ -84,20 +83,17 @@ def cornered_contact(
 
 
 def corner_run(task: CornerTask) -> Numbers:
-    """Errors, consistency and flags of one run, with `find_turns` and without."""
+    """Errors, consistency and flags of one run."""
     time, displacement, force, tissue = cornered_contact(task.speed, task.corner, task.seed)
-    numbers: Numbers = {}
-    for suffix, more in (("", {}), ("_without", WITHOUT_TURNS)):
-        setup = Setup(task.setup.filter, {**task.setup.parameters, **more})
-        series = setup.create().run(time, displacement, force)
-        last = series.parameters[-1]
-        numbers["nees" + suffix] = float(metrics.nees(last, series.covariance[-1], tissue))
-        errors = metrics.relative_parameter_error(last, tissue)
-        for name, error in zip(PARAMETERS, errors, strict=True):
-            numbers[f"error_{name}{suffix}"] = float(error)
-        numbers["changes" + suffix] = float(np.count_nonzero(series.change_detected))
-        numbers["mismatch" + suffix] = float(np.mean(series.model_mismatch))
-    return numbers
+    series = task.setup.create().run(time, displacement, force)
+    last = series.parameters[-1]
+    errors = metrics.relative_parameter_error(last, tissue)
+    numbers = {f"error_{name}": float(e) for name, e in zip(PARAMETERS, errors, strict=True)}
+    return numbers | {
+        "nees": float(metrics.nees(last, series.covariance[-1], tissue)),
+        "changes": float(np.count_nonzero(series.change_detected)),
+        "mismatch": float(np.mean(series.model_mismatch)),
+    }
 
 
 def corners(bench: Bench) -> Result:
@@ -113,15 +109,14 @@ def corners(bench: Bench) -> Result:
     for index, (speed, corner) in enumerate(kinds):
         chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
         columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
-        row: Row = {"motion": f"{speed:g} mm/s, {corner}"}
-        for suffix in ("", "_without"):
-            row["error" + suffix] = [
-                float(np.median(columns[f"error_{name}{suffix}"])) for name in PARAMETERS
-            ]
-            row["nees" + suffix] = float(np.median(columns["nees" + suffix]))
-            row["nees_90" + suffix] = float(np.quantile(columns["nees" + suffix], 0.9))
-            row["changes" + suffix] = float(np.sum(columns["changes" + suffix]))
-            row["mismatch" + suffix] = float(np.mean(columns["mismatch" + suffix]))
+        row: Row = {
+            "motion": f"{speed:g} mm/s, {corner}",
+            "error": [float(np.median(columns[f"error_{name}"])) for name in PARAMETERS],
+            "nees": float(np.median(columns["nees"])),
+            "nees_90": float(np.quantile(columns["nees"], 0.9)),
+            "changes": float(np.sum(columns["changes"])),
+            "mismatch": float(np.mean(columns["mismatch"])),
+        }
         rows.append(row)
     targets = [
         target("smallest median NEES", worst((r["nees"] for r in rows), False), low=1.5),

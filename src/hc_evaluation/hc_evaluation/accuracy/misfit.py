@@ -32,8 +32,7 @@ HOLD_S = 0.3
 DISPLACEMENT_NOISE_MM = 0.003
 FORCE_NOISE = 0.003  # of the largest force
 MOTIONS = ("press", "press_hold", "sines")
-# The same filter without what `adaptation.history` adds.
-WITHOUT_HISTORY = {"refit_ratio": 1e6, "history_interval": 10.0}
+LARGEST_RATIO = 1.4  # to the floor, in the median; a fit to the whole run knows the future
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def _motion(motion: str, time: FloatArray, draw: np.random.Generator) -> FloatAr
 
 
 def misfit_run(task: MisfitTask) -> Numbers:
-    """Hold-forward error over that of the batch fit, with the history and without."""
+    """Hold-forward error over that of the batch fit."""
     time, displacement, force = misfit_contact(task.motion, task.seed)
     smooth, velocity = smoothed(time, displacement)
     batch = batch_fit(smooth, velocity, force)
@@ -101,14 +100,10 @@ def misfit_run(task: MisfitTask) -> Numbers:
 
     floor = held(batch.parameters)
     series = task.setup.create().run(time, displacement, force)
-    bare = Setup(task.setup.filter, {**task.setup.parameters, **WITHOUT_HISTORY})
-    without = bare.create().run(time, displacement, force)
     return {
         "ratio": held(Frozen.of(series)) / floor,
-        "ratio_without": held(Frozen.of(without)) / floor,
         "k_off": abs(float(series.parameters[-1, 0] / batch.parameters[0]) - 1.0),
         "changes": float(np.count_nonzero(series.change_detected)),
-        "changes_without": float(np.count_nonzero(without.change_detected)),
         "misfit": batch.residual_rms / float(np.sqrt(np.mean(force**2))),
         "mismatch": float(np.mean(series.model_mismatch)),
     }
@@ -127,18 +122,16 @@ def misfit(bench: Bench) -> Result:
         chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
         columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
         row: Row = {"motion": motion}
-        for key in ("ratio", "ratio_without", "k_off", "misfit", "mismatch"):
+        for key in ("ratio", "k_off", "misfit", "mismatch"):
             row[key] = float(np.median(columns[key]))
-        for key in ("ratio", "ratio_without"):
-            row[f"{key}_90"] = float(np.quantile(columns[key], 0.9))
-        for key in ("changes", "changes_without"):
-            row[key] = float(np.sum(columns[key]))
+        row["ratio_90"] = float(np.quantile(columns["ratio"], 0.9))
+        row["changes"] = float(np.sum(columns["changes"]))
         rows.append(row)
     targets = [
         target(
-            f"{row['motion']}: median hold-forward error over that without the history",
-            row["ratio"] / row["ratio_without"],
-            high=1.05,
+            f"{row['motion']}: median hold-forward error over the floor",
+            row["ratio"],
+            high=LARGEST_RATIO,
         )
         for row in rows
     ]

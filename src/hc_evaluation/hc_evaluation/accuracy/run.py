@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
-from hc_evaluation.accuracy import comparisons, corners, misfit, real, simulated
+from hc_evaluation.accuracy import comparisons, corners, misfit, real, scan, separation, simulated
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
 
@@ -29,6 +29,8 @@ EXPERIMENTS = (
     "random",
     "corners",
     "misfit",
+    "separation",
+    "scan",
     "defaults",
     "filters",
 )
@@ -42,6 +44,8 @@ SUMMARIES = {
     "random": "tissues, motions, rates and noises drawn at random",
     "corners": "ramps, holds and ways back, with sharp and with round corners",
     "misfit": "half a second predicted where the contact law does not fit",
+    "separation": "tissue that lets go of the tool, tapping: against the bound that knows it",
+    "scan": "tissue that varies along the way: inclusions, layers, there and back",
     "defaults": "what each default of the recommended filter is worth",
     "filters": "all filters on all simulated tissues",
 }
@@ -58,6 +62,8 @@ _RUNNERS: dict[str, Callable[[Bench], Result]] = {
     "random": simulated.random,
     "corners": corners.corners,
     "misfit": misfit.misfit,
+    "separation": separation.separation,
+    "scan": scan.scan,
     "defaults": comparisons.defaults,
     "filters": comparisons.filters,
 }
@@ -96,7 +102,7 @@ def run_accuracy(
     estimator = setup if setup is not None else Setup()
     started = time.perf_counter()
     result: Result = {
-        "filter": estimator.filter,
+        "filter": estimator.name,
         "parameters": dict(estimator.parameters),
         "seeds": count,
         "first_seed": REPORT_SEED,

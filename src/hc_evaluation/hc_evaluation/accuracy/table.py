@@ -36,16 +36,26 @@ def _plain(key: str, digits: int = 3) -> Callable[[Row], str]:
     return text
 
 
+def _scaled(key: str, scale: float, digits: int = 2) -> Callable[[Row], str]:
+    def text(row: Row) -> str:
+        value = row.get(key)
+        return "" if value is None else _number(scale * float(value), digits)
+
+    return text
+
+
 def _list(key: str, scale: float = 1.0, digits: int = 2) -> Callable[[Row], str]:
     def text(row: Row) -> str:
-        return " ".join(_number(scale * float(v), digits) for v in row[key])
+        return " ".join(_number(scale * float(v), digits) for v in row.get(key, ()))
 
     return text
 
 
 def _share(key: str) -> Callable[[Row], str]:
     def text(row: Row) -> str:
-        value = float(row[key])
+        value = row.get(key)
+        if value is None:
+            return ""
         return "-" if math.isnan(value) else f"{100.0 * value:.1f} %"
 
     return text
@@ -146,22 +156,36 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("9 of 10 below", _plain("nees_90")),
         ("changes", _plain("changes")),
         ("mismatch told", _share("mismatch")),
-        ("without find_turns: error %", _list("error_without", 100.0)),
-        ("NEES", _plain("nees_without")),
-        ("changes", _plain("changes_without")),
-        ("mismatch told", _share("mismatch_without")),
     ),
     "misfit": (
         ("motion", _plain("motion")),
         ("hold-forward / floor", _plain("ratio")),
         ("9 of 10 below", _plain("ratio_90")),
-        ("without history", _plain("ratio_without")),
-        ("9 of 10 below", _plain("ratio_without_90")),
         ("K off the batch fit", _share("k_off")),
         ("changes", _plain("changes")),
-        ("without history", _plain("changes_without")),
         ("misfit / force", _share("misfit")),
         ("mismatch told", _share("mismatch")),
+    ),
+    "separation": (
+        ("scenario", _plain("scenario")),
+        ("separated", _share("separated")),
+        ("RMS error % of K B, 1e-2 of n p", _list("rms_error", 100.0)),
+        ("over bound", _list("ratio")),
+        ("NEES", _plain("nees")),
+        ("NIS", _plain("nis")),
+        ("changes", _plain("changes")),
+        ("misfit told", _share("mismatch")),
+    ),
+    "scan": (
+        ("scan", _plain("scan")),
+        ("error % of K, median", _scaled("median", 100.0)),
+        ("at 95 %", _scaled("at_95", 100.0)),
+        ("K B n p, median %, 1e-2", _list("medians", 100.0)),
+        ("K within 3 deviations", _share("scores_within")),
+        ("NIS", _plain("nis")),
+        ("changes", _plain("changes")),
+        ("misfit told", _share("mismatch")),
+        ("hold-forward / floor", _plain("ratio")),
     ),
     "defaults": (
         ("variation", _plain("variation")),
