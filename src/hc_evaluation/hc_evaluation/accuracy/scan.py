@@ -127,7 +127,7 @@ def random_scan(kind: Kind, seed: int) -> Scenario:
         inclusions.append(
             Inclusion(
                 float(centre),
-                min(width, 0.35 * length / count),
+                min(width, 0.27 * length / count),
                 factor,
                 factor**follows,
                 change,
@@ -261,8 +261,6 @@ def recorded_run(task: tuple[Setup, str]) -> Row:
     return {
         "scan": RECORDED_SCAN.name,
         "ratio": held / floor,
-        "ratio_whole": hold_forward_rms(time, smooth, velocity, force, whole, start_s=start)
-        / floor,
         "floor_n": floor,
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),
