@@ -94,9 +94,11 @@ def diagnose_channels(
             "channels can be compared from 50 samples with a changing force on"
         )
     step = float(np.median(np.diff(time_s)))
-    displacement, _ = smooth_motion(displacement_mm, 1.0 / step)
+    displacement, rate = smooth_motion(displacement_mm, 1.0 / step)
     motion = CubicSpline(time_s, displacement)
-    velocity = motion.derivative()
+    # Not the spline's derivative: its noise is larger at the samples than between them, so that a
+    # delay of half a sample more or less would always seem to fit better.
+    velocity = CubicSpline(time_s, rate)
     stroke = float(np.ptp(displacement))
     prior_std = np.array(
         [

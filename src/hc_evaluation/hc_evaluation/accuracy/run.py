@@ -10,7 +10,17 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
-from hc_evaluation.accuracy import comparisons, corners, misfit, real, scan, separation, simulated
+from hc_evaluation.accuracy import (
+    comparisons,
+    corners,
+    delay,
+    misfit,
+    real,
+    scan,
+    separation,
+    simulated,
+    surface,
+)
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
 
@@ -31,6 +41,8 @@ EXPERIMENTS = (
     "misfit",
     "separation",
     "scan",
+    "delay",
+    "surface",
     "defaults",
     "filters",
 )
@@ -46,6 +58,8 @@ SUMMARIES = {
     "misfit": "half a second predicted where the contact law does not fit",
     "separation": "tissue that lets go of the tool, tapping: against the bound that knows it",
     "scan": "tissue that varies along the way: inclusions, layers, there and back",
+    "delay": "channels out of step, zero and contact position off, found live",
+    "surface": "a surface that breathes or drifts under the tool",
     "defaults": "what each default of the recommended filter is worth",
     "filters": "all filters on all simulated tissues",
 }
@@ -64,6 +78,8 @@ _RUNNERS: dict[str, Callable[[Bench], Result]] = {
     "misfit": misfit.misfit,
     "separation": separation.separation,
     "scan": scan.scan,
+    "delay": delay.delay,
+    "surface": surface.surface,
     "defaults": comparisons.defaults,
     "filters": comparisons.filters,
 }
