@@ -62,6 +62,8 @@ def _riccati(
                 noise = force_variance[k]
                 row[:2] = gradient[k, :2]
                 row[3:] = gradient[k, 2:]
+            if np.isinf(noise):
+                continue  # this channel has no reading here
             column = covariance @ row
             gain = column / (row @ column + noise)
             reduced = np.eye(7) - np.outer(gain, row)
@@ -91,8 +93,9 @@ def posterior_cramer_rao_bound(
         displacement: True penetration [mm], shape (N,).
         velocity: True rate of penetration [mm/s], shape (N,).
         parameters: True K, B, n, p, shape (N, 4).
-        displacement_noise_std: True sensor noise [mm], scalar or shape (N,).
-        force_noise_std: True sensor noise [N], scalar or shape (N,).
+        displacement_noise_std: True sensor noise [mm], scalar or shape (N,); infinite where there
+            is no reading.
+        force_noise_std: True sensor noise [N], the same.
         jerk_density: Spectral density of the white jerk [mm^2/s^5].
         parameter_density: Variance per second of the random walk of ln K, ln B, n, p, shape (4,).
         initial_covariance: Covariance of the state before the first sample, shape (7, 7).

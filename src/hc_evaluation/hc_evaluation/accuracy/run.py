@@ -15,6 +15,8 @@ from hc_evaluation.accuracy import (
     corners,
     delay,
     misfit,
+    possible,
+    rates,
     real,
     scan,
     separation,
@@ -43,6 +45,8 @@ EXPERIMENTS = (
     "scan",
     "delay",
     "surface",
+    "rates",
+    "possible",
     "defaults",
     "filters",
 )
@@ -60,6 +64,8 @@ SUMMARIES = {
     "scan": "tissue that varies along the way: inclusions, layers, there and back",
     "delay": "channels out of step, zero and contact position off, found live",
     "surface": "a surface that breathes or drifts under the tool",
+    "rates": "pose and wrench at rates of their own, reading by reading",
+    "possible": "no prediction beyond what was felt, none worse than twice the last reading",
     "defaults": "what each default of the recommended filter is worth",
     "filters": "all filters on all simulated tissues",
 }
@@ -80,6 +86,8 @@ _RUNNERS: dict[str, Callable[[Bench], Result]] = {
     "scan": scan.scan,
     "delay": delay.delay,
     "surface": surface.surface,
+    "rates": rates.rates,
+    "possible": possible.possible,
     "defaults": comparisons.defaults,
     "filters": comparisons.filters,
 }

@@ -154,10 +154,17 @@ def penetration(
     return displacement - position, velocity - rate, acceleration, position
 
 
-def simulate(scenario: Scenario, seed: int) -> SimulatedContact:
-    """Simulate one run; the same seed gives the same noise, whatever the tissue."""
-    count = round(scenario.duration_s * scenario.rate_hz) + 1
-    time_s = np.arange(count) / scenario.rate_hz
+def simulate(scenario: Scenario, seed: int, time_s: FloatArray | None = None) -> SimulatedContact:
+    """Simulate one run; the same seed gives the same noise, whatever the tissue.
+
+    Args:
+        scenario: the contact.
+        seed: of the noise.
+        time_s: instants [s], shape (N,); None for even ones at the scenario's rate and duration.
+    """
+    if time_s is None:
+        time_s = np.arange(round(scenario.duration_s * scenario.rate_hz) + 1) / scenario.rate_hz
+    count = time_s.size
     displacement, velocity, acceleration, surface = penetration(scenario, time_s)
     delayed_time = time_s - scenario.force_delay_s
     felt_displacement, felt_velocity, _, _ = penetration(scenario, delayed_time)

@@ -216,6 +216,23 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("changes", _plain("changes")),
         ("misfit told", _share("mismatch")),
     ),
+    "rates": (
+        ("readings", _plain("rates")),
+        ("over bound", _list("ratio")),
+        ("NEES", _plain("nees")),
+        ("median", _plain("nees_median")),
+        ("NIS of the force (ideal 1)", _plain("nis")),
+        ("changes", _plain("changes")),
+        ("misfit told", _share("mismatch")),
+    ),
+    "possible": (
+        ("contacts", _plain("contacts")),
+        ("runs", lambda row: str(row["runs"])),
+        ("predicted / felt, one step", _plain("one_step")),
+        ("held 0.5 s", _plain("held")),
+        ("worst second / last reading held", _plain("ratio")),
+        ("median run", _plain("ratio_median")),
+    ),
     "defaults": (
         ("variation", _plain("variation")),
         ("worst over bound", _plain("ratio")),
