@@ -65,7 +65,7 @@ def test_too_little_is_refused_with_a_reason():
 
 @pytest.mark.parametrize(("seed", "delay"), [(100_001, 0.0025), (100_004, 0.015), (100_004, 0.002)])
 def test_a_delay_between_two_samples_is_found_in_spite_of_noise_in_the_displacement(seed, delay):
-    """The derivative of a spline through noisy samples is noisiest at the samples: 1 to 8 ms off."""
+    """A spline through noisy samples has its noisiest slope at the samples: 1 to 8 ms off."""
     scenario = replace(catalogue.random_scenario(seed), force_delay_s=delay)
     contact = simulate(scenario, seed)
     found = diagnose_channels(contact.time_s, contact.displacement_mm, contact.force_n)

@@ -7,7 +7,13 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from hc_evaluation import metrics
-from hc_evaluation.hold_forward import hold_forward_errors, smooth_motion
+from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.hold_forward import (
+    Frozen,
+    hold_forward_errors,
+    hold_forward_rms,
+    smooth_motion,
+)
 
 
 def test_nees_is_the_squared_mahalanobis_distance_in_logarithms():
@@ -78,3 +84,32 @@ def test_smoothed_motion_is_exact_on_a_cubic():
     smooth, velocity = smooth_motion(d, 500.0)
     np.testing.assert_allclose(smooth, d, atol=1e-10)
     np.testing.assert_allclose(velocity, 2.0 - 6.0 * time + 12.0 * time**2, atol=1e-8)
+
+
+def test_a_frozen_delay_contact_position_and_zero_enter_the_prediction():
+    """F(t + h) = law(d(t + h - delay) - contact, v(t + h - delay)) + zero."""
+    time = np.arange(3000) / 1000.0
+    true = np.array([0.3, 0.02, 1.6, 1.0])
+
+    def motion(t):
+        return 3.0 + np.sin(5.0 * t), 5.0 * np.cos(5.0 * t)
+
+    for lag in (0.0237, -0.031):
+        depth, speed = motion(time - lag)
+        force = hunt_crossley_force(depth, speed, true) + 0.15
+        d, v = motion(time)
+        said = Frozen(true, lag, 0.4, 0.15)
+        _, errors = hold_forward_errors(time, d + 0.4, v, force, said, start_s=0.5)
+        assert np.max(errors) < 1e-4
+        for wrong in (
+            Frozen(true, lag + 0.01, 0.4, 0.15),
+            Frozen(true, lag, 0.3, 0.15),
+            Frozen(true, lag, 0.4, 0.05),
+            Frozen(true),
+        ):
+            assert hold_forward_rms(time, d + 0.4, v, force, wrong, start_s=0.5) > 0.03
+    # What is frozen is what was said at that time, not later.
+    said = Frozen(true, np.where(time < 1.0, 0.0, lag), np.full(3000, 0.4), np.full(3000, 0.15))
+    origins, errors = hold_forward_errors(time, d + 0.4, v, force, said, start_s=0.5)
+    assert np.all(errors[origins < 1.0] > 0.05)
+    assert np.all(errors[origins >= 1.0] < 1e-4)

@@ -91,6 +91,12 @@ def sampled(rate_hz: float, time: FloatArray, start_s: float) -> NDArray[np.intp
     return np.arange(int(np.searchsorted(time, start_s)), time.size, stride)
 
 
+def known_mean(values: FloatArray) -> float:
+    """Mean of the values that are known; NaN where an estimator gives none."""
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else float("nan")
+
+
 def bound_of(contact: SimulatedContact) -> FloatArray:
     """Posterior Cramer-Rao bound of a contact, shape (N, 4, 4).
 
@@ -146,7 +152,7 @@ def quiet_run(task: Task) -> Numbers:
     result |= {f"bound_{i}": float(deviations[-1, i]) for i in range(4)}
     return result | {
         "nees": float(np.mean(consistency)),
-        "nis": float(np.nanmean(series.nis[time > 1.0])),
+        "nis": known_mean(series.nis[time > 1.0]),
         "within": within / counted if counted else float("nan"),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[late])),
@@ -207,8 +213,8 @@ def noise_run(task: Task) -> Numbers:
     instant = task.scenario.noise_jumps[0][0]
     relative = metrics.relative_parameter_error(series.parameters, contact.parameters)
     return {
-        "nis_before": float(np.nanmean(series.nis[(time > 1.0) & (time < instant)])),
-        "nis_after": float(np.nanmean(series.nis[time > instant + 1.0])),
+        "nis_before": known_mean(series.nis[(time > 1.0) & (time < instant)]),
+        "nis_after": known_mean(series.nis[time > instant + 1.0]),
         "worst_error": float(np.max(relative[time > instant])),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[time > instant + 1.0])),
@@ -259,9 +265,8 @@ def plain_run(task: Task) -> Numbers:
         consistency = float(
             np.mean(metrics.nees(parameters, covariance, contact.parameters[chosen]))
         )
-    finite = np.isfinite(series.nis)
     return result | {
         "nees": consistency,
-        "nis": float(np.mean(series.nis[finite])) if np.any(finite) else float("nan"),
+        "nis": known_mean(series.nis),
         "force_rms": float(np.sqrt(np.mean((force - contact.force)[time > 2.0] ** 2))),
     }

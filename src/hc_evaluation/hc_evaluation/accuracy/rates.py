@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
-from hc_evaluation.accuracy.measure import Numbers, Setup, bound_of, sampled
+from hc_evaluation.accuracy.measure import Numbers, Setup, bound_of, known_mean, sampled
 from hc_evaluation.accuracy.scenarios import SimulatedContact, simulate
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +96,7 @@ def rates_run(task: RatesTask) -> Numbers:
                 )
             )
         ),
-        "nis": float(np.nanmean(series.nis[late])),
+        "nis": known_mean(series.nis[late]),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[time > SETTLED_S])),
     }

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.accuracy.measure import Setup, known_mean
 from hc_evaluation.accuracy.recordings import (
     Recording,
     batch_fit,
@@ -73,7 +73,7 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),
         "force_noise_std": float(series.force_noise_std[-1]),
-        "nis": float(np.nanmean(series.nis[time > time[0] + 1.0])),
+        "nis": known_mean(series.nis[time > time[0] + 1.0]),
     }
 
 

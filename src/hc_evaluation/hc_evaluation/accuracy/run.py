@@ -9,8 +9,10 @@ import multiprocessing
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 
 from hc_evaluation.accuracy import (
+    ablation,
     comparisons,
     corners,
     delay,
@@ -31,65 +33,81 @@ QUICK_SEEDS = 6
 
 Progress = Callable[[str, int, int], None]
 
-EXPERIMENTS = (
-    "tissues",
-    "changes",
-    "noise",
-    "recordings",
-    "excitation",
-    "channels",
-    "random",
-    "corners",
-    "misfit",
-    "separation",
-    "scan",
-    "delay",
-    "surface",
-    "rates",
-    "possible",
-    "defaults",
-    "filters",
-)
-SUMMARIES = {
-    "tissues": "errors against the Cramer-Rao bound, NEES, NIS, false alarms on quiet tissue",
-    "changes": "time until an abruptly changed tissue is found again",
-    "noise": "sensor noise jumping fourfold",
-    "recordings": "half a second predicted on real recordings, against least squares",
-    "excitation": "what a motion that shows too little leaves unknown",
-    "channels": "time shift, force zero and contact position found between the channels",
-    "random": "tissues, motions, rates and noises drawn at random",
-    "corners": "ramps, holds and ways back, with sharp and with round corners",
-    "misfit": "half a second predicted where the contact law does not fit",
-    "separation": "tissue that lets go of the tool, tapping: against the bound that knows it",
-    "scan": "tissue that varies along the way: inclusions, layers, there and back",
-    "delay": "channels out of step, zero and contact position off, found live",
-    "surface": "a surface that breathes or drifts under the tool",
-    "rates": "pose and wrench at rates of their own, reading by reading",
-    "possible": "no prediction beyond what was felt, none worse than twice the last reading",
-    "defaults": "what each default of the recommended filter is worth",
-    "filters": "all filters on all simulated tissues",
-}
 
-BY_NAME_ONLY = ("defaults", "filters")  # long, and compared with each other instead of targets
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment.
 
-_RUNNERS: dict[str, Callable[[Bench], Result]] = {
-    "tissues": simulated.tissues,
-    "changes": simulated.changes,
-    "noise": simulated.noise,
-    "recordings": real.recordings,
-    "excitation": simulated.excitation,
-    "channels": real.channels,
-    "random": simulated.random,
-    "corners": corners.corners,
-    "misfit": misfit.misfit,
-    "separation": separation.separation,
-    "scan": scan.scan,
-    "delay": delay.delay,
-    "surface": surface.surface,
-    "rates": rates.rates,
-    "possible": possible.possible,
-    "defaults": comparisons.defaults,
-    "filters": comparisons.filters,
+    Attributes:
+        summary: what it asks, in a phrase.
+        run: does it.
+        by_name_only: long, and without targets of its own: left out unless asked for.
+    """
+
+    summary: str
+    run: Callable[[Bench], Result]
+    by_name_only: bool = False
+
+
+def _ablation(bench: Bench) -> Result:
+    usual = {name: e.run for name, e in EXPERIMENTS.items() if not e.by_name_only}
+    return ablation.ablation(bench, usual)
+
+
+EXPERIMENTS: dict[str, Experiment] = {
+    "tissues": Experiment(
+        "errors against the Cramer-Rao bound, NEES, NIS, false alarms on quiet tissue",
+        simulated.tissues,
+    ),
+    "changes": Experiment(
+        "time until an abruptly changed tissue is found again", simulated.changes
+    ),
+    "noise": Experiment("sensor noise jumping fourfold", simulated.noise),
+    "recordings": Experiment(
+        "half a second predicted on real recordings, against least squares", real.recordings
+    ),
+    "excitation": Experiment(
+        "what a motion that shows too little leaves unknown", simulated.excitation
+    ),
+    "channels": Experiment(
+        "time shift, force zero and contact position found between the channels", real.channels
+    ),
+    "random": Experiment("tissues, motions, rates and noises drawn at random", simulated.random),
+    "corners": Experiment(
+        "ramps, holds and ways back, with sharp and with round corners", corners.corners
+    ),
+    "misfit": Experiment(
+        "half a second predicted where the contact law does not fit", misfit.misfit
+    ),
+    "separation": Experiment(
+        "tissue that lets go of the tool, tapping: against the bound that knows it",
+        separation.separation,
+    ),
+    "scan": Experiment(
+        "tissue that varies along the way: inclusions, layers, there and back", scan.scan
+    ),
+    "delay": Experiment(
+        "channels out of step, zero and contact position off, found live", delay.delay
+    ),
+    "surface": Experiment("a surface that breathes or drifts under the tool", surface.surface),
+    "rates": Experiment("pose and wrench at rates of their own, reading by reading", rates.rates),
+    "possible": Experiment(
+        "no prediction beyond what was felt, none worse than twice the last reading",
+        possible.possible,
+    ),
+    "ablation": Experiment(
+        "every mechanism of the default filter off in turn, on every experiment",
+        _ablation,
+        by_name_only=True,
+    ),
+    "defaults": Experiment(
+        "what each default of the recommended filter is worth",
+        comparisons.defaults,
+        by_name_only=True,
+    ),
+    "filters": Experiment(
+        "all filters on all simulated tissues", comparisons.filters, by_name_only=True
+    ),
 }
 
 
@@ -103,7 +121,7 @@ def run_accuracy(
     """Run experiments and compare with their targets.
 
     Args:
-        names: some of EXPERIMENTS; none for all but BY_NAME_ONLY.
+        names: some of EXPERIMENTS; none for all that are not by_name_only.
         seeds: noise seeds per scenario (50; 6 where quick).
         quick: few seeds, for a first look.
         progress: called with the experiment's name, runs done and runs in all.
@@ -116,7 +134,7 @@ def run_accuracy(
     Raises:
         ValueError: an unknown name, or seeds below 1.
     """
-    chosen = tuple(names) or tuple(n for n in EXPERIMENTS if n not in BY_NAME_ONLY)
+    chosen = tuple(names) or tuple(n for n, e in EXPERIMENTS.items() if not e.by_name_only)
     for name in chosen:
         if name not in EXPERIMENTS:
             raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")
@@ -140,7 +158,7 @@ def run_accuracy(
                 if progress is not None:
                     progress(name, done, total)
 
-            experiment = _RUNNERS[name](Bench(pool, estimator, count, report))
-            result["experiments"][name] = {"summary": SUMMARIES[name], **experiment}
+            experiment = EXPERIMENTS[name].run(Bench(pool, estimator, count, report))
+            result["experiments"][name] = {"summary": EXPERIMENTS[name].summary, **experiment}
     result["seconds"] = time.perf_counter() - started
     return result

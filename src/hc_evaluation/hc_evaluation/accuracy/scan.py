@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
-from hc_evaluation.accuracy.measure import Setup, sampled
+from hc_evaluation.accuracy.measure import Setup, known_mean, sampled
 from hc_evaluation.accuracy.recordings import (
     Recording,
     batch_fit,
@@ -36,7 +36,7 @@ from hc_evaluation.accuracy.scenarios import (
     simulate,
     without_tension,
 )
-from hc_evaluation.accuracy.variation import Inclusion, Way, along_the_way
+from hc_evaluation.accuracy.varying_tissue import Inclusion, Way, along_the_way
 from hc_evaluation.hold_forward import Frozen, hold_forward_rms
 from hc_sim_rig import Rig, load_scenario
 
@@ -209,7 +209,7 @@ def scan_run(task: ScanTask) -> dict[str, Any]:
         "score": np.nan_to_num(np.abs(error[:, 0] / deviation), nan=np.inf),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[late])),
-        "nis": float(np.nanmean(series.nis[late])),
+        "nis": known_mean(series.nis[late]),
         "delay": float(np.max(np.abs(series.channel_delay[late]))),
     }
 

@@ -17,7 +17,7 @@ from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Task, run_task, sampled
 from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate, without_tension
-from hc_evaluation.accuracy.variation import Surface
+from hc_evaluation.accuracy.varying_tissue import Surface
 
 DURATION_S = 20.0
 START_S = 8.0  # two breaths
