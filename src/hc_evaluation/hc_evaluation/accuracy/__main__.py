@@ -5,6 +5,7 @@
     python -m hc_evaluation.accuracy scan --candidate my_filter.py:make --param memory=0.4
 
 A candidate's function makes an object with run(time_s, displacement_mm, force_n) (see `candidate`).
+Its seeds are others than those that are reported, so that settings can be chosen with it.
 `hc bench accuracy` is the same for the default filter, with progress, pictures and documents.
 """
 
@@ -16,6 +17,7 @@ from typing import Any
 
 import yaml
 
+from hc_evaluation.accuracy.bench import CHOOSING_SEED
 from hc_evaluation.accuracy.measure import Setup
 from hc_evaluation.accuracy.run import EXPERIMENTS, run_accuracy
 from hc_evaluation.accuracy.table import text_table
@@ -26,6 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m hc_evaluation.accuracy")
     parser.add_argument("names", nargs="*", metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
     parser.add_argument("--seeds", type=int, default=4, metavar="N", help="noise seeds (4)")
+    parser.add_argument(
+        "--first-seed", type=int, default=CHOOSING_SEED, metavar="N", help="(%(default)s)"
+    )
     parser.add_argument("--filter", default=Setup().filter, help="of hc_estimator")
     parser.add_argument("--candidate", default="", metavar="FILE.py:NAME", help="instead of it")
     parser.add_argument(
@@ -38,7 +43,9 @@ def main(arguments: list[str] | None = None) -> int:
         parameters[name] = yaml.safe_load(value)
     setup = Setup(options.filter, parameters, options.candidate)
     try:
-        result = run_accuracy(options.names, options.seeds, setup=setup)
+        result = run_accuracy(
+            options.names, options.seeds, setup=setup, first_seed=options.first_seed
+        )
     except ValueError as error:
         parser.error(str(error))
     sys.stdout.write(text_table(result) + "\n")

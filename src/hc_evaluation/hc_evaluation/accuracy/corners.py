@@ -16,7 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from hc_evaluation import metrics
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.scenarios import Tissue, without_tension
 from hc_evaluation.contact_law import hunt_crossley_force
@@ -100,7 +100,7 @@ def corners(bench: Bench) -> Result:
     """Motions whose velocity jumps."""
     kinds = [(speed, corner) for speed in DEPTHS_MM for corner in CORNERS]
     tasks = [
-        CornerTask(bench.setup, speed, corner, REPORT_SEED + seed)
+        CornerTask(bench.setup, speed, corner, bench.first_seed + seed)
         for speed, corner in kinds
         for seed in range(bench.seeds)
     ]

@@ -18,7 +18,7 @@ import numpy as np
 
 from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.contacts import CONTACTS
 from hc_evaluation.accuracy.measure import Numbers, Setup, Task, run_task
 from hc_evaluation.accuracy.recordings import (
@@ -164,7 +164,7 @@ def delay(bench: Bench) -> Result:
         ("force zero off", partial(random_fault, "zero")),
     ]
     tasks = [
-        Task(bench.setup, make(REPORT_SEED + seed), REPORT_SEED + seed)
+        Task(bench.setup, make(bench.first_seed + seed), bench.first_seed + seed)
         for _, make in kinds
         for seed in range(bench.seeds)
     ]
@@ -194,7 +194,7 @@ def delay(bench: Bench) -> Result:
     few = max(1, bench.seeds // 10)
     for kind, (count, _) in CONTACTS.items():
         quiet = [
-            QuietTask(bench.setup, kind, index, REPORT_SEED + seed)
+            QuietTask(bench.setup, kind, index, bench.first_seed + seed)
             for index in range(count)
             for seed in range(few)
         ]

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from hc_evaluation.accuracy import catalogue
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.recorded import FIRST_CONTACT_S
 from hc_evaluation.accuracy.recordings import batch_fit, contact_start, smoothed
@@ -112,7 +112,7 @@ def misfit_run(task: MisfitTask) -> Numbers:
 def misfit(bench: Bench) -> Result:
     """Contacts that the contact law does not describe."""
     tasks = [
-        MisfitTask(bench.setup, motion, REPORT_SEED + seed)
+        MisfitTask(bench.setup, motion, bench.first_seed + seed)
         for motion in MOTIONS
         for seed in range(bench.seeds)
     ]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import medfilt
 
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.contacts import CONTACTS
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.contact_law import hunt_crossley_force
@@ -166,7 +166,7 @@ def possible(bench: Bench) -> Result:
     kinds = {"arm": (1, bench.seeds)} | {k: (count, few) for k, (count, _) in CONTACTS.items()}
     for kind, (count, seeds) in kinds.items():
         tasks = [
-            PossibleTask(bench.setup, kind, index, REPORT_SEED + seed)
+            PossibleTask(bench.setup, kind, index, bench.first_seed + seed)
             for index in range(count)
             for seed in range(seeds)
         ]

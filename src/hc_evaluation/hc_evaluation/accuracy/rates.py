@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup, bound_of, known_mean, sampled
 from hc_evaluation.accuracy.scenarios import SimulatedContact, simulate
 
@@ -123,7 +123,9 @@ def rates(bench: Bench) -> Result:
     except ValueError as error:
         return {"rows": [], "targets": [], "skipped": f"needs missing readings: {error}"}
     tasks = [
-        RatesTask(setup, pair, REPORT_SEED + seed) for pair in RATES for seed in range(bench.seeds)
+        RatesTask(setup, pair, bench.first_seed + seed)
+        for pair in RATES
+        for seed in range(bench.seeds)
     ]
     runs = bench.spread(rates_run, tasks)
     rows = [

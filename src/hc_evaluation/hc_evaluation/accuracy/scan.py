@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_evaluation import metrics
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Setup, known_mean, sampled
 from hc_evaluation.accuracy.recordings import (
     Recording,
@@ -272,7 +272,7 @@ def scan(bench: Bench) -> Result:
     """Tissue that varies along the way."""
     kinds: list[Kind | None] = [*KINDS, None]
     tasks = [
-        ScanTask(bench.setup, kind, REPORT_SEED + seed)
+        ScanTask(bench.setup, kind, bench.first_seed + seed)
         for kind in kinds
         for seed in range(bench.seeds)
     ]

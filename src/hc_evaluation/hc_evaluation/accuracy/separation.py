@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hc_evaluation.accuracy import catalogue, measure
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, target, worst
+from hc_evaluation.accuracy.bench import Bench, Result, target, worst
 from hc_evaluation.accuracy.measure import Task
 from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate
 from hc_evaluation.accuracy.simulated import quiet_rows
@@ -86,8 +86,8 @@ def random_separation(seed: int) -> Scenario:
 def separation(bench: Bench) -> Result:
     """Contacts that are lost."""
     rows = quiet_rows(SEPARATIONS, bench.runs(measure.quiet_run, SEPARATIONS))
-    drawn = [random_separation(REPORT_SEED + seed) for seed in range(bench.seeds)]
-    runs = bench.spread(measure.quiet_run, [Task(bench.setup, s, REPORT_SEED) for s in drawn])
+    drawn = [random_separation(bench.first_seed + seed) for seed in range(bench.seeds)]
+    runs = bench.spread(measure.quiet_run, [Task(bench.setup, s, bench.first_seed) for s in drawn])
     columns = {key: np.array([run[key] for run in runs]) for key in runs[0]}
     rows += quiet_rows([replace(drawn[0], name="random")], [columns])
     # Every one of these is another scenario: each error counts in its own bounds.

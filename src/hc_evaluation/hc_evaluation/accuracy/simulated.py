@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hc_evaluation.accuracy import catalogue, measure
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Task
 from hc_evaluation.accuracy.scenarios import Scenario
 
@@ -168,9 +168,9 @@ def excitation(bench: Bench) -> Result:
 def random(bench: Bench) -> Result:
     """Everything drawn at random."""
     scenarios = [
-        catalogue.random_scenario(REPORT_SEED + i) for i in range(RANDOM_RUNS * bench.seeds)
+        catalogue.random_scenario(bench.first_seed + i) for i in range(RANDOM_RUNS * bench.seeds)
     ]
-    tasks = [Task(bench.setup, scenario, REPORT_SEED) for scenario in scenarios]
+    tasks = [Task(bench.setup, scenario, bench.first_seed) for scenario in scenarios]
     runs = bench.spread(measure.quiet_run, tasks)
     rates = sorted({scenario.rate_hz for scenario in scenarios})
     rows: list[Row] = []

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from hc_evaluation import metrics
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Task, run_task, sampled
 from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate, without_tension
 from hc_evaluation.accuracy.varying_tissue import Surface
@@ -130,14 +130,14 @@ def _row(name: str, runs: Sequence[Numbers]) -> Row:
 def surface(bench: Bench) -> Result:
     """A surface that moves."""
     tasks = [
-        Task(bench.setup, make(REPORT_SEED + seed), REPORT_SEED + seed)
+        Task(bench.setup, make(bench.first_seed + seed), bench.first_seed + seed)
         for make in KINDS
         for seed in range(bench.seeds)
     ]
     runs = bench.spread(surface_run, tasks)
     rows = []
     for index, make in enumerate(KINDS):
-        name = make(REPORT_SEED).name
+        name = make(bench.first_seed).name
         rows.append(_row(name, runs[index * bench.seeds : (index + 1) * bench.seeds]))
     targets: list[Row] = []
     for row in rows[:3]:
