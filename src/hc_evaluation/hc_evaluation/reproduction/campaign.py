@@ -85,7 +85,8 @@ def fingerprint(name: str) -> str:
     evaluation = Path(hc_evaluation.__file__).parent
     here = evaluation / "reproduction"
     own = [here / f"{stem}.py" for stem in ("experiment", "signals", "trace", "scores")]
-    own += [here / "position_filters.py", evaluation / "metrics.py", evaluation / "bounds.py"]
+    own += [here / "position_filters.py", evaluation / "bounds.py"]
+    own += [evaluation / "contact_law.py", evaluation / "hold_forward.py"]
     for path in own:
         digest.update(path.read_bytes())
     for package, leave in ((hc_estimator, ("ros", "online", "input")), (hc_sim_rig, ())):

@@ -18,6 +18,7 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
+from hc_evaluation.contact_law import force_of
 from hc_evaluation.reproduction import position_filters
 from hc_evaluation.reproduction.experiment import DEFAULT, Column
 from hc_evaluation.reproduction.signals import Signal
@@ -43,8 +44,8 @@ LITERAL: Mapping[str, Any] = {
     "tempering_amplitude": 0.0,
     "noise_adaptation": "fixed",
     "change_detection": "none",
-    "contact_model": "adhesive",
 }
+PAPERS_LAW = "adhesive"  # the papers' law pulls on a fast retreat
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,8 @@ class Trace:
     """What an estimator made of a signal; arrays of shape (N,) unless said, NaN where it has none.
 
     Attributes:
-        force: force with the updated state [N].
+        force: force after the update, as the estimator reports it [N].
+        law_force: the contact law at the estimated motion and parameters [N].
         force_predicted: force expected before the sample [N].
         displacement: estimated penetration [mm].
         velocity: estimated velocity [mm/s].
@@ -67,6 +69,7 @@ class Trace:
     """
 
     force: FloatArray
+    law_force: FloatArray
     force_predicted: FloatArray
     displacement: FloatArray
     velocity: FloatArray
@@ -91,6 +94,8 @@ def make_estimator(column: Column, time_s: float, time_step: float) -> Estimator
     filter = DEFAULT_FILTER if column.filter == DEFAULT else column.filter
     names = {s.name for s in parameter_specifications(filter, column.state_space)}
     parameters: dict[str, Any] = {}
+    if column.adhesive and "contact_model" in names:
+        parameters["contact_model"] = PAPERS_LAW
     if column.setting == "paper":
         parameters |= {name: value for name, value in LITERAL.items() if name in names}
     for name, variance in zip(PROCESS_NOISE_NAMES, column.process_noise, strict=False):
@@ -144,8 +149,12 @@ def _of_series(series: EstimateSeries, column: Column) -> Trace:
     if column.parameters.get("adapted_noise") == "process":
         given = column.process_noise[FORCE_STATE]
         noise = np.sqrt(np.maximum(series.process_noise_scale, 0.0) * given)
+    law = force_of(
+        series.displacement, series.velocity, series.parameters, adhesive=column.adhesive
+    )
     return Trace(
         series.force_reconstructed,
+        law,
         series.force_predicted,
         series.displacement,
         series.velocity,
@@ -209,6 +218,7 @@ def _run_position_filter(column: Column, signal: Signal) -> Trace:
     )
     nothing = np.full(signal.time_s.size, np.nan)
     return Trace(
+        result[:, 2],
         result[:, 2],
         result[:, 3],
         result[:, 0],
