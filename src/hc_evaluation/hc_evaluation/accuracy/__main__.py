@@ -19,7 +19,7 @@ import yaml
 
 from hc_evaluation.accuracy.bench import CHOOSING_SEED
 from hc_evaluation.accuracy.measure import Setup
-from hc_evaluation.accuracy.run import EXPERIMENTS, run_accuracy
+from hc_evaluation.accuracy.run import EXPERIMENTS, checked, run_accuracy
 from hc_evaluation.accuracy.table import text_table
 
 
@@ -42,12 +42,12 @@ def main(arguments: list[str] | None = None) -> int:
         name, _, value = text.partition("=")
         parameters[name] = yaml.safe_load(value)
     setup = Setup(options.filter, parameters, options.candidate)
-    try:
-        result = run_accuracy(
-            options.names, options.seeds, setup=setup, first_seed=options.first_seed
-        )
+    try:  # what was asked for; an error from within an experiment keeps its traceback
+        checked(options.names, options.seeds)
+        setup.create()
     except ValueError as error:
         parser.error(str(error))
+    result = run_accuracy(options.names, options.seeds, setup=setup, first_seed=options.first_seed)
     sys.stdout.write(text_table(result) + "\n")
     targets = [t for e in result["experiments"].values() for t in e.get("targets", [])]
     return 0 if all(target["met"] for target in targets) else 1

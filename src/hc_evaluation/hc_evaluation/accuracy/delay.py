@@ -79,19 +79,16 @@ def fault_run(task: Task) -> Numbers:
     contact, series = run_task(task)
     scenario = task.scenario
     relative = metrics.relative_parameter_error(series.parameters[-1], contact.parameters[-1])
-    late = contact.time_s >= SETTLED_S
     return {
         "delay_error": float(series.channel_delay[-1]) - scenario.force_delay_s,
         "delay_std": float(series.channel_delay_std[-1]),
         "contact_error": float(series.contact_position[-1]) - scenario.contact_position_mm,
-        "contact_std": float(series.contact_position_std[-1]),
         "zero_error": (float(series.force_zero[-1]) - scenario.force_zero_n)
         / float(np.max(contact.force)),
         "K": float(relative[0]),
         "B": float(relative[1]),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[contact.time_s > 5.0])),
-        "largest": float(np.max(np.abs(series.channel_delay[late]))),
     }
 
 

@@ -120,7 +120,10 @@ def felt_factors(readings: Readings, series: Any) -> tuple[float, float]:
 
 
 def ratio_to_held(readings: Readings, series: Any) -> float:
-    """Largest ratio over all seconds of the one-step error to that of the last reading held."""
+    """Largest ratio over all seconds of the one-step error to that of the last reading held.
+
+    NaN where the estimator foretells no force.
+    """
     time, _, force = readings
     predicted = np.abs(force - series.force_predicted)[1:]
     held = np.abs(np.diff(force))
@@ -130,7 +133,7 @@ def ratio_to_held(readings: Readings, series: Any) -> float:
         inside = (window == index) & np.isfinite(predicted) & np.isfinite(held)
         if np.count_nonzero(inside) >= 10:
             ratios.append(np.sqrt(np.mean(predicted[inside] ** 2) / np.mean(held[inside] ** 2)))
-    return float(np.max(ratios))
+    return float(np.max(ratios)) if ratios else float("nan")
 
 
 @dataclass(frozen=True)

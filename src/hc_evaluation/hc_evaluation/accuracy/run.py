@@ -111,6 +111,20 @@ EXPERIMENTS: dict[str, Experiment] = {
 }
 
 
+def checked(names: Sequence[str], seeds: int) -> tuple[str, ...]:
+    """The experiments to run: those named, or all that are not by_name_only.
+
+    Raises:
+        ValueError: an unknown name, or seeds below 1.
+    """
+    for name in names:
+        if name not in EXPERIMENTS:
+            raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")
+    if seeds < 1:
+        raise ValueError(f"seeds = {seeds}: give 1 or more")
+    return tuple(names) or tuple(n for n, e in EXPERIMENTS.items() if not e.by_name_only)
+
+
 def run_accuracy(
     names: Sequence[str] = (),
     seeds: int | None = None,
@@ -136,13 +150,8 @@ def run_accuracy(
     Raises:
         ValueError: an unknown name, or seeds below 1.
     """
-    chosen = tuple(names) or tuple(n for n, e in EXPERIMENTS.items() if not e.by_name_only)
-    for name in chosen:
-        if name not in EXPERIMENTS:
-            raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")
     count = seeds if seeds is not None else (QUICK_SEEDS if quick else SEEDS)
-    if count < 1:
-        raise ValueError(f"seeds = {count}: give 1 or more")
+    chosen = checked(names, count)
     estimator = setup if setup is not None else Setup()
     started = time.perf_counter()
     result: Result = {

@@ -210,7 +210,6 @@ def scan_run(task: ScanTask) -> dict[str, Any]:
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[late])),
         "nis": known_mean(series.nis[late]),
-        "delay": float(np.max(np.abs(series.channel_delay[late]))),
     }
 
 
@@ -226,7 +225,6 @@ def _row(name: str, runs: Sequence[Mapping[str, Any]]) -> Row:
         "changes": float(sum(run["changes"] for run in runs)),
         "mismatch": float(np.mean([run["mismatch"] for run in runs])),
         "nis": float(np.mean([run["nis"] for run in runs])),
-        "delay": float(np.max([run["delay"] for run in runs])),
     }
 
 
@@ -264,7 +262,6 @@ def recorded_run(task: tuple[Setup, str]) -> Row:
         "floor_n": floor,
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),
-        "delay": float(np.max(np.abs(series.channel_delay))),
     }
 
 

@@ -110,7 +110,6 @@ def surface_run(task: Task) -> Numbers:
         "deviation": float(np.median(deviation)),
         "covered": float(np.mean(covered)),
         "unknown": float(np.mean(deviation >= UNKNOWN_MM)),
-        "moves": float(np.mean(series.hypothesis[chosen] == 5)),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch[late])),
     }

@@ -94,7 +94,7 @@ def make_estimator(column: Column, time_s: float, time_step: float) -> Estimator
     filter = DEFAULT_FILTER if column.filter == DEFAULT else column.filter
     names = {s.name for s in parameter_specifications(filter, column.state_space)}
     parameters: dict[str, Any] = {}
-    if column.adhesive and "contact_model" in names:
+    if column.adhesive:
         parameters["contact_model"] = PAPERS_LAW
     if column.setting == "paper":
         parameters |= {name: value for name, value in LITERAL.items() if name in names}
