@@ -1,5 +1,6 @@
 """The scores of the experiments: an estimator that tells the truth is met, one that errs is not."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -7,9 +8,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hc_evaluation.accuracy import catalogue, delay, possible, rates, scan, surface
+from hc_evaluation.accuracy import (
+    ablation,
+    catalogue,
+    delay,
+    filter_variations,
+    possible,
+    rates,
+    scan,
+    surface,
+)
 from hc_evaluation.accuracy.ablation import exceedance
-from hc_evaluation.accuracy.bench import target
+from hc_evaluation.accuracy.bench import Bench, target
 from hc_evaluation.accuracy.candidate import Series
 from hc_evaluation.accuracy.measure import Setup, Task, bound_of
 from hc_evaluation.accuracy.run import run_accuracy
@@ -153,3 +163,30 @@ def test_an_estimator_without_missing_readings_is_skipped_with_a_reason():
         assert "missing" in result["skipped"]
     else:
         assert len(result["rows"]) == len(rates.RATES)
+
+
+def test_an_ablation_says_what_each_mechanism_is_worth(monkeypatch):
+    def experiment(bench):
+        whole = not bench.setup.parameters
+        return {
+            "rows": [],
+            "targets": [target("a", 1.0 if whole else 3.0, high=2.0), target("b", 4.0, low=1.0)],
+        }
+
+    def skipped(bench):
+        return {"rows": [], "targets": [], "skipped": "no data"}
+
+    mechanisms = (("nothing", {}), ("turns", {"find_turns": False}))
+    monkeypatch.setattr(ablation, "MECHANISMS", mechanisms)
+    with ThreadPoolExecutor(1) as pool:
+        found = ablation.ablation(Bench(pool, Setup(), 24), {"one": experiment, "two": skipped})
+    assert found["seeds"] == 2
+    assert [row["one"] for row in found["rows"]] == ["2/2, 0.5", "1/2, 1.5"]
+    assert [row["two"] for row in found["rows"]] == ["skipped", "skipped"]
+    assert [row["difference"] for row in found["rows"]] == ["nothing", "one -1"]
+
+
+@pytest.mark.parametrize("name", ["MECHANISMS", "VARIATIONS"])
+def test_what_is_varied_is_a_setting_of_the_default(name):
+    for what, parameters in getattr(filter_variations, name):
+        assert Setup(parameters=parameters).create() is not None, what

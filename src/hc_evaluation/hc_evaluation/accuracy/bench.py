@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +36,7 @@ class Bench:
         report: Called with runs done and runs in all.
     """
 
-    pool: ProcessPoolExecutor
+    pool: Executor
     setup: Setup
     seeds: int
     report: Callable[[int, int], None] = _no_report

@@ -5,10 +5,8 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 from hc_evaluation.accuracy import (
@@ -27,6 +25,7 @@ from hc_evaluation.accuracy import (
 )
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.workers import worker_pool
 
 SEEDS = 50
 QUICK_SEEDS = 6
@@ -161,8 +160,7 @@ def run_accuracy(
         "first_seed": first_seed,
         "experiments": {},
     }
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
+    with worker_pool(WORKERS) as pool:
         for name in chosen:
 
             def report(done: int, total: int, name: str = name) -> None:
