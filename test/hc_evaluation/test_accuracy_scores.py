@@ -158,11 +158,19 @@ def test_anything_with_run_can_be_measured(tmp_path: Path):
 
 
 def test_an_estimator_without_missing_readings_is_skipped_with_a_reason():
-    result = run_accuracy(["rates"], seeds=1, setup=Setup("rls"))["experiments"]["rates"]
-    if "skipped" in result:  # until every filter takes them
-        assert "missing" in result["skipped"]
-    else:
-        assert len(result["rows"]) == len(rates.RATES)
+    class Refuses:
+        candidate = ""
+
+        def with_parameters(self, more):
+            assert more == {"missing_readings": True}
+            return self
+
+        def create(self):
+            raise ValueError("missing_readings is unknown here")
+
+    result = rates.rates(Bench(None, Refuses(), 1))
+    assert "missing_readings is unknown here" in result["skipped"]
+    assert result["targets"] == []
 
 
 def test_an_ablation_says_what_each_mechanism_is_worth(monkeypatch):

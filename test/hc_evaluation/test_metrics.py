@@ -29,6 +29,13 @@ def test_nees_is_the_squared_mahalanobis_distance_in_logarithms():
     assert metrics.nees(estimated, covariance, true) == pytest.approx(expected, rel=1e-10)
 
 
+def test_nees_of_a_parameter_held_fixed_or_of_no_covariance_is_not_known():
+    true = np.array([0.2, 0.05, 1.8, 1.05])
+    fixed, unknown = np.diag([1e-4, 1e-4, 1e-4, 0.0]), np.full((4, 4), np.nan)
+    found = metrics.nees(np.tile(true, (3, 1)), np.stack([fixed, unknown, np.eye(4)]), true)
+    np.testing.assert_array_equal(np.isnan(found), [True, True, False])
+
+
 def test_nees_of_an_honest_estimator_averages_four():
     rng = np.random.default_rng(1)
     true = np.array([1.2, 0.1, 1.9, 0.9])

@@ -48,12 +48,17 @@ def nees(estimated: FloatArray, covariance: FloatArray, true: FloatArray) -> Flo
         true: True K, B, n, p, shape (..., 4).
 
     Returns:
-        NEES, shape (...,).
+        NEES, shape (...,); NaN where the covariance is unknown or singular (a parameter held
+        fixed).
     """
     error = log_parameter_error(estimated, true)
     weight = log_parameter_covariance(estimated, covariance)
+    with np.errstate(invalid="ignore"):
+        sign, _ = np.linalg.slogdet(weight)
+    regular = sign > 0.0
+    weight = np.where(regular[..., None, None], weight, np.eye(4))
     solved = np.linalg.solve(weight, error[..., None])[..., 0]
-    result: FloatArray = np.sum(error * solved, axis=-1)
+    result: FloatArray = np.where(regular, np.sum(error * solved, axis=-1), np.nan)
     return result
 
 

@@ -18,6 +18,7 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
+from hc_estimator.multiple_model.hypotheses import LOG_DAMPING, LOG_STIFFNESS
 from hc_evaluation.contact_law import force_of
 from hc_evaluation.reproduction import position_filters
 from hc_evaluation.reproduction.experiment import DEFAULT, Column
@@ -122,26 +123,33 @@ def _add_error(estimator: Estimator, error: Mapping[str, float]) -> None:
     """Add an error to the estimated K and B.
 
     For the papers' state space that is to the letter what paper A, section 5.3, does to the
-    predicted state: neither K nor B is measured, so that the error passes the update unchanged.
+    predicted state: neither K nor B is measured, so that the error passes the update unchanged. In
+    our default every hypothesis gets it.
     """
     saved = estimator.state()
+    memory = saved["memory"]
     if estimator.filter == "rls":  # its estimate is ln K, n and B/K
-        regression = saved["memory"]["regression"]
+        regression = memory["regression"]
         stiffness = float(np.exp(regression[0]))
         damping = stiffness * regression[2] + error["B"]
         regression[0] = float(np.log(stiffness + error["K"]))
         regression[2] = damping / (stiffness + error["K"])
-        estimator.restore(saved)
-        return
-    # What the default tells at the start is a fit of its own beside the state.
-    state, told = saved["memory"]["state"], saved["memory"]["told_parameters"]
-    for index, name in ((0, "K"), (1, "B")):
-        if estimator.state_space == "kinematic":
-            state[3 + index] = float(np.log(np.exp(state[3 + index]) + error[name]))
-            told[index] = float(np.log(np.exp(told[index]) + error[name]))
-        else:
-            state[3 + index] += error[name]
+    elif "rows" in memory:
+        for row in memory["rows"]:
+            for index, name in ((LOG_STIFFNESS, "K"), (LOG_DAMPING, "B")):
+                row["state"][index] = _log_sum(row["state"][index], error[name])
+    else:
+        state = memory["state"]
+        for index, name in ((3, "K"), (4, "B")):
+            if estimator.state_space == "kinematic":
+                state[index] = _log_sum(state[index], error[name])
+            else:
+                state[index] += error[name]
     estimator.restore(saved)
+
+
+def _log_sum(logarithm: float, added: float) -> float:
+    return float(np.log(np.exp(logarithm) + added))
 
 
 def _of_series(series: EstimateSeries, column: Column) -> Trace:
