@@ -55,7 +55,7 @@ class Monitor:
         self._node.destroy_node()
         rclpy.try_shutdown()
         # The middleware's participant lives until nothing refers to the node any more, and with it
-        # its shared memory.
+        # its sockets.
         del self._node, self._executor, self._subscription, self._clients
         gc.collect()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import signal
 import tempfile
@@ -16,7 +15,6 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit
-from hc_bringup.shared_memory import remove_orphans
 from hc_bringup.statistics import EstimateStatistics
 
 POLL_S = 0.1
@@ -70,9 +68,6 @@ class Runner:
         Raises:
             UserError: if a node died, did not start or did not find its partners.
         """
-        began = time.time()
-        domain_id = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-        remove_orphans(domain_id=domain_id, since=began)
         folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -89,7 +84,6 @@ class Runner:
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)
-            remove_orphans(domain_id=domain_id, since=began - 1.0)
             shutil.rmtree(folder, ignore_errors=True)
         return state
 

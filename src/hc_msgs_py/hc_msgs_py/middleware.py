@@ -1,6 +1,7 @@
 """Defaults of the middleware, set through the environment before ROS is initialised.
 
-What the user has set stays as it is.
+Without a word from the user, nodes speak on this machine only, bound to 127.0.0.1. What the user
+has set (a wider range, static peers, a profile of one's own) stays as it is.
 """
 
 from __future__ import annotations
@@ -9,12 +10,39 @@ import os
 from pathlib import Path
 from typing import Final
 
-PROFILE: Final = Path(__file__).with_name("fast_dds.xml")
+THIS_MACHINE: Final = Path(__file__).with_name("fast_dds_this_machine.xml")
+NETWORK: Final = Path(__file__).with_name("fast_dds.xml")
+RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+LEFT_TO_PROFILE: Final = "SYSTEM_DEFAULT"
+"""Range with which the ROS layer adds nothing to the profile (see fast_dds_this_machine.xml)."""
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_LOCALHOST: Final = "LOCALHOST"
+_OLD_SWITCH: Final = "ROS_LOCALHOST_ONLY"
+_PEERS: Final = "ROS_STATIC_PEERS"
 
 
 def set_defaults() -> None:
-    """Keep discovery on this machine, with the profile of fast_dds.xml; children inherit both."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    if not any(name in os.environ for name in _PROFILE_VARIABLES):
-        os.environ[_PROFILE_VARIABLES[0]] = str(PROFILE)
+    """Choose range and profile; children inherit them, and calling it again changes nothing."""
+    environment = os.environ
+    profile = next((environment[n] for n in _PROFILE_VARIABLES if environment.get(n)), None)
+    if profile not in (None, str(THIS_MACHINE), str(NETWORK)):
+        environment.setdefault(RANGE, _LOCALHOST)
+        return
+    if _this_machine_only(profile):
+        environment.pop(_OLD_SWITCH, None)  # it would win over the range
+        environment[RANGE] = LEFT_TO_PROFILE
+        environment[_PROFILE_VARIABLES[0]] = str(THIS_MACHINE)
+    else:
+        # Without shared memory here too, unless asked for: killed nodes leave nothing in the way.
+        environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+        environment[_PROFILE_VARIABLES[0]] = str(NETWORK)
+
+
+def _this_machine_only(profile: str | None) -> bool:
+    """Whether the range is this machine, given the profile of ours that was inherited, if any."""
+    if os.environ.get(_OLD_SWITCH) == "1":
+        return True
+    chosen = os.environ.get(RANGE) or _LOCALHOST
+    if chosen == LEFT_TO_PROFILE:
+        return profile == str(THIS_MACHINE)
+    return chosen == _LOCALHOST and not os.environ.get(_PEERS)
