@@ -27,7 +27,7 @@ from hc_logger.writer import BagWriter
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import STREAM_DEPTH
+from hc_msgs_py.qos import KEPT_DEPTH
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_RECORDER
 
@@ -79,7 +79,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._depth = declare(
             self,
             "queue_depth",
-            STREAM_DEPTH,
+            KEPT_DEPTH,
             "messages that wait to be written, of each topic",
             minimum=1,
             maximum=100_000,
