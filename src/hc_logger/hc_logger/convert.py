@@ -124,26 +124,23 @@ def csv_to_bag(
     size = max(source.stat().st_size, 1)
     written = 0
     carried = np.zeros(0)
-    with os_errors(f"cannot write {target}"):
-        writer = BagWriter(target, custom_data={CSV_SOURCE: source.name})
-        try:
-            samples = SampleWriter(writer)
-            bytes_per_row = size / max(len(first), 1)
-            block: NDArray[np.float64] | None = first
-            while block is not None:
-                time_s = np.concatenate([carried, block[:, 0]])
-                stamp = (stamps_from_seconds(time_s) + CSV_EPOCH_NS)[len(carried) :]
-                usable = time_s[np.isfinite(time_s)]
-                carried = usable[-1:]
-                sequence = np.arange(written, written + len(block), dtype=np.uint64)
-                samples.write(stamp, sequence, block[:, 1], block[:, 2])
-                written += len(block)
-                progress(min(1.0, written * bytes_per_row / size))
-                block = next(blocks, None)
-        except BagError:
-            writer.discard()
-            raise
-        writer.close()
+    with (
+        os_errors(f"cannot write {target}"),
+        BagWriter(target, custom_data={CSV_SOURCE: source.name}) as writer,
+    ):
+        samples = SampleWriter(writer)
+        bytes_per_row = size / max(len(first), 1)
+        block: NDArray[np.float64] | None = first
+        while block is not None:
+            time_s = np.concatenate([carried, block[:, 0]])
+            stamp = (stamps_from_seconds(time_s) + CSV_EPOCH_NS)[len(carried) :]
+            usable = time_s[np.isfinite(time_s)]
+            carried = usable[-1:]
+            sequence = np.arange(written, written + len(block), dtype=np.uint64)
+            samples.write(stamp, sequence, block[:, 1], block[:, 2])
+            written += len(block)
+            progress(min(1.0, written * bytes_per_row / size))
+            block = next(blocks, None)
     return written
 
 

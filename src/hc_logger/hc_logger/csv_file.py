@@ -11,12 +11,12 @@ import os
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_logger.errors import BagError, BagExistsError
+from hc_logger.errors import BagError
+from hc_logger.new_file import write_new_text
 
 COLUMNS = ("time_s", "displacement_mm", "force_N")
 BLOCK_ROWS = 65536
@@ -94,24 +94,16 @@ def write_csv(
 
     Raises:
         BagExistsError: if the file exists and overwrite is not set.
-        BagError: if it cannot be written.
+        BagError: if it cannot be written; nothing is left of it then.
     """
-    path = Path(path)
     count = 0
-    try:
-        with open(path, "w" if overwrite else "x", encoding="ascii") as stream:
-            stream.write(",".join(COLUMNS) + "\n")
-            for block in blocks:
-                _write_rows(stream, block)
-                count += len(block)
-    except FileExistsError:
-        raise BagExistsError(
-            f"{path} exists already and is not overwritten; give another name or delete it"
-        ) from None
-    except OSError as error:
-        raise BagError(f"cannot write {path}: {error.strerror}") from error
+
+    def lines() -> Iterator[str]:
+        nonlocal count
+        yield ",".join(COLUMNS) + "\n"
+        for block in blocks:
+            count += len(block)
+            yield "".join(f"{t:.9f},{d!r},{f!r}\n" for t, d, f in block.tolist())
+
+    write_new_text(path, lines(), overwrite=overwrite)
     return count
-
-
-def _write_rows(stream: TextIO, block: NDArray[np.float64]) -> None:
-    stream.writelines(f"{t:.9f},{d!r},{f!r}\n" for t, d, f in block.tolist())

@@ -10,9 +10,9 @@ from typing import Any, cast
 import yaml
 
 from hc_logger.errors import BagError
+from hc_logger.new_file import new_file
 
 FILE_NAME = "metadata.yaml"
-TEMPORARY = ".tmp"
 VERSION = 9
 ROS_DISTRO = "jazzy"
 
@@ -107,19 +107,21 @@ def information_text(metadata: BagMetadata) -> str:
 
 
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write metadata.yaml in one step, so that a reader never sees half of it."""
+    """Write metadata.yaml in one step, so that a reader never sees half of it.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
     text = yaml.safe_dump(
         {"rosbag2_bagfile_information": bag_information(metadata)}, sort_keys=False
     )
-    temporary = folder / (FILE_NAME + TEMPORARY)
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(folder / FILE_NAME)
+    with new_file(folder / FILE_NAME, overwrite=True) as file:
+        file.write(text.encode())
 
 
 def remove_metadata(folder: Path) -> None:
-    """Delete metadata.yaml, also a half-written one."""
-    for name in (FILE_NAME, FILE_NAME + TEMPORARY):
-        (folder / name).unlink(missing_ok=True)
+    """Delete metadata.yaml."""
+    (folder / FILE_NAME).unlink(missing_ok=True)
 
 
 def parse_yaml(text: str) -> Any:

@@ -22,7 +22,7 @@ from hc_logger.message_class import message_class
 from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.session import RecordingSession
+from hc_logger.session import FLUSH_INTERVAL_S, RecordingSession
 from hc_logger.writer import BagWriter
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -34,6 +34,8 @@ from hc_msgs_py.topics import NODE_RECORDER
 DRAIN_PERIOD_S = 0.01
 """How often the queues are emptied: they hold seconds of messages, so this loses none."""
 DISCOVERY_PERIOD_S = 0.1
+INCOMPLETE = 3
+"""Exit status of a recorder that went on to the end of the run and could not write all of it."""
 MOST_AT_ONCE = 5000
 """Messages taken from one queue before the others and the services get their turn."""
 
@@ -88,9 +90,9 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         flush = declare(
             self,
             "flush_interval",
-            0.25,
-            "a killed recorder loses at most this much",
-            minimum=0.02,
+            FLUSH_INTERVAL_S,
+            "a killed recorder loses at most this much, and 0.01 s more",
+            minimum=0.01,
             maximum=10.0,
             unit="s",
             read_only=True,
@@ -212,6 +214,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self.get_logger().error(
                 f"{self._session.failure}; recording has stopped, the run goes on"
             )
+            self._diagnostics.publish()  # at once, not within a second
 
     def _drain_one(self, tap: Tap) -> None:
         session, number = self._session, tap.number
@@ -296,7 +299,12 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._session.close()
         if self._session.failure and not self._reported_failure:
             self.get_logger().error(self._session.failure)
-        self._diagnostics.publish()
+        self._diagnostics.publish_last()
+
+    @property
+    def failure(self) -> str:
+        """Why not everything is in the bag, empty if all is."""
+        return self._session.failure
 
 
 def _never_called(_data: bytes) -> None:
@@ -321,8 +329,15 @@ def _custom_data(entries: list[str]) -> Mapping[str, str]:
 
 
 def main() -> int:
-    """Run the node; returns the exit status."""
-    return run_node(RecorderNode)
+    """Run the node; returns the exit status: that of run_node, INCOMPLETE for a bag that is cut."""
+    nodes: list[RecorderNode] = []
+
+    def make() -> RecorderNode:
+        nodes.append(RecorderNode())
+        return nodes[0]
+
+    status = run_node(make)
+    return status or (INCOMPLETE if nodes and nodes[0].failure else 0)
 
 
 if __name__ == "__main__":

@@ -242,7 +242,7 @@ def _compare(
     )
     differs = np.zeros(len(rows), bool)
     for name, recomputed in _fields(series, force):
-        if name not in recorded.dtype.names:
+        if name not in (recorded.dtype.names or ()):
             continue  # recorded before the message had this field
         kept = recorded[name]
         wrong = ~((kept == recomputed) | (np.isnan(kept) & np.isnan(recomputed)))

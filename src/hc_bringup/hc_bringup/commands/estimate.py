@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from hc_bringup.options import assignment
 SETTLING_S = 1.0
 """From the first contact on, left out of force errors: the estimator knows nothing yet."""
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
+_LINES_AT_ONCE = 4096
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
     "stiffness_std,damping_std,displacement_exponent_std,velocity_exponent_std,"
@@ -204,6 +207,8 @@ def _write(path: Path, recording: Any, series: Any) -> None:
     import numpy as np
 
     from hc_estimator import Rejection
+    from hc_logger.errors import BagError
+    from hc_logger.new_file import write_new_text
 
     names = {code.value: code.name.lower() if code else "" for code in Rejection}
     numbers = np.column_stack(
@@ -219,10 +224,17 @@ def _write(path: Path, recording: Any, series: Any) -> None:
         ]
     ).tolist()
     flags = np.column_stack([series.contact, series.change_detected]).astype(int).tolist()
+    lines = (
+        ",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n"
+        for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True)
+    )
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(COLUMNS + "\n")
-            for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True):
-                file.write(",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from error
+        write_new_text(path, itertools.chain([COLUMNS + "\n"], _joined(lines)))
+    except BagError as error:
+        raise UserError(str(error)) from error
+
+
+def _joined(lines: Iterator[str]) -> Iterator[str]:
+    """Yield many lines at once: each part is one write to the disk."""
+    while part := "".join(itertools.islice(lines, _LINES_AT_ONCE)):
+        yield part
