@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
 from hc_bringup.statistics import EstimateStatistics
+from hc_msgs_py.diagnostics import Level
 from hc_msgs_py.middleware import set_defaults
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
@@ -22,6 +23,7 @@ from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
 NODE_NAME = "hc_monitor"
 NOT_STARTED = "not started"
 """What missing() says of a node that does not offer ~/ready yet."""
+_ERROR = str(int(Level.ERROR))
 SERVICE_TIMEOUT_S = 5.0
 REPEAT_S = 0.5
 
@@ -59,6 +61,23 @@ class Monitor:
         del self._node, self._executor, self._subscription, self._clients
         gc.collect()
 
+    def problems(self) -> dict[str, str]:
+        """Return what nodes call an error in their diagnostics, by node name."""
+        return {
+            name: values["message"]
+            for name, values in self.diagnostics.items()
+            if values["level"] == _ERROR
+        }
+
+    def namesakes(self, node_name: str) -> int:
+        """Return how many nodes of this name there are in the domain, outside namespaces."""
+        return int(self._node.get_node_names_and_namespaces().count((node_name, "/")))
+
+    def is_there(self, node_name: str) -> bool:
+        """Return True once a node's ~/ready can be asked; does not wait."""
+        client = self._client(Trigger, f"/{node_name}/ready")
+        return bool(client.service_is_ready())
+
     def spin(self, duration_s: float) -> None:
         """Handle what arrives for a while."""
         end = time.monotonic() + duration_s
@@ -90,10 +109,7 @@ class Monitor:
     def _call(
         self, kind: Any, node_name: str, service: str, request: Any, timeout_s: float
     ) -> Any | None:
-        name = f"/{node_name}/{service}"
-        client = self._clients.get(name)
-        if client is None:
-            client = self._clients[name] = self._node.create_client(kind, name)
+        client = self._client(kind, f"/{node_name}/{service}")
         if not client.service_is_ready():
             self.spin(0.05)
             return None
@@ -109,6 +125,12 @@ class Monitor:
         for future in futures:
             client.remove_pending_request(future)
         return None
+
+    def _client(self, kind: Any, name: str) -> Any:
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self._node.create_client(kind, name)
+        return client
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
         end = time.monotonic() + timeout_s

@@ -16,7 +16,8 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
     used against the measured one, without the first second of contact. lost counts samples
-    that were published and for which no estimate came.
+    that were published and for which no estimate came; None where that cannot be told. failures
+    says why the run counts as failed although it went on to its end.
 
     Args:
         state: the run at its end.
@@ -25,10 +26,10 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
     """
     statistics = state.statistics
     latency = statistics.latency
-    samples, lost = state.samples, statistics.lost
+    samples, lost = state.samples, statistics.lost if statistics.counts else None
     if samples is None or samples < statistics.estimates:
         # The source did not say its last count: all that is known are the sequence numbers.
-        samples = statistics.estimates + lost
+        samples = statistics.estimates + (lost or 0)
     else:
         lost = max(0, samples - statistics.estimates)
     summary = {
@@ -46,6 +47,7 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
         "identifiability": statistics.identifiability(),
         "force_rmse_n": statistics.force_rmse_n,
         "bag": bag,
+        "failures": list(state.failures),
     }
     if with_latency:
         summary["latency_us"] = {
@@ -93,13 +95,17 @@ def _millinewton(force_n: float) -> str:
     return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
 
 
+def _lost(count: int | None) -> str:
+    return "? (the sequence numbers of the samples do not count)" if count is None else str(count)
+
+
 def run_text(summary: dict[str, Any]) -> str:
     """Return the summary of a run as lines for a person."""
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     cpu = ", ".join(f"{name} {percent:.0f} %" for name, percent in summary["cpu_percent"].items())
     lines = [
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
-        f"{summary['duration_s']:.1f} s; lost {summary['lost']}, rejected {rejected}"
+        f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
     if "latency_us" in summary and summary["estimates"]:
         latency = summary["latency_us"]

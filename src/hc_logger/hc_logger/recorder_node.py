@@ -22,7 +22,7 @@ from hc_logger.message_class import message_class
 from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.session import FLUSH_INTERVAL_S, RecordingSession
+from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
 from hc_logger.writer import BagWriter
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -34,8 +34,6 @@ from hc_msgs_py.topics import NODE_RECORDER
 DRAIN_PERIOD_S = 0.01
 """How often the queues are emptied: they hold seconds of messages, so this loses none."""
 DISCOVERY_PERIOD_S = 0.1
-INCOMPLETE = 3
-"""Exit status of a recorder that went on to the end of the run and could not write all of it."""
 MOST_AT_ONCE = 5000
 """Messages taken from one queue before the others and the services get their turn."""
 

@@ -17,6 +17,8 @@ from hc_logger.writer import BagWriter
 FLUSH_INTERVAL_S = 0.05
 """What a killed recorder loses, with the 0.01 s in which it looks for messages: less than 0.1 s.
 Chunks of so little make the file 6 % larger than chunks of 0.25 s, at the same processor time."""
+INCOMPLETE = 3
+"""Exit status of a recorder that went on to the end of the run and could not write all of it."""
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of a publisher's counter beyond this is a restarted publisher, not a loss."""
 

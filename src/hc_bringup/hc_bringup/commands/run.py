@@ -41,11 +41,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # ROS and rich are imported here so that `hc --help` need not wait for them.
+    from hc_bringup.conclusion import conclude
     from hc_bringup.live import Display
     from hc_bringup.paths import find_config
     from hc_bringup.plan import load_plan
     from hc_bringup.runner import Runner
-    from hc_bringup.summary import run_summary, run_text, to_json
 
     plan = load_plan(find_config(arguments.config))
     if arguments.duration is not None:
@@ -64,8 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
     with Display(enabled=not arguments.headless) as display:
         state = Runner(plan, display.show).run()
-    summary = run_summary(state, str(bag) if bag else None)
-    print(to_json(summary) if arguments.json else run_text(summary))
+    names = [node.name for node in plan.nodes]
+    conclude(state, names, bag, as_json=arguments.json, with_latency=True)
     return 0
 
 
