@@ -51,7 +51,9 @@ class RunData:
 def draw(data: RunData) -> Figure:
     """Return the picture of a run: displacement, force, error, NIS on the left, K B n p right."""
     figure = Figure(figsize=(13.0, 8.0), layout="constrained")
-    figure.suptitle(data.title)
+    # The name of a file may hold any bytes, and a $ in it begins no formula.
+    title = data.title.encode("utf-8", "replace").decode()
+    figure.suptitle(title, parse_math=False)
     grid = figure.subplots(4, 2, sharex=True)
     step = max(1, len(data.time_s) // _MOST_POINTS)
     part = slice(None, None, step)

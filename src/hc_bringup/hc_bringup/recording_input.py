@@ -83,7 +83,7 @@ def load(arguments: argparse.Namespace) -> Any:
             recording = _read_sensors(arguments.input, sensors)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
-    except (BagError, OSError) as error:
+    except BagError as error:
         raise UserError(str(error)) from error
     return _from_surface(recording) if arguments.find_surface else recording
 

@@ -69,7 +69,7 @@ class BagWriter:
         self._topics: list[TopicRecord] = []
         self._definitions: list[TypeDefinition] = []
         self._files: list[FileRecord] = []
-        self._custom_data = dict(custom_data or {})
+        self._custom_data = {k: _plain(v) for k, v in (custom_data or {}).items()}
         self._schemas: dict[tuple[str, str], int] = {}
         self._safe_counts: list[int] = []
         self._closed = False
@@ -92,7 +92,7 @@ class BagWriter:
             raise BagError(f"cannot write {self.path}: {error.strerror}") from error
 
     def _open_file(self) -> None:
-        self._file = FileRecord(f"{self.path.resolve().name}_{len(self._files)}.mcap")
+        self._file = FileRecord(_plain(f"{self.path.resolve().name}_{len(self._files)}.mcap"))
         self._files.append(self._file)
         with self._files_lock:
             self._stream = RawFile(self.path / self._file.path)
@@ -247,7 +247,7 @@ class BagWriter:
 
     def set_custom_data(self, key: str, value: str) -> None:
         """Set a text of the metadata that is known only at the end."""
-        self._custom_data[key] = value
+        self._custom_data[key] = _plain(value)
 
     def _finish_file(self) -> None:
         own = [
@@ -327,6 +327,11 @@ class BagWriter:
         except OSError:
             self.discard()
             raise
+
+
+def _plain(text: str) -> str:
+    """Return a text that UTF-8 can hold: the name of a file may hold any bytes."""
+    return "".join("_" if "\ud800" <= c <= "\udfff" else c for c in text)
 
 
 @contextlib.contextmanager

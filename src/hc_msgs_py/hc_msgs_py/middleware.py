@@ -7,6 +7,7 @@ has set (a wider range, static peers, a profile of one's own) stays as it is.
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 from typing import Final
 
@@ -16,6 +17,8 @@ RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 LEFT_TO_PROFILE: Final = "SYSTEM_DEFAULT"
 """Range with which the ROS layer adds nothing to the profile (see fast_dds_this_machine.xml)."""
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+_LOG_FOLDERS: Final = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
+"""Where the ROS layer writes logs; it does not start if none of them is set."""
 _LOCALHOST: Final = "LOCALHOST"
 _OLD_SWITCH: Final = "ROS_LOCALHOST_ONLY"
 _PEERS: Final = "ROS_STATIC_PEERS"
@@ -24,6 +27,8 @@ _PEERS: Final = "ROS_STATIC_PEERS"
 def set_defaults() -> None:
     """Choose range and profile; children inherit them, and calling it again changes nothing."""
     environment = os.environ
+    if not any(environment.get(name) for name in _LOG_FOLDERS):  # a service may have no home
+        environment["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"ros_log_{os.getuid()}")
     profile = next((environment[n] for n in _PROFILE_VARIABLES if environment.get(n)), None)
     if profile not in (None, str(THIS_MACHINE), str(NETWORK)):
         environment.setdefault(RANGE, _LOCALHOST)

@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         return actions[arguments.action](arguments)
     except BagExistsError as error:
         raise UserError(str(error), WRONG_USE) from error
-    except (BagError, OSError) as error:
+    except BagError as error:
         raise UserError(str(error)) from error
 
 

@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
     figure = draw(data)
     kind = target.suffix.lower().removeprefix(".")
     if kind == "html":
-        content = _page(data, figure, recording.findings.lines()).encode()
+        content = _page(data, figure, recording.findings.lines()).encode("utf-8", "replace")
     else:
         picture = io.BytesIO()
         figure.savefig(picture, format=kind, dpi=110)
