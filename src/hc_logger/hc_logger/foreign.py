@@ -19,7 +19,7 @@ from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.mcap_chunk import Messages
-from hc_logger.metadata import read_information, recorded_hashes
+from hc_logger.metadata import read_information, recorded_custom_data, recorded_hashes
 from hc_logger.reader import BagReader
 
 BLOCK_MESSAGES = 16_384
@@ -39,7 +39,7 @@ def open_bag(path: str | os.PathLike[str]) -> Bag:
         information = read_information(path)
         if information is not None and (
             information["storage_identifier"] != "mcap"
-            or information.get("compression_mode", "").lower() in ("file", "message")
+            or information["compression_mode"].lower() in ("file", "message")
         ):
             return ForeignBag(path)
     elif path.suffix == ".db3":
@@ -64,7 +64,7 @@ class ForeignBag(Bag):
             raise BagError(f"{path}: {' '.join(str(error).split())}") from error
         information = read_information(path) or {}
         self.paths = [path / name for name in information.get("relative_file_paths", [])]
-        self.custom_data = dict(information.get("custom_data") or {})
+        self.custom_data = recorded_custom_data(information)
         self._problems: list[str] = []
         self._hashes = recorded_hashes(information)
         self._connections: dict[str, list[Connection]] = {}

@@ -9,10 +9,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import seconds
+from hc_bringup.parameter_file import read_yaml
 
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
@@ -123,14 +122,12 @@ def file_parameters(node: Any) -> dict[str, Any]:
     """Return what the parameter files of a node say; later files win."""
     merged: dict[str, Any] = {}
     for file in node.parameter_files:
-        try:
-            data = yaml.safe_load(file.read_text(encoding="utf-8"))
-        except (OSError, yaml.YAMLError) as error:
-            raise UserError(f"{file} cannot be read: {error}", WRONG_USE) from error
+        data = read_yaml(file)
         for key in ("/**", node.name, f"/{node.name}"):
             section = data.get(key) if isinstance(data, dict) else None
-            if isinstance(section, dict):
-                merged.update(section.get("ros__parameters") or {})
+            values = section.get("ros__parameters") if isinstance(section, dict) else None
+            if isinstance(values, dict):
+                merged.update(values)
     return merged
 
 
