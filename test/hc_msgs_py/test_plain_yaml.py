@@ -104,7 +104,7 @@ def test_files(tmp_path: Path) -> None:
     path.write_bytes("\ufeffa: ä".encode())
     assert read_plain_yaml(path) == {"a": "ä"}
     path.write_bytes(b"a: \xff")
-    with pytest.raises(PlainYamlError, match="not a text in UTF-8"):
+    with pytest.raises(PlainYamlError, match="not a text file in UTF-8"):
         read_plain_yaml(path)
     with open(path, "wb") as file:
         file.truncate(10**12)  # a sparse file of a terabyte

@@ -17,11 +17,13 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 
 from hc_logger.bag import Columns
-from hc_logger.definitions import TypeDefinition
+from hc_logger.definitions import TypeDefinition, damaged_definition
 from hc_logger.errors import BagError
 
 ENCAPSULATION = bytes((0, 1, 0, 0))
 """Plain CDR, little-endian."""
+LONGEST_RECORD = 65536
+"""Bytes; the longest message of the suite has a few hundred."""
 FRAME_LENGTH_OFFSET = 12
 """Place of the length of frame_id in a message that begins with a std_msgs/Header."""
 
@@ -55,8 +57,17 @@ def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
         frame_bytes: length of frame_id with its closing zero byte.
 
     Raises:
-        BagError: if the type has other variable parts.
+        BagError: if the type has other variable parts, or its definition is damaged.
     """
+    try:
+        return _record_dtype(definition, frame_bytes)
+    except BagError:
+        raise
+    except Exception as error:  # rosbags and numpy over a damaged definition
+        raise BagError(damaged_definition(definition)) from error
+
+
+def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
     types = get_types_from_msg(definition.text, definition.name)
     names: list[str] = []
     formats: list[Any] = []
@@ -71,6 +82,8 @@ def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
         formats.append(dtype if count is None else (dtype, (count,)))
         offsets.append(len(ENCAPSULATION) + position)
         position += dtype.itemsize * (1 if count is None else count)
+        if position > LONGEST_RECORD:
+            raise BagError(damaged_definition(definition))
 
     def walk(type_name: str, prefix: str) -> None:
         nonlocal position
@@ -131,6 +144,8 @@ def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
             .view("<u4")
             .reshape(-1)
         )
+        if int(frame_bytes.max(initial=0)) > block.data.shape[1]:
+            raise BagError(f"a message of type {definition.name} is damaged")
         for frame in np.unique(frame_bytes).tolist():
             dtype = record_dtype(definition, frame)
             rows = block.data if np.all(frame_bytes == frame) else block.data[frame_bytes == frame]

@@ -61,7 +61,7 @@ def read_plain_yaml(path: Path) -> Any:
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise PlainYamlError("it is not a text in UTF-8") from None
+        raise PlainYamlError("it is not a text file in UTF-8") from None
     return load_plain_yaml(text)
 
 
