@@ -17,7 +17,7 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
 from hc_logger.recorded import has_sensors, only_topic
-from hc_logger.recording import stamps_from_seconds
+from hc_logger.recording import SAMPLE_FIELDS, stamps_from_seconds
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.type_names import SAMPLE_TYPE
 from hc_logger.writer import BagWriter, os_errors
@@ -191,7 +191,7 @@ def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.fl
     first, last = reader.time_range() or (0, 1)
     origin: int | None = None
     for block in message_blocks(reader, topic):
-        table = records(definition, block)
+        table = records(definition, block, SAMPLE_FIELDS)
         stamp = stamps(table)
         if origin is None:
             origin = CSV_EPOCH_NS if CSV_SOURCE in reader.custom_data else int(stamp[0])

@@ -61,9 +61,8 @@ _OTHER_SPELLINGS: Final = {
 }
 _ONLY_AS_FORCE: Final = ("g", "kg")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
-    "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit", "prüfzeit",
-             "messzeit", "temps",
-             "tiempo", "tempo"),
+    "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
+             "prüfzeit", "messzeit", "temps", "tiempo", "tempo"),
     "displacement": ("displacement", "disp", "distance", "position", "pos", "depth", "indentation",
                      "indentation depth", "penetration", "penetration depth", "deformation",
                      "compression", "travel", "stroke", "crosshead", "d", "z", "weg", "standardweg",

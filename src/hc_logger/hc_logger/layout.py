@@ -9,6 +9,7 @@ ever changes within a recording; so for each length of frame_id there is one num
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,14 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
     )
 
 
-def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
+INTEGER, REAL, FLAG = "iu", "f", "biu"
+"""Kinds of numbers, as numpy's dtype.kind has them."""
+_STAMP = {"header.stamp.sec": INTEGER, "header.stamp.nanosec": INTEGER}
+
+
+def records(
+    definition: TypeDefinition, columns: list[Columns], needed: Mapping[str, str] | None = None
+) -> NDArray[Any]:
     """Return all messages of a topic as one array of records, in the order of their log times.
 
     The frame_id is left out of the records (its length may differ between messages).
@@ -127,12 +135,17 @@ def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
     Args:
         definition: the topic's type, with a header and of fixed size after it.
         columns: what Bag.columns() gives.
+        needed: fields that are to be there beside the header's stamp, and their kinds.
 
     Raises:
-        BagError: if the type has other variable parts.
+        BagError: if the type has other variable parts, or lacks a field that is needed: a bag
+            carries its own definitions, and says of a type whatever it says.
     """
     total = sum(len(block.order) for block in columns)
     empty = record_dtype(definition, 1)
+    for name, kinds in (_STAMP | dict(needed or {})).items():
+        if name not in (empty.names or ()) or empty[name].kind not in kinds:
+            raise BagError(f"{definition.name} has no field {name} in this bag, or of another kind")
     kept = [name for name in empty.names or () if name != "header.frame_id"]
     target = np.dtype([(name, empty[name]) for name in kept])
     out = np.empty(total, target)

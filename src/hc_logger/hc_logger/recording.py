@@ -17,7 +17,7 @@ from hc_logger.csv_file import read_csv
 from hc_logger.csv_layout import CsvOptions, find_layout
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.layout import records, stamps
+from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
 from hc_logger.recorded import Recording, findings_of, has_sensors, has_several_sensors, only_topic
 from hc_logger.selection import full_name
@@ -28,6 +28,8 @@ from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
 
 
+SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
+"""Of hc_msgs/IndenterSample."""
 _FARTHEST_S = 2.0**62 / NANOSECONDS
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc")
 
@@ -99,7 +101,7 @@ def _read_bag(path: Path, topic: str) -> Recording:
             if not topic and has_several_sensors(reader):
                 has += ": several sensors, name them (force.topic, position.topic)"
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
-        table = records(reader.topics[name].definition, reader.columns(name))
+        table = records(reader.topics[name].definition, reader.columns(name), SAMPLE_FIELDS)
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
         problems = tuple(reader.problems)

@@ -245,6 +245,8 @@ def _compare(
         if name not in (recorded.dtype.names or ()):
             continue  # recorded before the message had this field
         kept = recorded[name]
+        if kept.shape != recomputed.shape:
+            raise BagError(f"{recording.path}: {name} of the recorded estimates has another size")
         wrong = ~((kept == recomputed) | (np.isnan(kept) & np.isnan(recomputed)))
         wrong_rows = wrong.any(axis=1) if wrong.ndim > 1 else wrong
         differs |= wrong_rows
