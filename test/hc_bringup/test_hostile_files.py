@@ -59,7 +59,7 @@ class Shell:
             status in (0, 1, 2)
             and "internal error" not in err
             and "Traceback" not in err + out
-            and (status == 0 or last.startswith(f"hc {words[0]}: "))
+            and (status == 0 or last.startswith(f"hc {words[0]}: ") or "recomputed, " in out)
             and seconds < SECONDS_A_FILE
         )
         if not good:
@@ -222,10 +222,10 @@ def test_mcap_with_estimates(shell: Shell, tmp_path: Path, count: int) -> None:
     data = (ROOT / "bags" / "example" / "example_0.mcap").read_bytes()
     path = tmp_path / "hostile.mcap"
     page = tmp_path / "page.html"
-    for number in range(count // 8):
+    for number in range(count // 20):
         path.write_bytes(mutate(data, rng, [b"\x06", b"\0" * 300, MAGIC, b"\xff" * 8]))
-        if number % 2:
-            shell("estimate", path, "--verify", "--json")
+        if number % 3:
+            shell("estimate", path, "--verify")
         else:
             shell("report", path, "-o", page)
             page.unlink(missing_ok=True)
