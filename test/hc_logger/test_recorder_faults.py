@@ -337,6 +337,29 @@ def test_a_clock_that_is_set_tears_no_hole_into_the_bag(
     np.testing.assert_array_equal(read_recording(tmp_path / "bag").stamps, stamps)
 
 
+@pytest.mark.parametrize("jump_s", [3600.0, 0.5, -0.5, -3600.0])
+@pytest.mark.parametrize("late", [False, True])
+def test_a_clock_that_is_set_while_a_batch_is_taken(jump_s: float, late: bool) -> None:
+    """After the batch began, or while some of it waited: none of it is torn from the others."""
+    source = SetClock()
+    clock = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    taken = []
+    for batch in range(30):
+        received = []
+        if not late:
+            clock.update()
+        for k in range(10):
+            source.pass_ms(1.0)
+            if batch == 10 and k == 5:
+                source.wall += round(jump_s * 1e9)
+            received.append(source.wall)
+        if late:
+            clock.update()
+        taken += [clock.steady(time) for time in received]
+    np.testing.assert_array_equal(np.diff(taken), 1_000_000)
+    assert clock.jumps_ns == [round(jump_s * 1e9)]
+
+
 def test_a_steady_clock_is_left_alone() -> None:
     source = SetClock()
     clock = ReceptionClock(lambda: source.wall, lambda: source.steady)

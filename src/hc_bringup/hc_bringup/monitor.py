@@ -15,6 +15,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
 from hc_bringup.statistics import EstimateStatistics
+from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.diagnostics import Level
 from hc_msgs_py.middleware import set_defaults
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
@@ -49,16 +50,19 @@ class Monitor:
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._clients: dict[str, Any] = {}
+        self._clock_watch = ClockWatch(self._executor, lambda: self._node.timers)
+        self._clock_watch.__enter__()
         return self
 
     def __exit__(self, *_exception: object) -> None:
+        self._clock_watch.__exit__()
         self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()
         # The middleware's participant lives until nothing refers to the node any more, and with it
         # its sockets.
-        del self._node, self._executor, self._subscription, self._clients
+        del self._node, self._executor, self._subscription, self._clients, self._clock_watch
         gc.collect()
 
     def problems(self) -> dict[str, str]:
