@@ -7,6 +7,7 @@ from pathlib import Path
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.runner import RunState
 from hc_bringup.summary import run_summary, run_text, to_json
+from hc_logger.writer import numbered_bags
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
 LONGEST_WITHOUT_ESTIMATE_S = 1.0
@@ -31,7 +32,8 @@ def conclude(
         reason = _why_no_estimate(state)
         if reason:
             state.failures.append(reason)
-    summary = run_summary(state, str(bag) if bag else None, with_latency=with_latency)
+    bags = [str(folder) for folder in numbered_bags(bag)] if bag else []
+    summary = run_summary(state, str(bag) if bag else None, bags[1:], with_latency=with_latency)
     print(to_json(summary) if as_json else run_text(summary))
     if state.failures:
         raise UserError("; ".join(state.failures), FAILURE)

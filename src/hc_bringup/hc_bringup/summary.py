@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from hc_bringup.live import SYMBOLS
@@ -11,7 +12,13 @@ from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 
 
-def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) -> dict[str, Any]:
+def run_summary(
+    state: RunState,
+    bag: str | None,
+    further_bags: Sequence[str] = (),
+    *,
+    with_latency: bool = True,
+) -> dict[str, Any]:
     """Return what DESIGN.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
@@ -22,6 +29,7 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
     Args:
         state: the run at its end.
         bag: folder of the recorded bag, or None.
+        further_bags: those of recorders that were started again.
         with_latency: False where the stamps are not of the time of publication (a replay).
     """
     statistics = state.statistics
@@ -47,6 +55,7 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
         "identifiability": statistics.identifiability(),
         "force_rmse_n": statistics.force_rmse_n,
         "bag": bag,
+        "further_bags": list(further_bags),
         "failures": list(state.failures),
     }
     if with_latency:
@@ -127,5 +136,6 @@ def run_text(summary: dict[str, Any]) -> str:
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
         ]
     if summary["bag"]:
-        lines.append(f"bag: {summary['bag']}")
+        bags = [summary["bag"], *summary["further_bags"]]
+        lines.append(f"bag{'s' * (len(bags) > 1)}: {', '.join(bags)}")
     return "\n".join(lines)

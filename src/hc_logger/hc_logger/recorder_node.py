@@ -23,7 +23,7 @@ from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
-from hc_logger.writer import BagWriter
+from hc_logger.writer import BagWriter, new_numbered_bag
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
@@ -63,6 +63,14 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._tapped: frozenset[int] = frozenset()
         super().__init__(NODE_RECORDER)
         output = declare(self, "output", "", "folder of the new bag", read_only=True)
+        when_exists = declare(
+            self,
+            "when_exists",
+            "refuse",
+            "what to do when the folder exists: refuse, or record into NAME_2, NAME_3 and so on",
+            choices=("refuse", "number"),
+            read_only=True,
+        )
         topics = declare(
             self,
             "topics",
@@ -138,7 +146,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._clock_of_reception = ReceptionClock()
         self._sim_time = bool(self.get_parameter("use_sim_time").value)
         try:
-            writer = BagWriter(output, custom_data=_custom_data(custom), **split)
+            make = new_numbered_bag if when_exists == "number" else BagWriter
+            writer = make(output, custom_data=_custom_data(custom), **split)
         except BagError as error:
             raise NodeStartError(str(error)) from error
         self._session = RecordingSession(writer, flush_interval_s=flush, fsync_interval_s=fsync)

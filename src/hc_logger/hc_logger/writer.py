@@ -329,6 +329,38 @@ class BagWriter:
             raise
 
 
+def numbered_bags(path: str | os.PathLike[str]) -> list[Path]:
+    """Return the folders NAME, NAME_2, NAME_3 and so on that are there, in this order."""
+    first = Path(path)
+    found = [first] if first.exists() else []
+    number = 2
+    while (following := first.with_name(f"{first.name}_{number}")).exists():
+        found.append(following)
+        number += 1
+    return found
+
+
+def new_numbered_bag(path: str | os.PathLike[str], **options: Any) -> BagWriter:
+    """Make a bag under the first name of NAME, NAME_2, NAME_3 and so on that is free.
+
+    Args:
+        path: the first name.
+        **options: as for BagWriter.
+
+    Raises:
+        BagError: if the folder cannot be made.
+    """
+    first = Path(path)
+    number = 1
+    while True:
+        try:
+            return BagWriter(
+                first if number == 1 else first.with_name(f"{first.name}_{number}"), **options
+            )
+        except BagExistsError:
+            number += 1
+
+
 def _plain(text: str) -> str:
     """Return a text that UTF-8 can hold: the name of a file may hold any bytes."""
     return "".join("_" if "\ud800" <= c <= "\udfff" else c for c in text)

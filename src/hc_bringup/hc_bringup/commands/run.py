@@ -57,7 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
     if plan.node("recorder") is not None:
         bag = new_bag_folder(arguments.bag)
         plan = with_parameters(
-            plan, "recorder", {"output": str(bag), "custom_data": custom_data(plan)}
+            plan,
+            "recorder",
+            # The name is new; one that is started again after it died finds its own first bag.
+            {"output": str(bag), "custom_data": custom_data(plan), "when_exists": "number"},
         )
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
