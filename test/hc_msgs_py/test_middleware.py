@@ -10,7 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from hc_msgs_py.middleware import NETWORK, THIS_MACHINE, set_defaults
+from hc_msgs_py.middleware import (
+    NETWORK,
+    THIS_MACHINE,
+    built_without_security,
+    set_defaults,
+)
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -178,6 +183,57 @@ print("both" in heard)
         for names in (("ours", "others"), ("others", "ours"))
     ]
     assert [p.communicate(timeout=40)[0].strip() for p in processes] == ["True", "True"]
+
+
+def test_security_that_is_not_there_is_refused_and_not_run_without(
+    ros_domain: int, tmp_path: Path
+) -> None:
+    """With no keys for a node and ROS_SECURITY_STRATEGY unset, ROS itself runs it open."""
+    if built_without_security() is None:
+        pytest.skip("this middleware was built with security")
+    (tmp_path / "keystore" / "enclaves").mkdir(parents=True)
+    environment = os.environ | {
+        "ROS_DOMAIN_ID": str(ros_domain),
+        "ROS_SECURITY_ENABLE": "true",
+        "ROS_SECURITY_KEYSTORE": str(tmp_path / "keystore"),
+    }
+    for command in (["-c", NODE], ["-m", "hc_bringup", "node", "list"]):
+        done = subprocess.run(
+            [sys.executable, *command], env=environment, capture_output=True, text=True, timeout=30
+        )
+        assert (done.returncode, done.stdout) == (2, "")
+        assert "the middleware was built without security" in done.stderr
+        assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.process
+def test_a_run_in_a_network_of_its_own_is_out_of_reach_of_other_users(ros_domain: int) -> None:
+    """What docs/security.md offers on one machine: nobody else has this loopback."""
+    alone = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh"]
+    try:
+        allowed = subprocess.run([*alone, "true"], capture_output=True, text=True, timeout=10)
+    except FileNotFoundError:
+        pytest.skip("needs unshare and ip")
+    if allowed.returncode:
+        pytest.skip(f"no network of its own is allowed here: {allowed.stderr.strip()}")
+    environment = os.environ | {"ROS_DOMAIN_ID": str(ros_domain)}
+    process = subprocess.Popen(
+        [*alone, sys.executable, "-c", NODE],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout.readline() == "up\n"
+        listing = [sys.executable, "-m", "hc_bringup", "node", "list"]
+        seen = subprocess.run(
+            listing, env=environment, capture_output=True, text=True, timeout=30, check=True
+        )
+        assert seen.stdout == "no node is running\n"
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
 
 
 def test_ports_of_the_probe_are_told_apart() -> None:

@@ -14,10 +14,10 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
+from hc_bringup.reach import speak_to_nodes
 from hc_bringup.statistics import EstimateStatistics
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.diagnostics import Level
-from hc_msgs_py.middleware import set_defaults
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
 
@@ -38,7 +38,7 @@ class Monitor:
         self.last_estimate_at = 0.0
 
     def __enter__(self) -> Monitor:
-        set_defaults()
+        speak_to_nodes()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(NODE_NAME, enable_rosout=False)
         self._subscription = self._node.create_subscription(

@@ -21,7 +21,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from hc_msgs_py.clock_watch import ClockWatch
-from hc_msgs_py.middleware import set_defaults
+from hc_msgs_py.middleware import NoSecurityError, set_defaults
 
 SPIN_TIMEOUT_S = 0.1
 
@@ -68,10 +68,10 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
     signal.signal(signal.SIGTERM, request_stop)
     # rcl would write its own line about arguments that it cannot read, before ours.
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.FATAL)
-    set_defaults()
     try:
+        set_defaults()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, UnknownROSArgsError) as error:
+    except (RCLError, UnknownROSArgsError, NoSecurityError) as error:
         print(_without_source_lines(_one_line(error)), file=sys.stderr)  # noqa: T201
         return 2
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.INFO)
