@@ -74,6 +74,13 @@ def _note(judge: Any, rows: Any, clock: float) -> None:
     """Keep what every row says now."""
     slot = judge.count % SLOTS
     judge.said_at[slot] = clock
+    _write(judge, rows, slot)
+    judge.count += 1
+
+
+@compiled
+def _write(judge: Any, rows: Any, slot: int) -> None:
+    """Write what every row says now into a snapshot."""
     for m in range(rows.shape[0]):
         said, row = judge.said[slot, m], rows[m]
         said[0] = row.state[LOG_STIFFNESS]
@@ -86,7 +93,24 @@ def _note(judge: Any, rows: Any, clock: float) -> None:
         else:
             said[4] = _shrunk(row, 0)
             said[5] = _shrunk(row, 1)
-    judge.count += 1
+
+
+@compiled
+def go_back(judge: Any, rows: Any, chosen: int, clock: float) -> None:
+    """Take back what was said since the rows were as they are again.
+
+    Args:
+        judge: changed.
+        rows: as they were, scores and likelihoods included.
+        chosen: row that was chosen then.
+        clock: contact clock then [s].
+    """
+    judge.chosen = chosen
+    for back in range(1, min(judge.count, SLOTS) + 1):
+        slot = (judge.count - back) % SLOTS
+        if judge.said_at[slot] <= clock:
+            return
+        _write(judge, rows, slot)
 
 
 @compiled
