@@ -33,6 +33,7 @@ ROW = record_type(
         Field("contact_time", np.float64, ()),  # informative contact since the row's start [s]
         Field("recent_nis", np.float64, ()),  # short mean of the normalised innovation squared
         Field("score", np.float64, ()),  # mean squared error of delayed predictions [N^2]
+        Field("claimed", np.float64, ()),  # what it would be by the row's own variance [N^2]
         Field("log_likelihood", np.float64, ()),  # forgetting sum
         Field("since", np.float64, ()),  # contact clock at its last seeding [s]
         Field("counts_from", np.float64, ()),  # contact clock from which on it may be chosen [s]
