@@ -145,6 +145,7 @@ def advance(finder: Any) -> bool:
     last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
     last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
     newest = min(last0, last1) - half
+    finder.grid_width = 2.0 * half
     if finder.grid_count == 0:
         finder.grid_step = max(STEP, slowest)
         finder.grid_next = newest

@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     DRIVES,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
@@ -233,14 +234,14 @@ def _still_learns(row: Any) -> bool:
     At the start each step is tempered; a freer row that follows at once predicts better, and says
     nothing against a tissue that is constant.
     """
-    if row.model_error > 0.0 or row.recent_nis > LEARNING_NIS:
+    if row.active == 0 or row.model_error > 0.0 or row.recent_nis > LEARNING_NIS:
         return False
     return bool(row.score <= CLAIM * row.claimed)
 
 
 @compiled
 def _choose(judge: Any, rows: Any, clock: float) -> None:
-    """The calmest eligible row that predicts as well as the best of them."""
+    """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = _steadiest(rows)
     likeliest = -math.inf
     for m in range(FRESH if clock > REFUTED_AFTER else 0):
@@ -252,13 +253,20 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
     for m in range(FRESH):
         if _is_eligible(rows[m], clock, steadiest, likeliest):
             best = min(best, rows[m].score)
+        if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
+            break
+    misfit = -1
     for m in range(FRESH):
-        if (
-            _is_eligible(rows[m], clock, steadiest, likeliest)
-            and (rows[m].score <= MARGIN * best or _still_learns(rows[m]))
-        ):
+        row = rows[m]
+        if not _is_eligible(row, clock, steadiest, likeliest) or row.score > MARGIN * best:
+            continue
+        if row.model_error == 0.0:
             judge.chosen = m
             return
+        if misfit < 0:
+            misfit = m
+    if misfit >= 0:
+        judge.chosen = misfit
 
 
 @compiled
