@@ -76,7 +76,7 @@ def update(
     history, finder = bank.history, bank.delay
     velocity_noise = _velocity_noise(finder, bank.sensor_noise[0])
     overlap = period / max(finder.grid_width, 1e-9)
-    if not histories.learn(history, finder, overlap * velocity_noise, bank.sensor_noise[1]):
+    if not histories.learn(history, finder, bank.sensor_noise, overlap * velocity_noise):
         return
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)

@@ -18,6 +18,7 @@ from hc_estimator.multiple_model.records import GRID, POINTS
 LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
 TOUCHING = 5.0  # deviations of the force below which it may be none
+SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
 SLOWEST = 3.0  # deviations of the velocity below which the tool is taken to be at rest
 
 
@@ -32,14 +33,14 @@ def reset(history: Any) -> None:
 
 
 @compiled
-def learn(history: Any, finder: Any, velocity_noise: float, force_noise: float) -> bool:
+def learn(history: Any, finder: Any, noise: Any, velocity_noise: float) -> bool:
     """Take the newest point of the grid; True if it was remembered.
 
     Args:
         history: changed.
         finder: record of `delay`.
+        noise: variances of a reading, shape (2,).
         velocity_noise: variance of a point's velocity [mm^2/s^2].
-        force_noise: variance of a force reading [N^2].
     """
     shift = int(round(finder.delay / finder.grid_step))
     rest = shift * finder.grid_step - finder.delay
@@ -50,8 +51,10 @@ def learn(history: Any, finder: Any, velocity_noise: float, force_noise: float) 
     place = finder.grid[there % GRID]
     depth = place[0] + rest * (place[1] + 0.5 * rest * place[2])
     force = finder.grid[here % GRID, 3]
-    # Where the tissue lets go, a parabola goes through both sides of the kink.
-    if depth < LEAST_DEPTH or force * force < TOUCHING**2 * force_noise:
+    if depth < LEAST_DEPTH or force * force < TOUCHING**2 * noise[1]:
+        return False
+    # Where the tissue lets go or the tool turns, no parabola fits.
+    if place[4] > SMOOTH * noise[0] or finder.grid[here % GRID, 5] > SMOOTH * noise[1]:
         return False
     history.waited += 1
     history.unfitted += 1

@@ -179,7 +179,8 @@ DELAY = record_type(
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
-        Field("grid", np.float64, (GRID, 4)),  # ring: displacement, velocity, acceleration, force
+        # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
+        Field("grid", np.float64, (GRID, 6)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
         Field("grid_width", np.float64),  # of the parabolas [s]
@@ -197,7 +198,7 @@ DELAY = record_type(
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64),  # p of the fits
         Field("points_of", np.float64, (GRID, 5)),  # see `delay`
-        Field("parabola", np.float64, (3,)),
+        Field("parabola", np.float64, (4,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,)),
         Field("normal", np.float64, (4, 4)),
