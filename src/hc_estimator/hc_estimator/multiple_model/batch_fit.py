@@ -60,9 +60,7 @@ SMALL_MISFIT = 4.0
 
 
 @compiled
-def update(
-    settings: Any, bank: Any, row: Any, constant: Any, period: float, clock: float
-) -> None:
+def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clock: float) -> None:
     """Take the newest point of the grid, and fit anew if it is time to.
 
     Args:
@@ -75,8 +73,7 @@ def update(
     """
     history, finder = bank.history, bank.delay
     velocity_noise = _velocity_noise(finder, bank.sensor_noise[0])
-    overlap = period / max(finder.grid_width, 1e-9)
-    if not histories.learn(history, finder, bank.sensor_noise, overlap * velocity_noise):
+    if not histories.learn(history, finder, bank.sensor_noise):
         return
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)
@@ -198,9 +195,7 @@ def _improve(settings: Any, history: Any, weight: float) -> bool:
         for i in range(4):
             following[i] += values[i]
         following[2] = min(max(following[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-        following[3] = min(
-            max(following[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
-        )
+        following[3] = min(max(following[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
         after = _cost(settings, history, following, weight)
         if after < cost:
             gain = cost - after

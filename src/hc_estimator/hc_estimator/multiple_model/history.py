@@ -19,7 +19,6 @@ LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
 TOUCHING = 5.0  # deviations of the force below which it may be none
 SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
-SLOWEST = 3.0  # deviations of the velocity below which the tool is taken to be at rest
 
 
 @compiled
@@ -33,14 +32,13 @@ def reset(history: Any) -> None:
 
 
 @compiled
-def learn(history: Any, finder: Any, noise: Any, velocity_noise: float) -> bool:
+def learn(history: Any, finder: Any, noise: Any) -> bool:
     """Take the newest point of the grid; True if it was remembered.
 
     Args:
         history: changed.
         finder: record of `delay`.
         noise: variances of a reading, shape (2,).
-        velocity_noise: variance of a point's velocity [mm^2/s^2].
     """
     shift = int(round(finder.delay / finder.grid_step))
     rest = shift * finder.grid_step - finder.delay
@@ -61,11 +59,9 @@ def learn(history: Any, finder: Any, noise: Any, velocity_noise: float) -> bool:
     if history.waited < history.every:
         return False
     history.waited = 0
-    velocity = place[1] + rest * place[2]
     point = history.points[history.count % POINTS]
     point[0] = depth
-    # At rest the velocity is noise, and least squares would read from it that nothing is damped.
-    point[1] = 0.0 if velocity * velocity < SLOWEST**2 * velocity_noise else velocity
+    point[1] = place[1] + rest * place[2]
     point[2] = force
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:

@@ -133,7 +133,9 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
 
 
 @compiled
-def _score(settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float) -> None:
+def _score(
+    settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float
+) -> None:
     """Hold what the rows said some time ago against the force of now."""
     period = max(PERIOD, judge.waited)
     tool = rows[judge.chosen].state

@@ -177,7 +177,9 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
     predicted = displacement_of(row, offset)
     for i in range(count):
         gain[i] = (
-            covariance[i, DEPTH] + offset * covariance[i, VELOCITY] + half * covariance[i, ACCELERATION]
+            covariance[i, DEPTH]
+            + offset * covariance[i, VELOCITY]
+            + half * covariance[i, ACCELERATION]
         )
     variance = gain[DEPTH] + offset * gain[VELOCITY] + half * gain[ACCELERATION] + noise
     innovation = reading - predicted

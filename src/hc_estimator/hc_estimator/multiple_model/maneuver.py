@@ -92,7 +92,14 @@ def reset(maneuver: Any) -> None:
 
 @compiled
 def keep(
-    maneuver: Any, rows: Any, chosen: Any, tool: Any, motion: Any, time: float, elapsed: float, hold: bool
+    maneuver: Any,
+    rows: Any,
+    chosen: Any,
+    tool: Any,
+    motion: Any,
+    time: float,
+    elapsed: float,
+    hold: bool,
 ) -> None:
     """Keep the rows after an accepted sample if it is time to.
 
@@ -285,7 +292,9 @@ def jerk_density(maneuver: Any, row: Any, elapsed: float, density: float) -> flo
 
 
 @compiled
-def product_variance(settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float) -> float:
+def product_variance(
+    settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float
+) -> float:
     """Variance of the force from velocity times damping, both not known [N^2].
 
     The second-order term of the damping force in the velocity and in the logarithm of its factor
