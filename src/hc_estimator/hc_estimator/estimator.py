@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hc_estimator import screening
+from hc_estimator import recovery, screening
 from hc_estimator.adaptation import policy
 from hc_estimator.compilation import compiled
 from hc_estimator.contact import registry as contact_registry
@@ -154,17 +154,13 @@ MEMORY = record_type(FIELDS + SCRATCH)
 
 @compiled
 def _initialise(settings_array: Any, memory_array: Any) -> None:
-    settings, memory = settings_array[0], memory_array[0]
-    state_space_registry.prior(settings, memory.state, memory.covariance)
-    for i in range(4):
-        memory.prior_variance[i] = memory.covariance[3 + i, 3 + i]
-    memory.process_noise_scale = 1.0
-    policy.initialise(settings, memory)
+    recovery.reset(settings_array[0], memory_array[0])
 
 
 @compiled
 def _set_noise(settings_array: Any, memory_array: Any) -> None:
-    policy.set_noise(settings_array[0], memory_array[0])
+    for i in range(2):
+        policy.set_noise(settings_array[0], memory_array[0], i)
 
 
 class Estimator:
