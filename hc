@@ -135,4 +135,8 @@ fi
 # Packages beside the user's files must not shadow ours.
 export PYTHONSAFEPATH=1
 export HC_ROOT="$root"
+# An interrupt waits until the command can answer it (hc_bringup/entry.py), where env knows how.
+if env --block-signal=INT true 2>/dev/null; then
+    exec env --block-signal=INT "$environment/bin/hc" "$@"
+fi
 exec "$environment/bin/hc" "$@"

@@ -4,7 +4,6 @@ import fcntl
 import gc
 import os
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,9 +11,24 @@ from typing import Any
 
 import pytest
 
-from hc_bringup.shared_memory import remove_orphans
-
+MIDDLEWARE_VARIABLES = (
+    "ROS_AUTOMATIC_DISCOVERY_RANGE",
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "FASTDDS_BUILTIN_TRANSPORTS",
+)
 HIGHEST_DOMAIN = 101  # above it the ports of DDS leave the range that Linux keeps free
+
+
+@pytest.fixture(autouse=True)
+def middleware_environment() -> Iterator[None]:
+    """What hc_msgs_py.middleware sets for this process ends with the test."""
+    before = {name: os.environ.get(name) for name in MIDDLEWARE_VARIABLES}
+    yield
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
 
 
 @pytest.fixture
@@ -33,13 +47,11 @@ def ros_domain() -> Iterator[int]:
         except BlockingIOError:
             os.close(descriptor)
             continue
-        since = time.time()
         try:
             yield number
         finally:
             # A participant of this process that outlived its test takes messages from the next one.
             gc.collect()
-            remove_orphans(domain_id=number, since=since)  # of nodes that a test has killed
             os.close(descriptor)
         return
     pytest.fail(f"all {HIGHEST_DOMAIN} ROS domains are in use by other tests")

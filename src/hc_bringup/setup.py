@@ -14,7 +14,7 @@ setup(
         ("share/hc_bringup", ["package.xml"]),
         ("share/hc_bringup/config", glob("../../config/*.yaml")),
     ],
-    entry_points={"console_scripts": ["hc = hc_bringup.cli:main"]},
+    entry_points={"console_scripts": ["hc = hc_bringup.entry:main"]},
     zip_safe=False,
     license="Apache-2.0",
 )

@@ -19,13 +19,13 @@ pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
 
 
 def plan_with_respawn(folder: Path) -> Path:
-    """Write the shipped configuration with an estimator that keeps its state and comes again."""
+    """Write the shipped configuration with nodes that come again; the estimator keeps its state."""
     plan = yaml.safe_load((ROOT / "config" / "run.yaml").read_text(encoding="utf-8"))
     for node in plan["nodes"]:
         files = node["parameter_files"]
         node["parameter_files"] = [str(ROOT / "config" / file) for file in files]
+        node["respawn"] = True
         if node["name"] == "estimator":
-            node["respawn"] = True
             node["parameters"]["state.folder"] = str(folder / "state")
             node["parameters"]["state.autosave_period"] = 0.1
     path = folder / "respawn.yaml"
@@ -33,7 +33,7 @@ def plan_with_respawn(folder: Path) -> Path:
     return path
 
 
-def estimator_process(domain_id: str) -> int | None:
+def node_process(domain_id: str, module: str = "hc_estimator.node") -> int | None:
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             command = (folder / "cmdline").read_bytes()
@@ -41,7 +41,7 @@ def estimator_process(domain_id: str) -> int | None:
         except OSError:
             continue
         mine = f"ROS_DOMAIN_ID={domain_id}\0".encode() in environment
-        if mine and b"hc_estimator.node\0" in command:
+        if mine and f"{module}\0".encode() in command:
             return int(folder.name)
     return None
 
@@ -49,15 +49,15 @@ def estimator_process(domain_id: str) -> int | None:
 def test_a_killed_estimator_comes_again_and_knows_the_tissue(command_line) -> None:
     process = command_line.start("run", str(plan_with_respawn(command_line.folder)), "--json")
     live = list(iter_until_samples(process, 2))
-    first = estimator_process(command_line.environment["ROS_DOMAIN_ID"])
+    first = node_process(command_line.environment["ROS_DOMAIN_ID"])
     assert first is not None, live
     os.kill(first, signal.SIGKILL)
     deadline = time.monotonic() + 60.0
-    while (second := estimator_process(command_line.environment["ROS_DOMAIN_ID"])) in (None, first):
+    while (second := node_process(command_line.environment["ROS_DOMAIN_ID"])) in (None, first):
         assert time.monotonic() < deadline, "no second estimator"
         time.sleep(0.1)
     estimates = command_line.folder / "bags"
-    time.sleep(6.0)  # the second one compiles nothing, but has to be found by the others
+    wait_for_gap_and_flow(process)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
@@ -73,6 +73,54 @@ def test_a_killed_estimator_comes_again_and_knows_the_tissue(command_line) -> No
     assert after["configuration_revision"] > before["configuration_revision"]
     assert after["stiffness"] == pytest.approx(TRUE_STIFFNESS, rel=0.05)
     assert after["stiffness_std"] < 3.0 * before["stiffness_std"]
+
+
+def test_a_killed_recorder_and_a_killed_rig_come_again(command_line) -> None:
+    """The recorder goes on in a second bag; the rig begins anew, and is told to start."""
+    process = command_line.start("run", str(plan_with_respawn(command_line.folder)), "--json")
+    list(iter_until_samples(process, 2))
+    domain = command_line.environment["ROS_DOMAIN_ID"]
+    for module in ("hc_logger.recorder_node", "hc_sim_rig.node"):
+        victim = node_process(domain, module)
+        assert victim is not None
+        killed_ns = time.time_ns()
+        os.kill(victim, signal.SIGKILL)
+        deadline = time.monotonic() + 60.0
+        while node_process(domain, module) in (None, victim):
+            assert time.monotonic() < deadline, f"no second {module}"
+            time.sleep(0.1)
+    wait_for_gap_and_flow(process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    summary = json.loads(out)
+    assert summary["respawns"] == 2
+    (second,) = summary["further_bags"]
+    assert Path(second).name == Path(summary["bag"]).name + "_2"
+    first, after = read_recording(summary["bag"]), read_recording(second)
+    assert first.findings.problems
+    assert not after.findings.problems
+    assert (np.diff(first.sequence.astype(np.int64)) == 1).all()
+    # In the second bag the rig of before ends and the next one begins at 0.
+    begins = np.flatnonzero(after.sequence == 0)
+    assert len(begins) == 1
+    assert after.stamps[begins[0]] > killed_ns
+    assert len(after.sequence) - begins[0] > 1000
+    assert after.estimates["stiffness"][-1] == pytest.approx(TRUE_STIFFNESS, rel=0.05)
+
+
+def wait_for_gap_and_flow(process) -> None:
+    """Read the live lines until estimates have stood still and then come for three seconds."""
+    gap, flowing = False, 0
+    for line in process.stderr:
+        if "Hz" not in line:
+            continue
+        rate = float(line.split()[2])
+        gap = gap or rate < 50.0
+        flowing = flowing + 1 if gap and rate > 200.0 else 0
+        if flowing >= 3:
+            return
+    raise AssertionError("the run ended early")
 
 
 def iter_until_samples(process, seconds):

@@ -2,16 +2,21 @@
 
 import json
 import os
+import resource
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from hc_bringup.plan import load_plan
+from hc_logger.recording import read_recording
 
+HC = [sys.executable, "-m", "hc_bringup"]
 ROOT = Path(__file__).resolve().parents[2]
 SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
 
@@ -32,15 +37,6 @@ def children_of_domain(domain_id: str) -> list[int]:
     return found
 
 
-def shared_memory_of_domain(domain_id: str) -> list[str]:
-    first = 7400 + 250 * int(domain_id)
-    return [
-        path.name
-        for port in range(first, first + 250)
-        for path in Path("/dev/shm").glob(f"*fastrtps_port{port}*")
-    ]
-
-
 def wait_for_start(process: subprocess.Popen[str]) -> None:
     """Read the live lines of a run until the first samples have come."""
     lines = []
@@ -54,7 +50,6 @@ def wait_for_start(process: subprocess.Popen[str]) -> None:
 def assert_clean(command_line) -> None:
     domain_id = command_line.environment["ROS_DOMAIN_ID"]
     assert children_of_domain(domain_id) == []
-    assert shared_memory_of_domain(domain_id) == []
 
 
 def test_the_main_job(command_line) -> None:
@@ -107,6 +102,97 @@ def test_a_signal_ends_the_run_cleanly_with_a_summary(command_line, number: sign
     assert summary["estimates"] > 500
     assert Path(summary["bag"], "metadata.yaml").is_file()
     assert_clean(command_line)
+
+
+@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.6, 0.9, 1.2, 1.6])
+def test_a_signal_during_the_start_ends_the_run_without_a_word_too_much(
+    command_line, after_s: float
+) -> None:
+    process = command_line.start("run", "--json", "--headless")
+    time.sleep(after_s)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode in (0, 130, -signal.SIGINT), err
+    assert "was ended by" not in err
+    if process.returncode == 130:
+        assert out == ""
+        assert err in ("", "hc run: stopped before the first sample\n")
+    assert_clean(command_line)
+
+
+def test_a_second_run_in_the_domain_is_refused_with_the_way_out(command_line) -> None:
+    first = command_line.start("run")
+    wait_for_start(first)
+    for words in (("run", "--headless", "--duration", "1"), ("replay", str(ROOT / "bags/example"))):
+        done = command_line.run(*words)
+        assert done.returncode == 1
+        assert done.stdout == ""
+        assert done.stderr.count("\n") == 1
+        domain = command_line.environment["ROS_DOMAIN_ID"]
+        assert f"process {first.pid} (hc run)" in done.stderr
+        assert f"in ROS domain {domain} already" in done.stderr
+        free = int(done.stderr.partition("ROS_DOMAIN_ID=")[2].split()[0])
+        assert free != int(domain)
+    first.send_signal(signal.SIGINT)
+    out, err = first.communicate(timeout=60)
+    assert first.returncode == 0, err
+    assert "lost 0" in out
+
+
+def test_a_run_beside_a_node_started_by_hand_is_refused(command_line) -> None:
+    words = ("--ros-args", "-r", "__node:=indenter")
+    node = command_line.start(*words, module="hc_sim_rig.node")
+    done = command_line.run("run", "--headless", "--duration", "1", timeout=240)
+    assert done.returncode == 1
+    assert "there is another node indenter in ROS domain" in done.stderr
+    node.send_signal(signal.SIGINT)
+    node.communicate(timeout=20)
+    assert_clean(command_line)
+
+
+def test_a_disk_that_fills_up_is_told_at_once_and_in_the_end(command_line) -> None:
+    """A file size limit stands for the full disk: it needs no mount."""
+    limit = 300_000
+    process = subprocess.Popen(
+        [*HC, "run", "--duration", "8", "--json", "--headless", "--bag", "bag"],
+        cwd=command_line.folder,
+        env=command_line.environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+    )
+    command_line.started.append(process)
+    bag = command_line.folder / "bag"
+    reason = f"cannot write {bag}: File too large"
+    assert process.stderr.readline() == f"recorder: {reason}\n"
+    assert process.poll() is None  # the run goes on
+    out, err = process.communicate(timeout=100)
+    assert process.returncode == 1
+    assert err == f"hc run: node recorder: {reason}\n"
+    summary = json.loads(out)
+    assert summary["failures"] == [f"node recorder: {reason}"]
+    assert summary["estimates"] == summary["samples"] > 7000
+    info = command_line.run("bag", "info", "bag")
+    assert "cut off" in info.stdout
+    recorded = read_recording(bag).sequence
+    assert len(recorded) > 500
+    assert (np.diff(recorded.astype(np.int64)) == 1).all()
+    assert_clean(command_line)
+
+
+def test_a_run_without_samples_says_so_and_fails(command_line) -> None:
+    path = command_line.folder / "silent.yaml"
+    path.write_text(
+        "nodes:\n- name: estimator\n  module: hc_estimator.node\n"
+        "  parameters: {expected_sample_publishers: 0}\n"
+    )
+    done = command_line.run("run", str(path), "--headless", "--duration", "2", timeout=240)
+    assert done.returncode == 1
+    assert "0 estimates of 0 samples" in done.stdout
+    assert "nan" not in done.stdout + done.stderr
+    assert done.stderr.startswith("hc run: no estimate came in 2 s: ")
+    assert done.stderr.count("\n") == 1
 
 
 def test_a_killed_runner_leaves_no_node_behind(command_line) -> None:

@@ -23,7 +23,8 @@ def estimate(sequence: int, **fields: Any) -> Any:
     numbers = {"latency": 1e-3, "innovation_force": 0.0}
     stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
     header = SimpleNamespace(stamp=stamp)
-    return SimpleNamespace(**(values | flags | numbers | fields), sequence=sequence, header=header)
+    content = values | flags | numbers | {"header": header} | fields
+    return SimpleNamespace(**content, sequence=sequence)
 
 
 @given(st.lists(st.floats(1e-6, 100.0), min_size=1, max_size=200), st.floats(0.01, 1.0))
@@ -62,6 +63,31 @@ def test_a_sequence_that_starts_again_is_a_restart_and_no_loss() -> None:
         statistics.add(estimate(sequence))
     assert statistics.lost == 0
     assert statistics.restarts == 1
+
+
+def test_sequence_numbers_that_do_not_count_are_no_losses() -> None:
+    """Random numbers once gave "lost 7e10"."""
+    generator = np.random.default_rng(1)
+    statistics = EstimateStatistics()
+    for sequence in generator.integers(0, 2**63, 1000).tolist():
+        statistics.add(estimate(sequence, header=estimate(0).header))
+    assert statistics.lost == 0
+    assert not statistics.counts
+    unknown = RunState(statistics, 0.0, elapsed_s=1.0)
+    assert run_summary(unknown, None)["lost"] is None
+    assert "lost ? (the sequence numbers of the samples do not count)" in run_text(
+        run_summary(unknown, None)
+    )
+    known = RunState(statistics, 0.0, elapsed_s=1.0, samples=1002)
+    assert run_summary(known, None)["lost"] == 2
+
+
+def test_one_jump_of_a_counter_is_a_restart() -> None:
+    statistics = EstimateStatistics()
+    for sequence in (*range(100), *range(10**9, 10**9 + 50)):
+        statistics.add(estimate(sequence, header=estimate(0).header))
+    assert (statistics.lost, statistics.restarts, statistics.since_restart) == (0, 1, 50)
+    assert statistics.counts
 
 
 def test_force_error_counts_used_samples_in_contact_after_the_first_second() -> None:

@@ -162,7 +162,7 @@ def test_mutated_states_are_refused_or_run_soundly(saved):
     assert ran > 30
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_ten_thousand_mutated_states(saved):
     refused, ran = fuzz(saved, 10_000, seed=2)
@@ -170,7 +170,7 @@ def test_ten_thousand_mutated_states(saved):
     assert ran > 1000
 
 
-@pytest.mark.nightly
+@pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_mutated_states_stay_within_their_arrays(tmp_path):
     """The ordinary fuzzing once more, compiled with a check of every index."""

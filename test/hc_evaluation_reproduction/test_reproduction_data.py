@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from hc_estimator import parameter_specifications
+from hc_evaluation.contact_law import adhesive_force, hunt_crossley_force
 from hc_evaluation.reproduction import (
     ExperimentError,
     available_experiments,
@@ -18,7 +19,8 @@ from hc_evaluation.reproduction import (
 )
 from hc_evaluation.reproduction.position_filters import FILTERS
 from hc_evaluation.reproduction.published import published_papers, published_value
-from hc_evaluation.reproduction.signals import hunt_crossley_force, make_signal
+from hc_evaluation.reproduction.signals import make_signal
+from hc_evaluation.reproduction.trace import make_estimator
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -48,9 +50,9 @@ def test_every_table_and_figure_is_covered() -> None:
 def test_an_experiment_is_complete(name: str) -> None:
     found = load_experiment(name)
     settings = {column.setting for column in found.columns}
-    assert settings == {"paper", "practical", "ours"}
+    assert settings == {"paper", "ours"} | (set() if found.variant_of else {"practical"})
     assert "default" in [column.filter for column in found.columns]
-    assert len(found.readings) >= 5
+    assert len(found.readings) >= (2 if found.variant_of else 5)
     assert found.claim
     assert found.remarks
     for column in found.columns:
@@ -64,6 +66,64 @@ def test_an_experiment_is_complete(name: str) -> None:
     for row, score in found.published_rows.items():
         values = [published_value(found.published, c.published, row) for c in found.columns]
         assert any(value is not None for value in values), (row, score)
+
+
+VARIANTS = [name for name in available_experiments() if load_experiment(name).variant_of]
+
+
+def test_both_readings_of_the_noise_are_there_for_both_papers() -> None:
+    read = {load_experiment(name).variant_of for name in VARIANTS}
+    assert read == {f"a_table_{k}" for k in (1, 2, 3)} | {f"b_table_{k}" for k in (1, 2, 3, 4)}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_a_variant_differs_in_its_noise_alone(name: str) -> None:
+    variant = load_experiment(name)
+    base = load_experiment(variant.variant_of)
+    first, other = base.signal["noise"], variant.signal["noise"]
+    if variant.paper == "A":  # a variance in mN^2 there, a standard deviation in mN here
+        printed = 1e3 * other["force_std_n"]
+        assert (1e3 * first["force_std_n"]) ** 2 == pytest.approx(printed, rel=1e-3)
+    else:  # a standard deviation in N there, a variance in N^2 here
+        assert other["force_std_n"] ** 2 == pytest.approx(first["force_std_n"], rel=1e-3)
+        if "jump" in first:
+            jumps = first["jump"]["force_std_n"], other["jump"]["force_std_n"]
+            assert jumps[1] ** 2 == pytest.approx(jumps[0], rel=1e-3)
+    for key in ("time_step_s", "duration_s", "motion", "tissue"):
+        assert variant.signal[key] == base.signal[key]
+    for column in variant.columns:
+        same = base.column(column.name)
+        assert column.filter == same.filter
+        assert column.parameters == same.parameters
+        assert column.start_state == same.start_state
+
+
+@pytest.mark.parametrize("name", available_experiments())
+def test_no_plant_of_an_experiment_has_to_pull(name: str) -> None:
+    signal = make_signal(load_experiment(name).signal, 1)
+    assert np.min(signal.true_force) >= 0.0
+    if load_experiment(name).signal["kind"] == "hunt_crossley":
+        bare = adhesive_force(signal.true_displacement, signal.true_velocity, signal.parameters)
+        np.testing.assert_array_equal(bare, signal.true_force)
+
+
+def test_the_papers_filters_have_the_papers_law_and_ours_the_unilateral_one() -> None:
+    for name in available_experiments():
+        for column in load_experiment(name).columns:
+            assert column.adhesive == (column.setting != "ours")
+            if column.filter not in FILTERS:
+                estimator = make_estimator(column, 0.0, 0.01)
+                expected = "adhesive" if column.adhesive else "hunt_crossley"
+                assert estimator.contact_model == expected
+
+
+@pytest.mark.parametrize("name", ["b_table_1", "b_table_4", "b_table_5", "b_table_6"])
+def test_the_literal_filters_of_paper_b_have_2n_equal_sigma_points(name: str) -> None:
+    """Eq. 9 with a = 1: the centre has no weight, in the mean or in the covariance."""
+    for column in load_experiment(name).columns:
+        if column.setting == "paper":
+            found = make_estimator(column, 0.0, 0.01).configuration
+            assert (found["alpha"], found["beta"], found["kappa"]) == (1.0, 0.0, 0.0)
 
 
 def test_the_folder_of_the_checkout_is_the_packages() -> None:

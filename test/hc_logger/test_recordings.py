@@ -25,9 +25,9 @@ def write(path: Path, text: str) -> Path:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "column time_s, displacement_mm, force_N is missing"),
-        ("0.0,1.0,2.0\n", "first line must name the columns"),
-        ("time_s,displacement_mm,force_mN\n0,1,2\n", "column force_N is missing"),
+        ("", "has no rows"),
+        ("0.0,1.0,2.0\n", "the columns have no names; say it with --columns"),
+        ("time_s,displacement_mm,torque_Nm\n0,1,2\n", "no column is known to be the force"),
         (HEADER, "has no rows"),
         (HEADER + "\n\n", "has no rows"),
         (HEADER + "0,1,2\n0.1,one,2\n", "line 3: displacement_mm is 'one' instead of a number"),
@@ -58,7 +58,7 @@ def test_what_is_not_there_or_neither_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(BagError, match="does not exist"):
         read_recording(tmp_path / "none.csv")
     with pytest.raises(BagError, match="neither a CSV file"):
-        read_recording(write(tmp_path / "data.txt", HEADER))
+        read_recording(write(tmp_path / "data.pdf", HEADER))
     (tmp_path / "binary.csv").write_bytes(bytes(range(256)))
     with pytest.raises(BagError, match="not a text file"):
         read_recording(tmp_path / "binary.csv")

@@ -7,11 +7,14 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy import stats
 
 from hc_sim_rig import Rig, RigSeries, ScenarioError, available_scenarios, load_scenario
 from hc_sim_rig.drives import Slave, Stage
 from hc_sim_rig.motions import Sine, Waypoints
+from hc_sim_rig.profile import leg_duration, profile_at, profile_from_legs
 from hc_sim_rig.tissues import NoTissue
 
 
@@ -77,12 +80,12 @@ def test_the_multisine_is_the_excitation_of_the_paper_notes() -> None:
     v = 1.6 * 2 * np.pi * 0.7 * np.cos(2 * np.pi * 0.7 * t) + 0.8 * 2 * np.pi * 2.3 * np.cos(
         2 * np.pi * 2.3 * t + 0.5
     )
-    force = 0.2 * d**1.8 + 0.05 * d**1.8 * np.sign(v) * np.abs(v) ** 1.05
+    force = 0.2 * d**1.8 + 0.008 * d**1.8 * np.sign(v) * np.abs(v) ** 1.05
     assert np.array_equal(t, np.arange(60000) / 1000.0)
     np.testing.assert_allclose(series.truth.displacement_mm, d, atol=1e-8)
     np.testing.assert_allclose(series.truth.velocity_mm_s, v, atol=1e-7)
     np.testing.assert_allclose(series.truth.force_n, force, atol=1e-7)
-    assert np.all(series.truth.parameters == [0.2, 0.05, 1.8, 1.05])
+    assert np.all(series.truth.parameters == [0.2, 0.008, 1.8, 1.05])
     for error, std in (
         (series.displacement_mm - series.truth.displacement_mm, 0.002),
         (series.force_n - series.truth.force_n, 0.010),
@@ -108,16 +111,50 @@ def test_indentation_goes_in_holds_and_comes_back() -> None:
     series = rig.run()
     d, v = series.truth.displacement_mm, series.truth.velocity_mm_s
     assert rig.finished
-    assert len(series) == 24000
-    going_in = series.time_s < 10.9
+    assert len(series) == 24200
+    # 0.1 s to reach 0.1 mm/s, and 0.1 s to stop again: 11.1 s for 1.1 mm.
+    going_in = (series.time_s > 0.1005) & (series.time_s < 10.9995)
     np.testing.assert_allclose(v[going_in], 0.1, rtol=1e-9)
-    holds = (series.time_s > 11.001) & (series.time_s < 12.999)
+    holds = (series.time_s > 11.1005) & (series.time_s < 13.0995)
     assert np.all(v[holds] == 0.0)
     np.testing.assert_allclose(d[holds], 1.0, rtol=1e-12)
     np.testing.assert_allclose(series.truth.force_n[holds], 10.0, rtol=1e-9)
-    np.testing.assert_allclose(v[series.time_s > 13.1], -0.1, rtol=1e-9)
+    np.testing.assert_allclose(
+        v[(series.time_s > 13.2005) & (series.time_s < 24.0995)], -0.1, rtol=1e-9
+    )
     assert np.array_equal(series.truth.contact, d > 0.0)
     assert np.all(series.truth.force_n[d <= 0.0] == 0.0)
+
+
+@settings(deadline=None)
+@given(
+    start=st.floats(-5.0, 5.0),
+    ways=st.lists(st.floats(-8.0, 8.0), min_size=1, max_size=4),
+    velocity=st.floats(0.05, 50.0),
+    acceleration=st.floats(1.0, 5000.0),
+)
+def test_ways_from_rest_to_rest_keep_their_limits(
+    start: float, ways: list[float], velocity: float, acceleration: float
+) -> None:
+    begin, value, legs = 0.1, start, []
+    for way in ways:
+        value += way
+        legs.append((begin, value))
+        begin += leg_duration(way, velocity, acceleration) + 0.05
+    profile = profile_from_legs(start, legs, velocity, acceleration)
+    times = np.linspace(0.0, begin, 1501)
+    found = [profile_at(t, profile.segments, profile.sines, 0) for t in times]
+    x = profile.offset + np.array([entry[0] for entry in found])
+    v = np.array([entry[1] for entry in found])
+    step = times[1]
+    assert np.abs(v).max() <= velocity * (1 + 1e-9)
+    assert np.abs(np.diff(v)).max() <= acceleration * step * (1 + 1e-6) + 1e-9
+    np.testing.assert_allclose(
+        np.diff(x), 0.5 * (v[1:] + v[:-1]) * step, atol=acceleration * step**2
+    )
+    assert (v[0], v[-1]) == (0.0, 0.0)
+    assert x[0] == pytest.approx(start, abs=1e-9)
+    assert x[-1] == pytest.approx(value, abs=1e-9)
 
 
 def test_settings_glide_and_the_motion_stays_smooth() -> None:

@@ -250,7 +250,8 @@ def test_what_cannot_be_is_refused_in_one_line(
 
 def test_a_loop_that_runs_away_ends_the_node_with_a_line(start_rig: Any, tmp_path: Any) -> None:
     text = (SCENARIO_FOLDER / "teleoperation.yaml").read_text()
-    text = text.replace("[0.2, 2.0]", "[0.2, 20.0]").replace("release: true", "release: false")
+    text = text.replace("[0.2, 2.0]", "[0.2, 20.0]")
+    text = text.replace("kind: hunt_crossley", "kind: adhesive")
     (tmp_path / "wild.yaml").write_text(text)
     rig, _ = start_rig(scenario=tmp_path / "wild.yaml", time="simulated", rate=5.0)
     assert rig.wait() == 1

@@ -6,12 +6,14 @@ import copy
 import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hc_sim_rig import Rig, Scenario, ScenarioError, available_scenarios, load_scenario
+from hc_sim_rig.drives import ProcessNoise
 from hc_sim_rig.scenario import SCENARIO_FOLDER
 from hc_sim_rig.schema import build
 
@@ -52,6 +54,30 @@ def test_every_scenario_loads_and_says_where_it_comes_from(name: str) -> None:
 def test_every_scenario_has_its_picture_in_the_documentation(name: str) -> None:
     assert f"pictures/rig_{name}.png" in (ROOT / "docs" / "rig.md").read_text()
     assert (ROOT / "docs" / "pictures" / f"rig_{name}.png").is_file()
+
+
+# What no shipped scenario may ask of a stage or an arm: the fastest is step_hold's 1000 mm/s^2.
+LARGEST_ACCELERATION_MM_S2 = 1500.0
+# Scenarios whose point is a tissue that lets go of the tool, or that stays dented behind it.
+LETS_GO = {"relaxation", "teleoperation"}
+
+
+@pytest.mark.parametrize("name", available_scenarios())
+def test_every_scenario_is_physically_possible(name: str) -> None:
+    scenario = load_scenario(name)
+    assert scenario.tissue.kind != "adhesive"
+    truth = Rig(scenario).run().truth
+    assert truth.force_n.min() >= 0.0
+    assert np.all(truth.force_n[truth.displacement_mm <= 0.0] == 0.0)
+    pressing = truth.displacement_mm > 0.0
+    assert pressing.any()
+    left = float(np.mean(truth.force_n[pressing] == 0.0))
+    assert 0.0 < left < 0.1 if name in LETS_GO else left == 0.0
+    if name == "teleoperation":  # paper C's process noise kicks the velocity at every sample
+        quiet = dataclasses.replace(scenario.drive, process_noise=ProcessNoise())
+        truth = Rig(dataclasses.replace(scenario, drive=quiet)).run().truth
+    acceleration = np.diff(truth.velocity_mm_s) * scenario.rate_hz
+    assert np.abs(acceleration).max() < LARGEST_ACCELERATION_MM_S2
 
 
 def test_path_and_name_give_the_same_scenario(tmp_path: Path) -> None:

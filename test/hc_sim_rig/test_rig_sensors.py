@@ -35,13 +35,13 @@ def test_perfect_sensors_read_the_truth() -> None:
 
 
 def test_quantisation_and_saturation() -> None:
-    series = read(ForceSensor(resolution=0.05, range_minimum=-2.0, range_maximum=6.0))
+    series = read(ForceSensor(resolution=0.05, range_minimum=0.5, range_maximum=5.0))
     steps = series.force_n / 0.05
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
-    inside = np.clip(series.truth.force_n, -2.0, 6.0)
+    inside = np.clip(series.truth.force_n, 0.5, 5.0)
     assert np.abs(series.force_n - inside).max() <= 0.025 + 1e-9
-    assert series.force_n.max() == pytest.approx(6.0)
-    assert series.force_n.min() == pytest.approx(-2.0)
+    assert series.force_n.max() == pytest.approx(5.0)
+    assert series.force_n.min() == pytest.approx(0.5)
 
 
 def test_bias_and_drift() -> None:

@@ -89,7 +89,7 @@ def test_the_delayed_loop_chatters_with_nine_newtons_and_no_delay() -> None:
 
 def test_a_loop_that_runs_away_is_reported_in_one_line() -> None:
     scenario = paper_c(6.0)
-    tissue = dataclasses.replace(scenario.tissue, release=False)
+    tissue = dataclasses.replace(scenario.tissue, kind="adhesive")
     with pytest.raises(RigDivergedError, match=r"teleoperation has run away before \d") as caught:
         Rig(dataclasses.replace(scenario, tissue=tissue)).run(40.0)
     assert "\n" not in str(caught.value)

@@ -2,6 +2,6 @@
 
 import sys
 
-from hc_bringup.cli import main
+from hc_bringup.entry import main
 
 sys.exit(main())

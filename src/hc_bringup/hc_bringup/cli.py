@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
+from types import FrameType
 from typing import Final, NoReturn
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.guard import explain
 
 COMMANDS: Final = (
     "run",
@@ -51,6 +54,15 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+_interrupts: list[int] = []
+
+
+def on_interrupt(number: int, _frame: FrameType | None) -> None:
+    """Answer SIGINT as Python does, and remember it: extension modules make other errors of it."""
+    _interrupts.append(number)
+    raise KeyboardInterrupt
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the hc command.
 
@@ -61,22 +73,56 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0, 1 for a failure, 2 for wrong use.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    parser = _parser(words[0] if words else None)
-    parsed = parser.parse_args(words)
-    module = importlib.import_module(f"hc_bringup.commands.{parsed.command}")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
-        return int(module.run(parsed))
+        try:
+            return _run(words)
+        finally:
+            _flush()  # before the error line; and a full disk shows here, not when Python ends
     except UserError as error:
-        output = getattr(error, "output", "")
-        if output:
-            sys.stderr.write(f"{output}\n")
-        sys.stderr.write(f"hc {parsed.command}: {error}\n")
-        return error.status
+        return _tell(words, error)
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # the reader of our output has seen enough: hc topic echo | head
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except Exception as error:  # noqa: BLE001 - no traceback reaches a user, whatever it is
+        if _interrupts:
+            return 130
+        return _tell(words, explain(error, words))
+
+
+def _run(words: list[str]) -> int:
+    parser = _parser(words[0] if words else None)
+    parsed = parser.parse_args(words)
+    module = importlib.import_module(f"hc_bringup.commands.{parsed.command}")
+    return int(module.run(parsed))
+
+
+def _flush() -> None:
+    """Write out what was printed; what cannot be written is dropped, so that Python's end is quiet.
+
+    Raises:
+        BrokenPipeError: if nobody reads it any more.
+        UserError: if it cannot be written.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise UserError(f"cannot write standard output: {error.strerror}") from error
+
+
+def _tell(words: list[str], error: UserError) -> int:
+    output = getattr(error, "output", "")
+    if output:
+        sys.stderr.write(f"{output}\n")
+    command = words[0] if words and words[0] in COMMANDS else ""
+    sys.stderr.write(f"{f'hc {command}'.strip()}: {error}\n")
+    return error.status
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter_client import AsyncParameterClient
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
-from hc_msgs_py.middleware import set_defaults
+from hc_bringup.reach import speak_to_nodes
 
 _LEAST_WAIT_S: Final = 0.8
 _QUIET_S: Final = 0.4
@@ -31,7 +31,7 @@ class Graph:
     """A short-lived node of the command line. Use as a context manager."""
 
     def __enter__(self) -> Graph:
-        set_defaults()
+        speak_to_nodes()
         rclpy.init(args=[])
         self._started = time.monotonic()
         self.node = rclpy.create_node(

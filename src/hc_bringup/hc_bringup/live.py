@@ -12,9 +12,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.panel import Panel
 from rich.table import Table
+from rich.text import Text
 
 from hc_bringup.runner import RunState
-from hc_bringup.statistics import PARAMETERS
+from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 
 SYMBOLS = {
     "stiffness": ("K", "N/mm^n"),
@@ -41,6 +42,7 @@ class Display:
         self._live: Live | None = None
         self._last_line_at = 0.0
         self._rate = _RateMeter()
+        self._told: dict[str, str] = {}
 
     def __enter__(self) -> Display:
         if self._enabled and self._console.is_terminal:
@@ -58,7 +60,9 @@ class Display:
             self._live.__exit__(kind, error, traceback)
 
     def show(self, state: RunState) -> None:
-        """Show the state; cheap to call often."""
+        """Show the state; cheap to call often. What is wrong is told even if it is not enabled."""
+        if self._live is None:
+            self._tell_problems(state)
         if not self._enabled:
             return
         rate = self._rate.update(state.statistics.estimates)
@@ -70,6 +74,14 @@ class Display:
             self._last_line_at = now
             sys.stderr.write(_line(state, rate, self._with_latency) + "\n")
             sys.stderr.flush()
+
+    def _tell_problems(self, state: RunState) -> None:
+        """Write a line for each problem that is new."""
+        for name, problem in state.problems.items():
+            if self._told.get(name) != problem:
+                sys.stderr.write(f"{name}: {problem}\n")
+                sys.stderr.flush()
+        self._told = dict(state.problems)
 
 
 class _RateMeter:
@@ -92,6 +104,10 @@ def _number(value: float, form: str) -> str:
     return "-" if math.isnan(value) else format(value, form)
 
 
+def _lost(statistics: EstimateStatistics) -> str:
+    return str(statistics.lost) if statistics.counts else "? (no counter in the samples)"
+
+
 def _milliseconds(seconds: float) -> str:
     return "-" if math.isnan(seconds) else f"{1e3 * seconds:.2f} ms"
 
@@ -102,15 +118,16 @@ def _line(state: RunState, rate: float, with_latency: bool) -> str:
     statistics = state.statistics
     values, deviations = statistics.parameters(), statistics.parameters_std()
     parameters = " ".join(
-        f"{SYMBOLS[name][0]}={values[name]:.4g}±{deviations[name]:.2g}" for name in PARAMETERS
+        f"{SYMBOLS[name][0]}={_number(values[name], '.4g')}±{_number(deviations[name], '.2g')}"
+        for name in PARAMETERS
     )
     latency = ""
     if with_latency:
         latency = f"p99 {_milliseconds(statistics.latency.quantile(0.99))}  "
     return (
-        f"{state.elapsed_s:6.1f} s  {rate:6.0f} Hz  lost {statistics.lost}  "
+        f"{state.elapsed_s:6.1f} s  {rate:6.0f} Hz  lost {_lost(statistics)}  "
         f"{latency}{parameters}  "
-        f"force error {1e3 * statistics.recent_force_rmse_n:.3g} mN"
+        f"force error {_number(1e3 * statistics.recent_force_rmse_n, '.3g')} mN"
     )
 
 
@@ -133,7 +150,7 @@ def _panel(state: RunState, rate: float, with_latency: bool) -> Any:
     footer = Table.grid(padding=(0, 2))
     figures = [
         f"{rate:.0f} Hz",
-        f"lost {statistics.lost}",
+        f"lost {_lost(statistics)}",
         f"rejected {sum(statistics.rejected.values())}",
         f"force error {_number(1e3 * statistics.recent_force_rmse_n, '.3g')} mN",
     ]
@@ -158,6 +175,8 @@ def _panel(state: RunState, rate: float, with_latency: bool) -> Any:
     body = Table.grid()
     body.add_row(grid)
     body.add_row(footer)
+    for name, problem in state.problems.items():
+        body.add_row(Text(f"{name}: {problem}", style="bold red"))
     until = f" of {state.duration_s:.0f}" if state.duration_s else ""
     title = f"hc: {state.phase}  {state.elapsed_s:.1f}{until} s"
     return Panel(body, title=title, title_align="left", expand=False)

@@ -14,14 +14,17 @@ from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
+from hc_bringup.reach import speak_to_nodes
 from hc_bringup.statistics import EstimateStatistics
-from hc_msgs_py.middleware import set_defaults
+from hc_msgs_py.clock_watch import ClockWatch
+from hc_msgs_py.diagnostics import Level
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
 
 NODE_NAME = "hc_monitor"
 NOT_STARTED = "not started"
 """What missing() says of a node that does not offer ~/ready yet."""
+_ERROR = str(int(Level.ERROR))
 SERVICE_TIMEOUT_S = 5.0
 REPEAT_S = 0.5
 
@@ -35,7 +38,7 @@ class Monitor:
         self.last_estimate_at = 0.0
 
     def __enter__(self) -> Monitor:
-        set_defaults()
+        speak_to_nodes()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = rclpy.create_node(NODE_NAME, enable_rosout=False)
         self._subscription = self._node.create_subscription(
@@ -47,17 +50,37 @@ class Monitor:
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._clients: dict[str, Any] = {}
+        self._clock_watch = ClockWatch(self._executor, lambda: self._node.timers)
+        self._clock_watch.__enter__()
         return self
 
     def __exit__(self, *_exception: object) -> None:
+        self._clock_watch.__exit__()
         self._executor.remove_node(self._node)
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.try_shutdown()
         # The middleware's participant lives until nothing refers to the node any more, and with it
-        # its shared memory.
-        del self._node, self._executor, self._subscription, self._clients
+        # its sockets.
+        del self._node, self._executor, self._subscription, self._clients, self._clock_watch
         gc.collect()
+
+    def problems(self) -> dict[str, str]:
+        """Return what nodes call an error in their diagnostics, by node name."""
+        return {
+            name: values["message"]
+            for name, values in self.diagnostics.items()
+            if values["level"] == _ERROR
+        }
+
+    def namesakes(self, node_name: str) -> int:
+        """Return how many nodes of this name there are in the domain, outside namespaces."""
+        return int(self._node.get_node_names_and_namespaces().count((node_name, "/")))
+
+    def is_there(self, node_name: str) -> bool:
+        """Return True once a node's ~/ready can be asked; does not wait."""
+        client = self._client(Trigger, f"/{node_name}/ready")
+        return bool(client.service_is_ready())
 
     def spin(self, duration_s: float) -> None:
         """Handle what arrives for a while."""
@@ -90,10 +113,7 @@ class Monitor:
     def _call(
         self, kind: Any, node_name: str, service: str, request: Any, timeout_s: float
     ) -> Any | None:
-        name = f"/{node_name}/{service}"
-        client = self._clients.get(name)
-        if client is None:
-            client = self._clients[name] = self._node.create_client(kind, name)
+        client = self._client(kind, f"/{node_name}/{service}")
         if not client.service_is_ready():
             self.spin(0.05)
             return None
@@ -109,6 +129,12 @@ class Monitor:
         for future in futures:
             client.remove_pending_request(future)
         return None
+
+    def _client(self, kind: Any, name: str) -> Any:
+        client = self._clients.get(name)
+        if client is None:
+            client = self._clients[name] = self._node.create_client(kind, name)
+        return client
 
     def _spin_until(self, condition: Callable[[], bool], timeout_s: float) -> None:
         end = time.monotonic() + timeout_s

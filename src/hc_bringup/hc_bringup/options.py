@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import Any
 
-import yaml
+from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
 
 
 def seconds(text: str) -> float:
@@ -36,8 +36,8 @@ def assignment(text: str) -> tuple[str, Any]:
     if not separator or not name:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
     try:
-        return name, yaml.safe_load(value)
-    except yaml.YAMLError:
+        return name, load_plain_yaml(value)
+    except PlainYamlError:
         return name, value
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_msgs_py.plain_yaml import PlainYamlError, read_plain_yaml
 
 PARAMETERS_KEY = "ros__parameters"
 WILDCARDS = ("*", "**")
@@ -24,13 +23,11 @@ def read_yaml(path: Path) -> Any:
         UserError: if it cannot be read or is not YAML; one line.
     """
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return read_plain_yaml(path)
     except OSError as error:
         raise UserError(f"cannot read {path}: {error.strerror}", WRONG_USE) from error
-    except UnicodeDecodeError as error:
-        raise UserError(f"{path} is not a text file in UTF-8", WRONG_USE) from error
-    except yaml.YAMLError as error:
-        raise UserError(f"{path} is not valid YAML: {_one_line(error)}", WRONG_USE) from error
+    except PlainYamlError as error:
+        raise UserError(f"{path} is not valid YAML: {error}", WRONG_USE) from error
 
 
 def check_parameter_file(path: Path, node_name: str) -> None:
@@ -61,7 +58,3 @@ def _node_names(data: dict[Any, Any], prefix: str = "") -> list[str]:
         if isinstance(value, dict):
             found += [name] if PARAMETERS_KEY in value else _node_names(value, name)
     return found
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +17,8 @@ _LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
 _MEASURED, _ESTIMATED, _TRUE, _ALARM = "0.6", "tab:blue", "tab:green", "tab:red"
 _MOST_POINTS = 4000
 _SETTLED_SHARE = 0.2
+_LARGEST = 1e100
+"""Beyond it a number is left out of the picture as NaN is: matplotlib cannot scale its axes."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +53,15 @@ class RunData:
 
 
 def draw(data: RunData) -> Figure:
-    """Return the picture of a run: displacement, force, error, NIS on the left, K B n p right."""
+    """Return the picture of a run: displacement, force, error, NIS on the left, K B n p right.
+
+    Whatever the numbers are, NaN, infinite or absurd, there is a picture.
+    """
+    data = _drawable(data)
     figure = Figure(figsize=(13.0, 8.0), layout="constrained")
-    figure.suptitle(data.title)
+    # The name of a file may hold any bytes, and a $ in it begins no formula.
+    title = data.title.encode("utf-8", "replace").decode()
+    figure.suptitle(title, parse_math=False)
     grid = figure.subplots(4, 2, sharex=True)
     step = max(1, len(data.time_s) // _MOST_POINTS)
     part = slice(None, None, step)
@@ -84,6 +94,33 @@ def draw(data: RunData) -> Figure:
     return figure
 
 
+def _drawable(data: RunData) -> RunData:
+    """Return the run with NaN for every number that cannot be drawn."""
+
+    def plain(values: Any) -> Any:
+        if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
+            return values
+        return np.where(np.abs(values) < _LARGEST, values, np.nan)
+
+    fields = {f.name: plain(getattr(data, f.name)) for f in dataclasses.fields(data)}
+    return RunData(**fields)
+
+
+def _scale(axes: Any, low: float, high: float) -> None:
+    """Set the limits of the vertical axis, if there are any."""
+    if math.isfinite(low) and math.isfinite(high) and low < high:
+        axes.set_ylim(low, high)
+
+
+def _lowest(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.min()) if len(known) else math.nan
+
+
+def _highest(values: Array) -> float:
+    return -_lowest(-values)
+
+
 def _displacement(axes: Any, data: RunData, part: slice) -> None:
     axes.plot(data.time_s[part], data.displacement_mm[part], color=_MEASURED, linewidth=1.0)
     axes.set_ylabel("displacement [mm]")
@@ -95,9 +132,9 @@ def _force(axes: Any, data: RunData, part: slice) -> None:
     axes.plot(
         time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9, label="one step ahead"
     )
-    low, high = np.nanmin(data.force_n), np.nanmax(data.force_n)
+    low, high = _lowest(data.force_n), _highest(data.force_n)
     margin = 0.1 * max(high - low, 1e-6)
-    axes.set_ylim(low - margin, high + margin)
+    _scale(axes, low - margin, high + margin)
     axes.set_ylabel("force [N]")
     axes.legend(loc="upper right", fontsize="small")
 
@@ -106,8 +143,9 @@ def _error(axes: Any, data: RunData, part: slice) -> None:
     error = data.force_n - data.force_predicted_n
     settled = error[int(_SETTLED_SHARE * len(error)) :]
     axes.plot(data.time_s[part], 1e3 * error[part], color=_ESTIMATED, linewidth=0.6)
-    limit = 1e3 * float(np.nanpercentile(np.abs(settled), 99.5)) if len(settled) else 1.0
-    axes.set_ylim(-1.5 * limit, 1.5 * limit)
+    settled = settled[np.isfinite(settled)]
+    limit = 1e3 * float(np.percentile(np.abs(settled), 99.5)) if len(settled) else 1.0
+    _scale(axes, -1.5 * limit, 1.5 * limit)
     axes.set_ylabel("force error\none step ahead [mN]")
 
 
@@ -115,13 +153,12 @@ def _consistency(axes: Any, data: RunData) -> None:
     """NIS averaged over a hundredth of the run, against its ideal."""
     width = max(1, len(data.nis) // 100)
     count = len(data.nis) // width * width
-    with np.errstate(invalid="ignore"):
-        blocks = data.nis[:count].reshape(-1, width)
-        known = np.isfinite(blocks)
-        mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    blocks = data.nis[:count].reshape(-1, width)
+    known = np.isfinite(blocks)
+    mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     axes.plot(data.time_s[:count:width], mean, color=_ESTIMATED, linewidth=1.0)
     axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--", label="ideal")
-    axes.set_ylim(0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))))
+    _scale(axes, 0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))) if len(mean) else 5.0)
     axes.set_ylabel("NIS, averaged")
     axes.legend(loc="upper right", fontsize="small")
 
@@ -141,13 +178,13 @@ def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
     axes.plot(time, value, color=_ESTIMATED, linewidth=1.2, label="estimate")
     settled = data.parameters[int(_SETTLED_SHARE * len(data.parameters)) :, index]
     spread = data.parameters_std[int(_SETTLED_SHARE * len(data.parameters_std)) :, index]
-    low, high = float(np.min(settled - 3 * spread)), float(np.max(settled + 3 * spread))
+    low, high = _lowest(settled - 3 * spread), _highest(settled + 3 * spread)
     if data.truth is not None:
         axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--", label="true")
-        low = min(low, float(np.nanmin(data.truth[:, index])))
-        high = max(high, float(np.nanmax(data.truth[:, index])))
+        low = min(low, _lowest(data.truth[:, index]))
+        high = max(high, _highest(data.truth[:, index]))
     margin = 0.15 * max(high - low, 1e-3 * abs(high), 1e-12)
-    axes.set_ylim(low - margin, high + margin)
+    _scale(axes, low - margin, high + margin)
     axes.set_ylabel(_LABELS[index])
     if index == 0:
         axes.legend(loc="upper right", fontsize="small")

@@ -89,13 +89,15 @@ def _node(entry: Any, path: Path, number: int) -> NodePlan:
     files = entry.get("parameter_files", [])
     if not isinstance(files, list) or not all(isinstance(f, str) for f in files):
         raise UserError(f"{where}: parameter_files must be a list of files", WRONG_USE)
+    if any("\0" in f for f in files):
+        raise UserError(f"{where}: a name in parameter_files is no file name", WRONG_USE)
     resolved = tuple((path.parent / f).resolve() for f in files)
     for file in resolved:
         if not file.is_file():
             raise UserError(f"{where}: there is no parameter file {file}", WRONG_USE)
         check_parameter_file(file, entry["name"])
     parameters = entry.get("parameters", {})
-    if not isinstance(parameters, dict):
+    if not isinstance(parameters, dict) or not all(isinstance(k, str) for k in parameters):
         raise UserError(f"{where}: parameters must be names with values", WRONG_USE)
     for key in ("source", "respawn"):
         if not isinstance(entry.get(key, False), bool):

@@ -21,6 +21,7 @@ import yaml
 from hc_bringup.plan import NodePlan
 
 STOP_TIMEOUT_S = 10.0
+END_TIMEOUT_S = 3.0
 _TAIL_LINES = 12
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -28,7 +29,11 @@ _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
 class NodeProcess:
-    """One node as an operating system process."""
+    """One node as an operating system process.
+
+    Attributes:
+        ready: whether the node has said so since it was started; whoever asks it sets this.
+    """
 
     def __init__(self, plan: NodePlan, folder: Path) -> None:
         """Start the node.
@@ -41,6 +46,7 @@ class NodeProcess:
         self._folder = folder
         self._output_path = folder / f"{plan.name}.log"
         self._cpu_s = 0.0
+        self.ready = False
         self._start()
 
     def _start(self) -> None:
@@ -86,6 +92,7 @@ class NodeProcess:
 
     def respawn(self) -> None:
         """Start the node again after it died."""
+        self.ready = False
         self._start()
 
     def cpu_s(self) -> float:
@@ -101,6 +108,11 @@ class NodeProcess:
         """Return the last lines that the node printed."""
         lines = self._output_path.read_text(errors="replace").splitlines()
         return "\n".join(lines[-_TAIL_LINES:])
+
+    def last_line(self) -> str:
+        """Return the last line that the node printed."""
+        lines = self.tail().splitlines()
+        return lines[-1].strip() if lines else "it said nothing"
 
     def signal(self, number: int) -> None:
         """Send a signal if the process still runs."""
@@ -126,9 +138,14 @@ def describe_exit(status: int) -> str:
     return f"ended with exit status {status}"
 
 
-def stop_in_order(processes: Sequence[NodeProcess]) -> dict[str, int]:
-    """Stop nodes one after the other and return their exit statuses by name."""
-    return {process.name: process.stop() for process in processes}
+def end_all(processes: Sequence[NodeProcess], timeout_s: float = END_TIMEOUT_S) -> None:
+    """End nodes at once, however far they have got; their exit statuses do not matter."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        for process in processes:
+            process.signal(number)
+        end = time.monotonic() + timeout_s
+        while any(p.exit_status() is None for p in processes) and time.monotonic() < end:
+            time.sleep(0.02)
 
 
 def _die_with_parent() -> None:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment
+from hc_bringup.options import assignment, natural
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording; the rest is for a bag with two sensors' topics."""
@@ -56,6 +56,57 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="take force zero and contact position from the first approach of the recording",
     )
+    add_csv_options(parser)
+
+
+def add_csv_options(parser: argparse.ArgumentParser) -> None:
+    """Declare how a CSV file of somebody else is written; what is left out is found, and said."""
+    group = parser.add_argument_group("CSV files of others (what is left out is found, and said)")
+    group.add_argument(
+        "--columns",
+        metavar="NAMES",
+        help="time=A,displacement=B,force=C: names of the columns, or numbers from 1",
+    )
+    group.add_argument(
+        "--units",
+        metavar="UNITS",
+        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um; mN, kN, gf, kgf",
+    )
+    group.add_argument(
+        "--separator", metavar="C", help="comma, semicolon, tab, bar or space (or the character)"
+    )
+    group.add_argument("--decimal", choices=(".", ","), help="decimal sign")
+    group.add_argument(
+        "--header-lines", type=natural, metavar="N", help="lines before the first row of numbers"
+    )
+    group.add_argument("--encoding", metavar="NAME", help="utf-8, cp1252, utf-16-le, ...")
+
+
+def csv_options(arguments: argparse.Namespace) -> Any:
+    """Return what the options say of a CSV file (hc_logger.csv_layout.CsvOptions).
+
+    Raises:
+        UserError: if one is not of its form.
+    """
+    from hc_logger.csv_layout import SEPARATORS, CsvOptions, parse_assignments
+
+    given = {}
+    for name in ("columns", "units"):
+        try:
+            text = getattr(arguments, name)
+            given[name] = parse_assignments(text) if text is not None else {}
+        except ValueError as error:
+            raise UserError(f"--{name}: {error}", WRONG_USE) from error
+    words = {word: character for character, word in SEPARATORS.items()}
+    separator = arguments.separator or ""
+    return CsvOptions(
+        columns=given["columns"],
+        units=given["units"],
+        separator=words.get(separator, "\t" if separator == "\\t" else separator),
+        decimal=arguments.decimal or "",
+        header_lines=arguments.header_lines,
+        encoding=arguments.encoding or "",
+    )
 
 
 def load(arguments: argparse.Namespace) -> Any:
@@ -78,12 +129,13 @@ def load(arguments: argparse.Namespace) -> Any:
             raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
     try:
         if set(sensors) <= set(ZEROS):
-            recording = _less_zeros(read_recording(arguments.input), sensors)
+            options = csv_options(arguments)
+            recording = _less_zeros(read_recording(arguments.input, csv_options=options), sensors)
         else:
             recording = _read_sensors(arguments.input, sensors)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
-    except (BagError, OSError) as error:
+    except BagError as error:
         raise UserError(str(error)) from error
     return _from_surface(recording) if arguments.find_surface else recording
 

@@ -11,7 +11,7 @@ from hc_bringup.picture import RunData
 from hc_estimator import PARAMETER_NAMES
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.layout import records
+from hc_logger.layout import INTEGER, REAL, records
 from hc_logger.recorded import only_topic
 from hc_logger.recording import Recording
 from hc_msgs_py.topics import TRUTH
@@ -58,9 +58,11 @@ def recorded(recording: Recording) -> RunData | None:
 def estimated(recording: Recording, estimator: Any) -> RunData:
     """Return the run with the estimates of an estimator over the recording."""
     series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+    with np.errstate(invalid="ignore", over="ignore"):  # times need not be finite
+        time_s = recording.time_s - recording.time_s[0]
     return RunData(
         title=f"{recording.path.name}, {estimator.filter} on {estimator.state_space}",
-        time_s=recording.time_s - recording.time_s[0],
+        time_s=time_s,
         displacement_mm=recording.displacement_mm,
         force_n=recording.force_n,
         force_predicted_n=series.force_predicted,
@@ -79,7 +81,8 @@ def _truth(recording: Recording, sequence: Any) -> Any:
         topic = only_topic(bag, _TRUTH_TYPE, TRUTH)
         if topic is None:
             return None
-        table = records(bag.topics[topic].definition, bag.columns(topic))
+        fields = {"sequence": INTEGER, **dict.fromkeys(PARAMETER_NAMES, REAL)}
+        table = records(bag.topics[topic].definition, bag.columns(topic), fields)
     at = np.searchsorted(table["sequence"], sequence)
     found = at < len(table)
     found[found] = table["sequence"][at[found]] == sequence[found]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import signal
 import tempfile
@@ -12,20 +11,22 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
+from hc_bringup.domain_lock import DomainLock, domain_id
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
-from hc_bringup.processes import NodeProcess, describe_exit
-from hc_bringup.shared_memory import remove_orphans
+from hc_bringup.processes import NodeProcess, describe_exit, end_all
 from hc_bringup.statistics import EstimateStatistics
+from hc_logger.session import INCOMPLETE
 
 POLL_S = 0.1
 START_TIMEOUT_S = 240.0
 """Until a node offers ~/ready: the first start on a machine compiles the estimator."""
 MATCH_TIMEOUT_S = 15.0
 """From then on, until it has found its partners."""
-DRAIN_QUIET_S = 0.3
-DRAIN_TIMEOUT_S = 3.0
+DRAIN_QUIET_S = 1.0
+"""Without an estimate, and some still missing: they are lost."""
+DRAIN_TIMEOUT_S = 10.0
 
 
 @dataclass
@@ -38,6 +39,8 @@ class RunState:
         duration_s: how long it shall last; 0 for no end.
         cpu_percent: processor use of each node since the source was started, in percent of a core.
         samples: how many samples the source says that it has published; None if it did not say.
+        problems: what nodes call an error in their diagnostics now, by name.
+        failures: what makes the run a failure although it went on to its end.
     """
 
     statistics: EstimateStatistics
@@ -47,6 +50,8 @@ class RunState:
     cpu_percent: dict[str, float] = field(default_factory=dict)
     samples: int | None = None
     respawns: int = 0
+    problems: dict[str, str] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
 
 
 class Runner:
@@ -68,11 +73,13 @@ class Runner:
         """Run the plan to its end.
 
         Raises:
-            UserError: if a node died, did not start or did not find its partners.
+            UserError: if another run has the domain, if a node died, did not start or did not find
+                its partners, or if a signal came before the first sample.
         """
-        began = time.time()
-        domain_id = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-        remove_orphans(domain_id=domain_id, since=began)
+        with DomainLock(domain_id()):
+            return self._run()
+
+    def _run(self) -> RunState:
         folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -80,16 +87,15 @@ class Runner:
                 state = RunState(monitor.statistics, self._plan.duration_s)
                 try:
                     self._start(folder, monitor, state)
-                    if self._signal is None:
-                        self._watch(monitor, state)
+                    if self._signal is not None:
+                        raise StoppedEarlyError(self._signal)
+                    self._watch(monitor, state)
                     self._stop(monitor, state)
                 finally:
-                    for process in self._processes:
-                        process.stop()
+                    end_all(self._processes)
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)
-            remove_orphans(domain_id=domain_id, since=began - 1.0)
             shutil.rmtree(folder, ignore_errors=True)
         return state
 
@@ -97,16 +103,21 @@ class Runner:
         self._signal = number
 
     def _start(self, folder: Path, monitor: Monitor, state: RunState) -> None:
-        self._processes = [NodeProcess(node, folder) for node in self._plan.nodes]
+        for node in self._plan.nodes:
+            self._processes.append(NodeProcess(node, folder))
         self._wait_until_ready(monitor, state)
         if self._signal is not None:
             return
         for process in self._processes:
+            process.ready = True
             if process.plan.source:
-                problem = monitor.set_running(process.name, True)
-                if problem is not None:
-                    self._check_alive(state)
-                    raise UserError(f"node {process.name} cannot start the samples: {problem}")
+                self._start_samples(process, monitor, state)
+
+    def _start_samples(self, process: NodeProcess, monitor: Monitor, state: RunState) -> None:
+        problem = monitor.set_running(process.name, True)
+        if problem is not None:
+            self._check_alive(state)
+            raise UserError(f"node {process.name} cannot start the samples: {problem}")
 
     def _wait_until_ready(self, monitor: Monitor, state: RunState) -> None:
         """Ask every node's ~/ready until all have started and found their partners.
@@ -124,6 +135,7 @@ class Runner:
                 if (problem := monitor.missing(process.name)) is not None
             }
             if not missing:
+                self._check_names(monitor)
                 return
             now = time.monotonic()
             waiting = [name for name, problem in missing.items() if problem == NOT_STARTED]
@@ -144,21 +156,42 @@ class Runner:
             self._show(state)
             monitor.spin(0.02)
 
+    def _check_names(self, monitor: Monitor) -> None:
+        """See that nobody else runs a node of ours: its samples would mix with ours."""
+        for process in self._processes:
+            if monitor.namesakes(process.name) > 1:
+                raise UserError(
+                    f"there is another node {process.name} in ROS domain {domain_id()}: end it, or "
+                    "take another domain by setting ROS_DOMAIN_ID"
+                )
+
     def _watch(self, monitor: Monitor, state: RunState) -> None:
         state.phase = "running"
         start = time.monotonic()
         cpu_before = {p.name: p.cpu_s() for p in self._processes}
         while self._signal is None:
             monitor.spin(POLL_S)
+            self._revive(monitor, state)
             state.elapsed_s = time.monotonic() - start
             for process in self._processes:
                 used = process.cpu_s() - cpu_before[process.name]
                 state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
+            state.problems = monitor.problems()
             self._show(state)
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
             if self._source_has_ended(state):
                 return
+
+    def _revive(self, monitor: Monitor, state: RunState) -> None:
+        """Let a node that was started again take part as soon as it can."""
+        for process in self._processes:
+            if process.ready or not monitor.is_there(process.name):
+                continue
+            if monitor.missing(process.name) is None:
+                process.ready = True
+                if process.plan.source:
+                    self._start_samples(process, monitor, state)
 
     def _source_has_ended(self, state: RunState) -> bool:
         self._check_alive(state)
@@ -183,28 +216,51 @@ class Runner:
         sources = [p for p in self._processes if p.plan.source]
         for process in sources:
             self._stop_one(process)
-        # What the source published last is still on its way through the estimator.
-        end = time.monotonic() + DRAIN_TIMEOUT_S
-        monitor.spin(DRAIN_QUIET_S)
-        while (
-            time.monotonic() - monitor.last_estimate_at < DRAIN_QUIET_S and time.monotonic() < end
-        ):
-            monitor.spin(POLL_S)
-        for source in sources:
-            values = monitor.diagnostics.get(source.name, {})
-            if "samples" in values:
-                state.samples = int(values["samples"])
+        self._drain(monitor, state)
         for process in self._processes:
             if not process.plan.source:
                 self._stop_one(process)
+                monitor.spin(POLL_S)  # what it said last
+        state.problems = monitor.problems()
         state.phase = "done"
         self._show(state)
+        for process in self._processes:
+            if process.exit_status() == INCOMPLETE:
+                said = state.problems.get(process.name) or process.last_line()
+                state.failures.append(f"node {process.name}: {said}")
+
+    def _drain(self, monitor: Monitor, state: RunState) -> None:
+        """Wait for the estimates of what the source published last."""
+        end = time.monotonic() + DRAIN_TIMEOUT_S
+        asked = time.monotonic()
+        while time.monotonic() < end:
+            monitor.spin(POLL_S)
+            self._count_samples(monitor, state)
+            if state.samples is not None and state.statistics.since_restart >= state.samples:
+                return
+            if time.monotonic() - max(asked, monitor.last_estimate_at) > DRAIN_QUIET_S:
+                return
+
+    def _count_samples(self, monitor: Monitor, state: RunState) -> None:
+        for process in self._processes:
+            values = monitor.diagnostics.get(process.name, {})
+            if process.plan.source and "samples" in values:
+                state.samples = int(values["samples"])
 
     def _stop_one(self, process: NodeProcess) -> None:
         process.cpu_s()
         status = process.stop()
-        if status != 0:
+        # One that is just starting again has no handler for the signal yet: it just ends.
+        obeyed = not process.ready and -status in (signal.SIGINT, signal.SIGTERM)
+        if status not in (0, INCOMPLETE) and not obeyed:
             raise NodeDiedError(process.name, status, process.tail())
+
+
+class StoppedEarlyError(UserError):
+    """A signal came before the first sample: there is nothing to sum up."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__("stopped before the first sample", 128 + number)
 
 
 class NodeDiedError(UserError):

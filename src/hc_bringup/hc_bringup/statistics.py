@@ -22,6 +22,10 @@ PARAMETERS: Final = ("stiffness", "damping", "displacement_exponent", "velocity_
 SETTLING_S = 1.0
 """From the first contact on, left out of the force error: the estimator knows nothing yet."""
 _RECENT = 1000
+LONGEST_COUNTED_GAP = 1_000_000
+"""A jump of the sequence beyond this is no loss: somebody counts otherwise, or not at all."""
+_MOST_JUMPS = 0.01
+"""Share of the estimates; where more of them jump, the sequence is no counter."""
 
 
 class Histogram:
@@ -66,7 +70,8 @@ class EstimateStatistics:
     Attributes:
         estimates: how many arrived.
         lost: samples whose sequence number was skipped.
-        restarts: how often the sequence numbers started again (a replay that loops).
+        restarts: how often the sequence numbers started again (a replay that loops), or jumped.
+        since_restart: how many estimates arrived since then.
         latency: seconds from a sample's stamp to the publication of its estimate.
         changes: how often a change of the tissue was detected.
         mismatch: in how many estimates the contact law did not describe the data.
@@ -77,6 +82,7 @@ class EstimateStatistics:
     estimates: int = 0
     lost: int = 0
     restarts: int = 0
+    since_restart: int = 0
     latency: Histogram = field(default_factory=Histogram)
     changes: int = 0
     mismatch: int = 0
@@ -96,12 +102,16 @@ class EstimateStatistics:
         stamp_s = stamp.sec + 1e-9 * stamp.nanosec
         if self.first_sequence is None:
             self.first_sequence = sequence
-        elif sequence > self._last_sequence:
-            self.lost += sequence - self._last_sequence - 1
         else:
-            self.restarts += 1
+            missing = sequence - self._last_sequence - 1
+            if 0 <= missing <= LONGEST_COUNTED_GAP:
+                self.lost += missing
+            else:
+                self.restarts += 1
+                self.since_restart = 0
         self._last_sequence = sequence
         self.estimates += 1
+        self.since_restart += 1
         self.latest = message
         self.latency.add(message.latency)
         if message.rejected:
@@ -117,6 +127,11 @@ class EstimateStatistics:
                 self._force_error_square_sum += square
                 self._force_errors += 1
             self._recent_square_errors.append(square)
+
+    @property
+    def counts(self) -> bool:
+        """Whether the sequence numbers count, so that `lost` means something."""
+        return self.restarts <= 1 + _MOST_JUMPS * self.estimates
 
     @property
     def force_rmse_n(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from hc_bringup.live import SYMBOLS
@@ -11,24 +12,32 @@ from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 
 
-def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) -> dict[str, Any]:
+def run_summary(
+    state: RunState,
+    bag: str | None,
+    further_bags: Sequence[str] = (),
+    *,
+    with_latency: bool = True,
+) -> dict[str, Any]:
     """Return what DESIGN.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
     used against the measured one, without the first second of contact. lost counts samples
-    that were published and for which no estimate came.
+    that were published and for which no estimate came; None where that cannot be told. failures
+    says why the run counts as failed although it went on to its end.
 
     Args:
         state: the run at its end.
         bag: folder of the recorded bag, or None.
+        further_bags: those of recorders that were started again.
         with_latency: False where the stamps are not of the time of publication (a replay).
     """
     statistics = state.statistics
     latency = statistics.latency
-    samples, lost = state.samples, statistics.lost
+    samples, lost = state.samples, statistics.lost if statistics.counts else None
     if samples is None or samples < statistics.estimates:
         # The source did not say its last count: all that is known are the sequence numbers.
-        samples = statistics.estimates + lost
+        samples = statistics.estimates + (lost or 0)
     else:
         lost = max(0, samples - statistics.estimates)
     summary = {
@@ -46,6 +55,8 @@ def run_summary(state: RunState, bag: str | None, *, with_latency: bool = True) 
         "identifiability": statistics.identifiability(),
         "force_rmse_n": statistics.force_rmse_n,
         "bag": bag,
+        "further_bags": list(further_bags),
+        "failures": list(state.failures),
     }
     if with_latency:
         summary["latency_us"] = {
@@ -93,13 +104,17 @@ def _millinewton(force_n: float) -> str:
     return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
 
 
+def _lost(count: int | None) -> str:
+    return "? (the sequence numbers of the samples do not count)" if count is None else str(count)
+
+
 def run_text(summary: dict[str, Any]) -> str:
     """Return the summary of a run as lines for a person."""
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     cpu = ", ".join(f"{name} {percent:.0f} %" for name, percent in summary["cpu_percent"].items())
     lines = [
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
-        f"{summary['duration_s']:.1f} s; lost {summary['lost']}, rejected {rejected}"
+        f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
     if "latency_us" in summary and summary["estimates"]:
         latency = summary["latency_us"]
@@ -121,5 +136,6 @@ def run_text(summary: dict[str, Any]) -> str:
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
         ]
     if summary["bag"]:
-        lines.append(f"bag: {summary['bag']}")
+        bags = [summary["bag"], *summary["further_bags"]]
+        lines.append(f"bag{'s' * (len(bags) > 1)}: {', '.join(bags)}")
     return "\n".join(lines)

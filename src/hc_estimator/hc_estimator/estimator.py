@@ -19,6 +19,7 @@ from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
 from hc_estimator.filters.registry import FIELDS, FILTERS, HIDDEN_SPECIFICATIONS, SCRATCH
+from hc_estimator.late_readings import LateReadings
 from hc_estimator.memory import Field, from_plain, record_type, to_plain
 from hc_estimator.specification import (
     ParameterSpecification,
@@ -198,6 +199,8 @@ class Estimator:
         self._initialise = entry.initialise or _initialise
         self._set_noise = entry.set_noise or _set_noise
         self._take_settings = entry.take_settings
+        window = float(values["reorder_window"]) if values["missing_readings"] else 0.0
+        self._late = LateReadings(window) if window > 0.0 else None
         self._memory = np.zeros(1, self._memory_type)
         columns = FILTERS[filter].particle_columns
         rows = 2 * int(values["particle_count"]) if columns else 0
@@ -236,21 +239,29 @@ class Estimator:
         """
         return dict(self._values)
 
-    def step(self, time_s: float, displacement_mm: float, force_n: float) -> Estimate:
+    def step(
+        self, time_s: float, displacement_mm: float | None, force_n: float | None
+    ) -> Estimate:
         """Use one sample.
 
         Never raises on data: `rejected` of the estimate says why a sample was not used.
 
         Args:
             time_s: stamp [s].
-            displacement_mm: penetration [mm], positive into the tissue.
-            force_n: contact force [N], compression positive.
+            displacement_mm: penetration [mm], positive into the tissue. With the parameter
+                `missing_readings` None or NaN if there is none at this stamp.
+            force_n: contact force [N], compression positive; None or NaN as above.
 
         Returns:
             The estimate after this sample.
         """
-        self._sample[0] = time_s, displacement_mm, force_n
-        self._run(self._settings, self._memory, self._particles, self._sample, self._row)
+        missing = float("nan")
+        self._sample[0] = (
+            time_s,
+            missing if displacement_mm is None else displacement_mm,
+            missing if force_n is None else force_n,
+        )
+        self._use(self._sample, self._row)
         return Estimate(self._row[0].copy())
 
     def run(
@@ -263,8 +274,8 @@ class Estimator:
 
         Args:
             time_s: stamps [s], shape (samples,).
-            displacement_mm: penetration [mm], shape (samples,).
-            force_n: contact force [N], shape (samples,).
+            displacement_mm: penetration [mm], shape (samples,); NaN as in `step`.
+            force_n: contact force [N], shape (samples,); NaN as in `step`.
 
         Returns:
             The estimates after each sample.
@@ -281,13 +292,32 @@ class Estimator:
             )
         samples = np.ascontiguousarray(np.stack(columns, axis=1))
         rows = np.empty((samples.shape[0], COLUMNS))
-        self._run(self._settings, self._memory, self._particles, samples, rows)
+        self._use(samples, rows)
         return EstimateSeries(rows)
+
+    def _use(self, samples: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
+        """Use samples, shape (samples, 3), and fill their rows."""
+        if self._late is None:
+            self._use_in_order(samples, rows)
+        else:
+            self._late.run(
+                self._use_in_order, self._memory, self._particles, self._last_time, samples, rows
+            )
+
+    def _use_in_order(self, samples: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
+        self._run(self._settings, self._memory, self._particles, samples, rows)
+
+    def _last_time(self) -> float:
+        memory = self._memory[0]
+        clock = memory if self._memory_type == MEMORY else memory["clock"]
+        return float(clock["last_time"])
 
     def reset(self) -> None:
         """Forget all samples; the parameters stay."""
         self._memory[:] = np.zeros(1, self._memory_type)
         self._particles[:] = 0.0
+        if self._late is not None:
+            self._late.forget()
         self._initialise(self._settings, self._memory)
 
     def reconfigure(self, **parameters: object) -> None:
@@ -362,6 +392,8 @@ class Estimator:
         self._write_settings(values)
         self._memory[:] = memory
         self._particles = particles
+        if self._late is not None:
+            self._late.forget()
 
     def _restored_particles(
         self, saved: Any, values: Mapping[str, ParameterValue]

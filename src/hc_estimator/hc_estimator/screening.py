@@ -117,6 +117,9 @@ CLOCK_FIELDS = (
     Field("measurement", np.float64, (2,)),  # displacement [mm], force [N]
     Field("present", np.int64, (2,), 0, 1),  # 0 for a reading that is missing
     Field("state_time", np.float64),  # at which the state stands [s]
+    Field("force_time", np.float64),  # at which the last force was used [s]
+    Field("force_elapsed", np.float64),  # from it to the force of the present sample [s]
+    Field("period", np.float64),  # usual time between two samples [s]
     Field("offset", np.float64),  # of the displacement's stamp from it [s]
 )
 

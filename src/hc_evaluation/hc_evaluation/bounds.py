@@ -5,6 +5,10 @@ Processing 46(5), 1998, Eq. 21) is the covariance of the Kalman filter. Linearis
 at the true states gives the bound of the nonlinear model, by the same Riccati recursion. State:
 [d, v, a, ln K, ln B, n, p]; the tool's motion is driven by white jerk, the parameters by a slow
 random walk, both displacement and force are measured.
+
+The bound knows the separation: where the tool has left the tissue (d > 0, F = 0) the force reading
+carries no information about the parameters. Strictly it says that the law's sum is not positive
+there, an inequality; its derivative at the true parameters is zero, and zero is what enters.
 """
 
 from __future__ import annotations
@@ -13,15 +17,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from hc_evaluation.contact_law import force_gradient
+
 FloatArray = NDArray[np.float64]
 
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _riccati(
     time_s: FloatArray,
-    displacement: FloatArray,
-    velocity: FloatArray,
-    parameters: FloatArray,
+    gradient: FloatArray,
     displacement_variance: FloatArray,
     force_variance: FloatArray,
     jerk_density: float,
@@ -55,22 +59,11 @@ def _riccati(
                 row[0] = 1.0
                 noise = displacement_variance[k]
             else:
-                depth = displacement[k]
-                speed = abs(velocity[k])
                 noise = force_variance[k]
-                if depth > 0.0:
-                    stiffness, damping, n, p = parameters[k]
-                    sign = 1.0 if velocity[k] >= 0.0 else -1.0
-                    power = depth**n
-                    dashpot = speed**p
-                    force = power * (stiffness + sign * damping * dashpot)
-                    row[0] = n * force / depth
-                    if speed > 0.0:
-                        row[1] = power * damping * p * dashpot / speed
-                        row[6] = power * damping * sign * dashpot * np.log(speed)
-                    row[3] = power * stiffness
-                    row[4] = power * damping * sign * dashpot
-                    row[5] = force * np.log(depth)
+                row[:2] = gradient[k, :2]
+                row[3:] = gradient[k, 2:]
+            if np.isinf(noise):
+                continue  # this channel has no reading here
             column = covariance @ row
             gain = column / (row @ column + noise)
             reduced = np.eye(7) - np.outer(gain, row)
@@ -91,6 +84,7 @@ def posterior_cramer_rao_bound(
     jerk_density: float,
     parameter_density: FloatArray,
     initial_covariance: FloatArray,
+    adhesive: bool = False,
 ) -> FloatArray:
     """Bound on the covariance of ln K, ln B, n, p after each sample.
 
@@ -99,11 +93,13 @@ def posterior_cramer_rao_bound(
         displacement: True penetration [mm], shape (N,).
         velocity: True rate of penetration [mm/s], shape (N,).
         parameters: True K, B, n, p, shape (N, 4).
-        displacement_noise_std: True sensor noise [mm], scalar or shape (N,).
-        force_noise_std: True sensor noise [N], scalar or shape (N,).
+        displacement_noise_std: True sensor noise [mm], scalar or shape (N,); infinite where there
+            is no reading.
+        force_noise_std: True sensor noise [N], the same.
         jerk_density: Spectral density of the white jerk [mm^2/s^5].
         parameter_density: Variance per second of the random walk of ln K, ln B, n, p, shape (4,).
         initial_covariance: Covariance of the state before the first sample, shape (7, 7).
+        adhesive: Whether the tissue holds a tool that withdraws; otherwise it lets go of it.
 
     Returns:
         Covariance bounds in the coordinates ln K, ln B, n, p, shape (N, 4, 4).
@@ -111,9 +107,7 @@ def posterior_cramer_rao_bound(
     count = time_s.size
     bound: FloatArray = _riccati(
         np.ascontiguousarray(time_s, dtype=np.float64),
-        np.ascontiguousarray(displacement, dtype=np.float64),
-        np.ascontiguousarray(velocity, dtype=np.float64),
-        np.ascontiguousarray(parameters, dtype=np.float64),
+        force_gradient(displacement, velocity, parameters, adhesive=adhesive),
         np.square(np.broadcast_to(displacement_noise_std, (count,)).astype(np.float64)),
         np.square(np.broadcast_to(force_noise_std, (count,)).astype(np.float64)),
         float(jerk_density),

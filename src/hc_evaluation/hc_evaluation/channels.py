@@ -3,7 +3,8 @@
 A force that lags the displacement looks like damping, a wrong zero or contact position like other
 exponents; none of the three shows in the residual of a single slow sine. Where the motion is rich
 enough they can be told from K, B, n and p: this module fits all seven to a whole recording by
-least squares, F(t) = F_hc(d(t - delay) - contact, v(t - delay)) + zero, and says how sure it is.
+least squares, F(t) = F_hc(d(t - delay) - contact, v(t - delay)) + zero with the unilateral law, and
+says how sure it is.
 The four faults' priors (delay 50 ms, zero 5 % of the largest force, contact 10 % of the stroke,
 p 1 +- 0.1) only matter where the recording does not tell.
 """
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
-from hc_evaluation.accuracy.scenarios import hunt_crossley_force
-from hc_evaluation.metrics import smooth_motion
+from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.hold_forward import smooth_motion
 
 FloatArray = NDArray[np.float64]
 
@@ -93,9 +94,11 @@ def diagnose_channels(
             "channels can be compared from 50 samples with a changing force on"
         )
     step = float(np.median(np.diff(time_s)))
-    displacement, _ = smooth_motion(displacement_mm, 1.0 / step)
+    displacement, rate = smooth_motion(displacement_mm, 1.0 / step)
     motion = CubicSpline(time_s, displacement)
-    velocity = motion.derivative()
+    # Not the spline's derivative: its noise is larger at the samples than between them, so that a
+    # delay of half a sample more or less would always seem to fit better.
+    velocity = CubicSpline(time_s, rate)
     stroke = float(np.ptp(displacement))
     prior_std = np.array(
         [

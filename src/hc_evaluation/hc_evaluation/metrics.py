@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 from scipy.stats import chi2
 
 FloatArray = NDArray[np.float64]
@@ -49,12 +48,17 @@ def nees(estimated: FloatArray, covariance: FloatArray, true: FloatArray) -> Flo
         true: True K, B, n, p, shape (..., 4).
 
     Returns:
-        NEES, shape (...,).
+        NEES, shape (...,); NaN where the covariance is unknown or singular (a parameter held
+        fixed).
     """
     error = log_parameter_error(estimated, true)
     weight = log_parameter_covariance(estimated, covariance)
+    with np.errstate(invalid="ignore"):
+        sign, _ = np.linalg.slogdet(weight)
+    regular = sign > 0.0
+    weight = np.where(regular[..., None, None], weight, np.eye(4))
     solved = np.linalg.solve(weight, error[..., None])[..., 0]
-    result: FloatArray = np.sum(error * solved, axis=-1)
+    result: FloatArray = np.where(regular, np.sum(error * solved, axis=-1), np.nan)
     return result
 
 
@@ -96,68 +100,3 @@ def settling_time(
     if outside[-1] + 1 >= times.size:
         return float("inf")
     return float(times[outside[-1] + 1] - start_s)
-
-
-def smooth_motion(
-    displacement_mm: FloatArray, rate_hz: float, window_s: float = 0.06
-) -> tuple[FloatArray, FloatArray]:
-    """Displacement and velocity of a recording, by a centred cubic Savitzky-Golay filter.
-
-    Args:
-        displacement_mm: Evenly sampled readings, shape (N,).
-        rate_hz: Sampling rate.
-        window_s: Length of the filter; at least seven samples are used.
-
-    Returns:
-        Displacement [mm] and velocity [mm/s], shapes (N,).
-    """
-    length = max(7, 2 * round(0.5 * window_s * rate_hz) + 1)
-    return (
-        savgol_filter(displacement_mm, length, 3),
-        savgol_filter(displacement_mm, length, 3, deriv=1, delta=1.0 / rate_hz),
-    )
-
-
-def hold_forward_errors(
-    time_s: FloatArray,
-    displacement: FloatArray,
-    velocity: FloatArray,
-    force_n: FloatArray,
-    parameters: FloatArray,
-    *,
-    horizon_s: float = 0.5,
-    start_s: float = 1.5,
-    stride_s: float = 0.05,
-) -> tuple[FloatArray, FloatArray]:
-    """Force errors when the parameters are frozen and the next half second is predicted.
-
-    Args:
-        time_s: Instants, shape (N,).
-        displacement: Smoothed displacement [mm], shape (N,).
-        velocity: Smoothed velocity [mm/s], shape (N,).
-        force_n: Measured force, shape (N,).
-        parameters: Estimated K, B, n, p after each sample, shape (N, 4); or (4,) for a batch fit.
-        horizon_s: How far each frozen estimate predicts.
-        start_s: First instant at which an estimate is frozen.
-        stride_s: Time between two frozen estimates.
-
-    Returns:
-        Instants of freezing, shape (M,), and the RMS force error over the horizon of each.
-    """
-    step = float(np.median(np.diff(time_s)))
-    horizon = round(horizon_s / step)
-    stride = max(1, round(stride_s / step))
-    first = int(np.searchsorted(time_s, time_s[0] + start_s))
-    origins = np.arange(first, time_s.size - horizon, stride)
-    errors = np.empty(origins.size)
-    depth = np.maximum(displacement, 0.0)
-    for row, origin in enumerate(origins):
-        stiffness, damping, n, p = parameters if parameters.ndim == 1 else parameters[origin]
-        ahead = slice(origin + 1, origin + 1 + horizon)
-        speed = velocity[ahead]
-        dashpot = np.sign(speed) * np.abs(speed) ** p
-        predicted = np.where(
-            depth[ahead] > 0.0, depth[ahead] ** n * (stiffness + damping * dashpot), 0.0
-        )
-        errors[row] = np.sqrt(np.mean((force_n[ahead] - predicted) ** 2))
-    return time_s[origins], errors

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, available_filters, available_state_spaces, create_estimator
+from hc_evaluation.contact_law import hunt_crossley_force
 
 SAMPLES = 2000
 BATCH_REPEATS = 20
@@ -33,7 +34,7 @@ def contact_samples(samples: int = SAMPLES) -> NDArray[np.float64]:
     phase = 2.0 * np.pi * time_s
     displacement = 3.0 + 1.6 * np.sin(0.7 * phase) + 0.8 * np.sin(2.3 * phase + 0.5)
     velocity = 2.0 * np.pi * (1.12 * np.cos(0.7 * phase) + 1.84 * np.cos(2.3 * phase + 0.5))
-    force = displacement**1.8 * (0.2 + 0.05 * np.sign(velocity) * np.abs(velocity) ** 1.05)
+    force = hunt_crossley_force(displacement, velocity, np.array([0.2, 0.008, 1.8, 1.05]))
     noise = np.random.default_rng(1).normal(size=(2, samples))
     return np.stack(
         [
@@ -61,7 +62,7 @@ def filterpy_filter() -> Any:
     def measure(x: NDArray[np.float64]) -> NDArray[np.float64]:
         displacement, velocity = max(x[0], 0.0), x[1]
         damping = np.exp(x[4]) * np.sign(velocity) * abs(velocity) ** x[6]
-        return np.array([x[0], displacement ** x[5] * (np.exp(x[3]) + damping)])
+        return np.array([x[0], max(displacement ** x[5] * (np.exp(x[3]) + damping), 0.0)])
 
     points = MerweScaledSigmaPoints(7, alpha=1.0, beta=2.0, kappa=0.0)
     ukf = UnscentedKalmanFilter(7, 2, 1.0 / RATE_HZ, measure, process, points)

@@ -12,7 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.definitions import TypeDefinition
+from hc_logger.limits import check_in_memory
 from hc_logger.mcap_chunk import Messages
+
+_LONG_MESSAGE = 4096
+_TIMES_BYTES = 24
 
 
 class Message(NamedTuple):
@@ -108,15 +112,20 @@ class Bag(ABC):
         """Return all messages of a topic as byte matrices, one for each message length.
 
         Messages stand in the order of their log times.
+
+        Raises:
+            BagError: if they are more than may be kept in memory.
         """
         blocks: dict[int, list[Columns]] = {}
-        count = 0
+        count = size = 0
         for messages, names in self.chunks():
             numbers = [i for i, name in names.items() if name == topic]
             rows = np.flatnonzero(np.isin(messages.channel, numbers))
             for length in np.unique(messages.length[rows]).tolist():
                 same = rows[messages.length[rows] == length]
-                data = messages.buffer[messages.offset[same][:, None] + np.arange(length)]
+                size += len(same) * (length + _TIMES_BYTES)
+                check_in_memory(size, f"{topic} of {self.path}")
+                data = _rows(messages.buffer, messages.offset[same], length)
                 order = count + np.searchsorted(rows, same)
                 blocks.setdefault(length, []).append(
                     Columns(messages.log_time[same], messages.publish_time[same], data, order)
@@ -138,6 +147,18 @@ class Bag(ABC):
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _rows(buffer: NDArray[np.uint8], offset: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
+    """Return (n, length): what stands at each offset."""
+    if length < _LONG_MESSAGE:
+        short: NDArray[np.uint8] = buffer[offset[:, None] + np.arange(length)]
+        return short
+    # One index a byte would be eight times as large as the messages.
+    rows = np.empty((len(offset), length), np.uint8)
+    for row, start in zip(rows, offset.tolist(), strict=True):
+        row[:] = buffer[start : start + length]
+    return rows
 
 
 def _ordered(blocks: list[Columns]) -> list[Columns]:

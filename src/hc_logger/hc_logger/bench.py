@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,8 @@ from hc_logger.writer import BagWriter
 from hc_msgs_py.topics import JOINT_STATES, NODE_PLAYER, NODE_RECORDER, SAMPLE, TRUTH, WRENCH
 
 FILE_MESSAGES = 200_000
-KILLS = 5
+KILLS = 100
+KILLED_TOGETHER = 4
 FLOW = (SAMPLE, TRUTH, WRENCH, JOINT_STATES)
 START_TIMEOUT_S = 90.0
 """The first start on a machine compiles the rig."""
@@ -54,7 +55,7 @@ def bench_bags(
         read_times_as_fast_as_rosbags, read_times_as_fast_as_mcap: the arrays, against decoding
         every message with rosbags and with mcap-ros2-support, in the same run.
         recorder: messages, lost, cpu_percent (of a core), bytes_per_hour, megabytes_per_hour.
-        sigkill_loss_s: what each killed recorder lost, in seconds.
+        sigkill_loss_s: what killed recorders lost, in seconds: kills, p50, p95, max.
         player: messages, lost, delay_us {p50, p99, max}, cpu_percent.
 
     Raises:
@@ -146,11 +147,15 @@ def _bench_files(folder: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def _node(module: str, domain: int, **parameters: Any) -> Iterator[subprocess.Popen[str]]:
+def _node(
+    module: str, domain: int, *, name: str = "", **parameters: Any
+) -> Iterator[subprocess.Popen[str]]:
     """Run a node as a process; it is ended with SIGINT, or killed if that does not help."""
     arguments = [sys.executable, "-m", module, "--ros-args"]
-    for name, value in parameters.items():
-        arguments += ["-p", f"{name}:={value}"]
+    if name:
+        arguments += ["-r", f"__node:={name}"]
+    for parameter, value in parameters.items():
+        arguments += ["-p", f"{parameter}:={value}"]
     environment = os.environ | {
         "ROS_DOMAIN_ID": str(domain),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
@@ -288,27 +293,54 @@ def _bench_recorder(bag: Path, duration_s: float) -> dict[str, Any]:
     }
 
 
-def _bench_kills(folder: Path) -> list[float]:
+def _bench_kills(folder: Path) -> dict[str, float]:
+    """Kill recorders at random moments of their first two seconds; say what each lost."""
     rng = random.Random(1)
-    losses = []
+    losses: list[float] = []
     with _graph() as (graph, domain), _node("hc_sim_rig.node", domain) as _rig:
-        for number in range(KILLS):
-            bag = folder / f"killed{number}"
-            with _node(
-                "hc_logger.recorder_node",
-                domain,
-                output=bag,
-                topics=_FLOW_PARAMETER,
-                expected_topics=_FLOW_PARAMETER,
-            ) as recorder:
-                graph.wait_until_ready(NODE_RECORDER)
-                graph.spin_until(lambda: False, 1.0 + rng.random())
-                killed = time.time_ns()
-                recorder.kill()
-                recorder.wait(10)
-            last = int(read_recording(bag).stamps[-1])
-            losses.append((killed - last) * 1e-9)
-    return losses
+        while len(losses) < KILLS:
+            losses += _kill_some(folder / f"batch{len(losses)}", graph, domain, rng)
+    return {
+        "kills": len(losses),
+        "p50": float(np.quantile(losses, 0.5)),
+        "p95": float(np.quantile(losses, 0.95)),
+        "max": max(losses),
+    }
+
+
+def _kill_some(folder: Path, graph: _Graph, domain: int, rng: random.Random) -> list[float]:
+    """Start some recorders under names of their own and kill each at a moment of its own."""
+    folder.mkdir()
+    with ExitStack() as stack:
+        recorders = {}
+        for number in range(KILLED_TOGETHER):
+            name, bag = f"killed{number}", folder / str(number)
+            recorders[name] = (
+                bag,
+                stack.enter_context(
+                    _node(
+                        "hc_logger.recorder_node",
+                        domain,
+                        name=name,
+                        output=bag,
+                        topics=_FLOW_PARAMETER,
+                        expected_topics=_FLOW_PARAMETER,
+                    )
+                ),
+            )
+        for name in recorders:
+            graph.wait_until_ready(name)
+        begin = time.monotonic()
+        moments = sorted((rng.uniform(0.0, 2.0), name) for name in recorders)
+        killed = {}
+        for moment, name in moments:
+            graph.spin_until(lambda: False, begin + moment - time.monotonic())
+            killed[name] = time.time_ns()
+            recorders[name][1].kill()
+    return [
+        max(0.0, (killed[name] - int(read_recording(bag).stamps[-1])) * 1e-9)
+        for name, (bag, _) in recorders.items()
+    ]
 
 
 def _bench_player(bag: Path) -> dict[str, Any]:

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from hc_logger.bag import Bag, Columns
 from hc_logger.csv_file import read_csv, write_csv
+from hc_logger.csv_layout import CsvLayout
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
 from hc_logger.recorded import has_sensors, only_topic
-from hc_logger.recording import stamps_from_seconds
+from hc_logger.recording import SAMPLE_FIELDS, stamps_from_seconds
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.type_names import SAMPLE_TYPE
 from hc_logger.writer import BagWriter, os_errors
@@ -98,6 +99,7 @@ def csv_to_bag(
     source: str | os.PathLike[str],
     target: str | os.PathLike[str],
     *,
+    layout: CsvLayout | None = None,
     progress: Progress = nothing,
 ) -> int:
     """Convert a CSV recording into a bag with the topic indenter/sample.
@@ -108,6 +110,7 @@ def csv_to_bag(
     Args:
         source: CSV file.
         target: bag folder; must not exist.
+        layout: how the file is written; None finds out.
         progress: told the done share.
 
     Returns:
@@ -117,33 +120,30 @@ def csv_to_bag(
         BagError: if the source is bad or the target exists; no target is left behind then.
     """
     source = Path(source)
-    blocks = read_csv(source)
+    blocks = read_csv(source, layout)
     first = next(blocks, None)  # a bad file is found before the target is made
     if first is None or not len(first):
         raise BagError(f"{source} has no rows")
     size = max(source.stat().st_size, 1)
     written = 0
     carried = np.zeros(0)
-    with os_errors(f"cannot write {target}"):
-        writer = BagWriter(target, custom_data={CSV_SOURCE: source.name})
-        try:
-            samples = SampleWriter(writer)
-            bytes_per_row = size / max(len(first), 1)
-            block: NDArray[np.float64] | None = first
-            while block is not None:
-                time_s = np.concatenate([carried, block[:, 0]])
-                stamp = (stamps_from_seconds(time_s) + CSV_EPOCH_NS)[len(carried) :]
-                usable = time_s[np.isfinite(time_s)]
-                carried = usable[-1:]
-                sequence = np.arange(written, written + len(block), dtype=np.uint64)
-                samples.write(stamp, sequence, block[:, 1], block[:, 2])
-                written += len(block)
-                progress(min(1.0, written * bytes_per_row / size))
-                block = next(blocks, None)
-        except BagError:
-            writer.discard()
-            raise
-        writer.close()
+    with (
+        os_errors(f"cannot write {target}"),
+        BagWriter(target, custom_data={CSV_SOURCE: source.name}) as writer,
+    ):
+        samples = SampleWriter(writer)
+        bytes_per_row = size / max(len(first), 1)
+        block: NDArray[np.float64] | None = first
+        while block is not None:
+            time_s = np.concatenate([carried, block[:, 0]])
+            stamp = (stamps_from_seconds(time_s) + CSV_EPOCH_NS)[len(carried) :]
+            usable = time_s[np.isfinite(time_s)]
+            carried = usable[-1:]
+            sequence = np.arange(written, written + len(block), dtype=np.uint64)
+            samples.write(stamp, sequence, block[:, 1], block[:, 2])
+            written += len(block)
+            progress(min(1.0, written * bytes_per_row / size))
+            block = next(blocks, None)
     return written
 
 
@@ -191,7 +191,7 @@ def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.fl
     first, last = reader.time_range() or (0, 1)
     origin: int | None = None
     for block in message_blocks(reader, topic):
-        table = records(definition, block)
+        table = records(definition, block, SAMPLE_FIELDS)
         stamp = stamps(table)
         if origin is None:
             origin = CSV_EPOCH_NS if CSV_SOURCE in reader.custom_data else int(stamp[0])

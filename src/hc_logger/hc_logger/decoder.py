@@ -13,7 +13,7 @@ from typing import Any
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from hc_logger.definitions import TypeDefinition
+from hc_logger.definitions import TypeDefinition, damaged_definition
 from hc_logger.errors import BagError
 
 
@@ -21,13 +21,24 @@ from hc_logger.errors import BagError
 def decoder(definition: TypeDefinition) -> Callable[[bytes], Any]:
     """Return a function that turns the CDR bytes of a message of this type into an object.
 
-    The object has the message's fields as attributes; lists are Python lists.
+    The object has the message's fields as attributes; lists are Python lists. The function raises
+    BagError for bytes that are no such message.
 
     Raises:
         BagError: if the definition cannot be understood.
     """
     schema = Schema(id=1, name=definition.name, encoding="ros2msg", data=definition.text.encode())
-    decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
+    try:
+        decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
+    except Exception as error:  # its errors over a damaged text are of many kinds
+        raise BagError(damaged_definition(definition)) from error
     if decode is None:
-        raise BagError(f"the definition of {definition.name} cannot be understood")
-    return decode
+        raise BagError(damaged_definition(definition))
+
+    def checked(data: bytes) -> Any:
+        try:
+            return decode(data)
+        except Exception as error:  # as above, over damaged bytes
+            raise BagError(f"a message is no {definition.name}, as its definition says") from error
+
+    return checked

@@ -27,6 +27,11 @@ class TypeDefinition(NamedTuple):
     type_hash: str
 
 
+def damaged_definition(definition: TypeDefinition) -> str:
+    """Return the line for a definition that cannot be understood."""
+    return f"the definition of {definition.name[:100]!r} in the bag cannot be understood"
+
+
 @functools.cache
 def installed_definition(type_name: str) -> TypeDefinition:
     """Return the definition of an installed message type.

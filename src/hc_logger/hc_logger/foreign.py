@@ -6,20 +6,23 @@ estimates takes them.
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zstandard
 from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat, Qos
-from rosbags.rosbag2 import Reader, ReaderError
+from rosbags.rosbag2 import Reader
 
+from hc_logger import limits
 from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.mcap_chunk import Messages
-from hc_logger.metadata import read_information, recorded_hashes
+from hc_logger.metadata import read_information, recorded_custom_data, recorded_hashes
 from hc_logger.reader import BagReader
 
 BLOCK_MESSAGES = 16_384
@@ -39,7 +42,7 @@ def open_bag(path: str | os.PathLike[str]) -> Bag:
         information = read_information(path)
         if information is not None and (
             information["storage_identifier"] != "mcap"
-            or information.get("compression_mode", "").lower() in ("file", "message")
+            or information["compression_mode"].lower() in ("file", "message")
         ):
             return ForeignBag(path)
     elif path.suffix == ".db3":
@@ -57,14 +60,15 @@ class ForeignBag(Bag):
             BagError: if rosbags cannot read it.
         """
         self.path = path
-        try:
-            self._reader = Reader(path)
-            self._reader.open()
-        except (ReaderError, OSError) as error:
-            raise BagError(f"{path}: {' '.join(str(error).split())}") from error
         information = read_information(path) or {}
         self.paths = [path / name for name in information.get("relative_file_paths", [])]
-        self.custom_data = dict(information.get("custom_data") or {})
+        if information.get("compression_mode", "").lower() == "file":
+            for file in self.paths:
+                _check_unpacked_size(file)
+        with _errors(path):
+            self._reader = Reader(path)
+            self._reader.open()
+        self.custom_data = recorded_custom_data(information)
         self._problems: list[str] = []
         self._hashes = recorded_hashes(information)
         self._connections: dict[str, list[Connection]] = {}
@@ -117,11 +121,14 @@ class ForeignBag(Bag):
         if not wanted:
             return
         stop = None if end_ns is None else end_ns + 1
-        try:
-            for connection, time, data in self._reader.messages(wanted, start=start_ns, stop=stop):
-                yield Message(connection.topic, time, time, bytes(data))
-        except ReaderError as error:
-            raise BagError(f"{self.path}: {' '.join(str(error).split())}") from error
+        messages = self._reader.messages(wanted, start=start_ns, stop=stop)
+        while True:
+            with _errors(self.path):
+                message = next(messages, None)
+            if message is None:
+                return
+            connection, time, data = message
+            yield Message(connection.topic, time, time, bytes(data))
 
     def chunks(self) -> Iterator[tuple[Messages, dict[int, str]]]:
         """Yield all messages in blocks; see Bag."""
@@ -139,6 +146,33 @@ class ForeignBag(Bag):
     def close(self) -> None:
         """Close the bag."""
         self._reader.close()
+
+
+@contextlib.contextmanager
+def _errors(path: Path) -> Iterator[None]:
+    """Turn what rosbags raises into one line: its own errors and those of what it builds on."""
+    try:
+        yield
+    except BagError:
+        raise
+    except MemoryError as error:
+        raise BagError(f"{path}: not enough memory to unpack it") from error
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise BagError(f"{path} cannot be read: {reason[:200]}") from error
+
+
+def _check_unpacked_size(path: Path) -> None:
+    """See what a compressed file unpacks to before all of it is unpacked to the disk.
+
+    Raises:
+        BagError: if it is more than may be, or cannot be unpacked.
+    """
+    size = 0
+    with _errors(path), open(path, "rb") as file:
+        for part in zstandard.ZstdDecompressor().read_to_iter(file, write_size=limits.MIB):
+            size += len(part)
+            limits.check_in_memory(size, str(path))
 
 
 def _stack(block: list[Message], numbers: dict[str, int]) -> Messages:

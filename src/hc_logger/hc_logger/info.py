@@ -169,11 +169,14 @@ def _sequence_offset(definition: TypeDefinition) -> bool:
 
 
 def _sequences(messages: Messages, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the field sequence of messages that have it after their header."""
-    offset = messages.offset[rows]
+    """Return the field sequence after the header of those messages that are not damaged."""
+    rows = rows[messages.length[rows] >= 16]
+    offset, size = messages.offset[rows], messages.length[rows]
     lengths = _words(messages.buffer, offset + 12, "<u4").astype(np.int64)
     position = 12 + lengths  # in the CDR stream: stamp 8, length 4, frame_id
     position += -position % 8
+    whole = position + 12 <= size
+    offset, position = offset[whole], position[whole]
     return _words(messages.buffer, offset + 4 + position, "<i8").astype(np.int64)
 
 
@@ -184,6 +187,8 @@ def _words(buffer: NDArray[np.uint8], offset: NDArray[np.int64], kind: str) -> N
 
 
 def _add_sequence(one: _Pass, sequence: NDArray[np.int64]) -> None:
+    if not len(sequence):
+        return
     if one.sequence is not None:
         sequence = np.concatenate([[one.sequence], sequence])
     one.sequence = int(sequence[-1])

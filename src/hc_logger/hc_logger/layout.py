@@ -9,6 +9,7 @@ ever changes within a recording; so for each length of frame_id there is one num
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,13 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 
 from hc_logger.bag import Columns
-from hc_logger.definitions import TypeDefinition
+from hc_logger.definitions import TypeDefinition, damaged_definition
 from hc_logger.errors import BagError
 
 ENCAPSULATION = bytes((0, 1, 0, 0))
 """Plain CDR, little-endian."""
+LONGEST_RECORD = 65536
+"""Bytes; the longest message of the suite has a few hundred."""
 FRAME_LENGTH_OFFSET = 12
 """Place of the length of frame_id in a message that begins with a std_msgs/Header."""
 
@@ -55,8 +58,17 @@ def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
         frame_bytes: length of frame_id with its closing zero byte.
 
     Raises:
-        BagError: if the type has other variable parts.
+        BagError: if the type has other variable parts, or its definition is damaged.
     """
+    try:
+        return _record_dtype(definition, frame_bytes)
+    except BagError:
+        raise
+    except Exception as error:  # rosbags and numpy over a damaged definition
+        raise BagError(damaged_definition(definition)) from error
+
+
+def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
     types = get_types_from_msg(definition.text, definition.name)
     names: list[str] = []
     formats: list[Any] = []
@@ -71,6 +83,8 @@ def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
         formats.append(dtype if count is None else (dtype, (count,)))
         offsets.append(len(ENCAPSULATION) + position)
         position += dtype.itemsize * (1 if count is None else count)
+        if position > LONGEST_RECORD:
+            raise BagError(damaged_definition(definition))
 
     def walk(type_name: str, prefix: str) -> None:
         nonlocal position
@@ -106,7 +120,14 @@ def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
     )
 
 
-def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
+INTEGER, REAL, FLAG = "iu", "f", "biu"
+"""Kinds of numbers, as numpy's dtype.kind has them."""
+_STAMP = {"header.stamp.sec": INTEGER, "header.stamp.nanosec": INTEGER}
+
+
+def records(
+    definition: TypeDefinition, columns: list[Columns], needed: Mapping[str, str] | None = None
+) -> NDArray[Any]:
     """Return all messages of a topic as one array of records, in the order of their log times.
 
     The frame_id is left out of the records (its length may differ between messages).
@@ -114,12 +135,17 @@ def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
     Args:
         definition: the topic's type, with a header and of fixed size after it.
         columns: what Bag.columns() gives.
+        needed: fields that are to be there beside the header's stamp, and their kinds.
 
     Raises:
-        BagError: if the type has other variable parts.
+        BagError: if the type has other variable parts, or lacks a field that is needed: a bag
+            carries its own definitions, and says of a type whatever it says.
     """
     total = sum(len(block.order) for block in columns)
     empty = record_dtype(definition, 1)
+    for name, kinds in (_STAMP | dict(needed or {})).items():
+        if name not in (empty.names or ()) or empty[name].kind not in kinds:
+            raise BagError(f"{definition.name} has no field {name} in this bag, or of another kind")
     kept = [name for name in empty.names or () if name != "header.frame_id"]
     target = np.dtype([(name, empty[name]) for name in kept])
     out = np.empty(total, target)
@@ -131,6 +157,8 @@ def records(definition: TypeDefinition, columns: list[Columns]) -> NDArray[Any]:
             .view("<u4")
             .reshape(-1)
         )
+        if int(frame_bytes.max(initial=0)) > block.data.shape[1]:
+            raise BagError(f"a message of type {definition.name} is damaged")
         for frame in np.unique(frame_bytes).tolist():
             dtype = record_dtype(definition, frame)
             rows = block.data if np.all(frame_bytes == frame) else block.data[frame_bytes == frame]

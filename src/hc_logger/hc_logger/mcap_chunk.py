@@ -17,10 +17,10 @@ import zstandard
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
+from hc_logger.limits import MOST_RECORDS, why_not_unpack
+
 RECORD_HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
-LARGEST_CHUNK = 2**31
-"""A length beyond this is taken for damage, not for a chunk."""
 
 
 class DamageError(Exception):
@@ -49,8 +49,11 @@ class Messages(NamedTuple):
     length: NDArray[np.int64]
 
 
-def _walk(buffer: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Return (records, 3) opcode, start of content, length of content of every whole record."""
+def _walk(buffer: NDArray[np.uint8], most: int) -> NDArray[np.int64]:
+    """Return (records, 3) opcode, start of content, length of content of every whole record.
+
+    Of more than `most` records, so many are returned.
+    """
     size = buffer.size
     count = 0
     position = np.int64(0)
@@ -60,7 +63,7 @@ def _walk(buffer: NDArray[np.uint8]) -> NDArray[np.int64]:
             places = np.empty((count, 3), np.int64)
             count = 0
             position = np.int64(0)
-        while position + 9 <= size:
+        while position + 9 <= size and count < most:
             length = np.int64(0)
             for k in range(8):
                 length |= np.int64(buffer[position + 1 + k]) << np.int64(8 * k)
@@ -95,10 +98,10 @@ def parse(content: bytes) -> tuple[Messages, NDArray[np.int64]]:
         DamageError: if the records do not fill the chunk.
     """
     buffer = np.frombuffer(content, np.uint8)
-    records = walk_records(buffer)
+    records = walk_records(buffer, MOST_RECORDS)
     end = int(records[-1, 1] + records[-1, 2]) if len(records) else 0
     if end != buffer.size:
-        raise DamageError("its records do not fill it")
+        raise DamageError(f"its records do not fill it, or are more than {MOST_RECORDS}")
     is_message = records[:, 0] == Opcode.MESSAGE
     return _messages(buffer, records[is_message]), records[~is_message]
 
@@ -137,21 +140,41 @@ def unpack(raw: bytes) -> bytes:
     except struct.error:
         raise DamageError("its head is cut off") from None
     packed = raw[position + 8 : position + 8 + packed_size]
-    if len(packed) != packed_size or unpacked_size > LARGEST_CHUNK:
+    if len(packed) != packed_size:
         raise DamageError("its stated size is impossible")
-    try:
-        if compression == b"zstd":
-            content = zstandard.ZstdDecompressor().decompress(packed, max_output_size=unpacked_size)
-        elif compression == b"lz4":
-            content = lz4.frame.decompress(packed)
-        elif compression == b"":
-            content = packed
-        else:
-            raise DamageError(f"its compression {compression!r} is not known")
-    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
-        raise DamageError(f"it cannot be unpacked: {error}") from None
+    refusal = why_not_unpack(packed_size, unpacked_size)
+    if refusal:
+        raise DamageError(refusal)
+    content = _decompress(compression, packed, unpacked_size)
     if len(content) != unpacked_size:
         raise DamageError(f"it unpacks to {len(content)} instead of {unpacked_size} bytes")
     if checksum and zlib.crc32(content) != checksum:
         raise DamageError("its checksum is wrong")
     return content
+
+
+def _decompress(compression: bytes, packed: bytes, size: int) -> bytes:
+    """Return the content of a chunk; never more than `size` bytes and one are made of it.
+
+    Raises:
+        DamageError: if it cannot be unpacked.
+    """
+    try:
+        if compression == b"zstd":
+            stated = zstandard.get_frame_parameters(packed).content_size
+            # The library takes the frame's own word for how much memory is needed.
+            if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise DamageError(f"its frame states {stated} instead of {size} bytes")
+            unpacked: bytes = zstandard.ZstdDecompressor().decompress(
+                packed, max_output_size=max(size, 1)
+            )
+            return unpacked
+        if compression == b"lz4":
+            stream = lz4.frame.LZ4FrameDecompressor()
+            content: bytes = stream.decompress(packed, max_length=size + 1)
+            return content
+    except (zstandard.ZstdError, RuntimeError, EOFError) as error:
+        raise DamageError(f"it cannot be unpacked: {error}") from None
+    if compression == b"":
+        return packed
+    raise DamageError(f"its compression {compression!r} is not known")

@@ -16,6 +16,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -35,6 +36,8 @@ _CHUNK_PATTERN = re.compile(
 )
 """A chunk's opcode, and the name of its compression where it must stand."""
 _PATTERN_BYTES = 64
+_UNREADABLE = (struct.error, UnicodeDecodeError, McapError, IndexError)
+"""What the mcap package raises for a record that is no such record."""
 _FOOTER = struct.Struct("<QQI")
 
 
@@ -192,7 +195,7 @@ class McapFile:
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
             try:
                 self._keep(opcode, stream.read(length))
-            except (struct.error, UnicodeDecodeError, McapError, IndexError):
+            except _UNREADABLE:
                 return None
         elif opcode == Opcode.FOOTER:
             content = stream.read(length)
@@ -282,10 +285,10 @@ class McapFile:
             content = raw if place.loose else unpack(raw)
             messages, others = parse(content)
             if first_time:
-                for opcode, start, length in others.tolist():
-                    if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                        self._keep(opcode, content[start : start + length])
-        except DamageError as error:
+                described = np.isin(others[:, 0], (Opcode.SCHEMA, Opcode.CHANNEL))
+                for opcode, start, length in others[described].tolist():
+                    self._keep(opcode, content[start : start + length])
+        except (DamageError, *_UNREADABLE) as error:
             if first_time:
                 self.damaged.append(DamagedChunk(place, str(error)))
             return None

@@ -10,9 +10,10 @@ from typing import Any, cast
 import yaml
 
 from hc_logger.errors import BagError
+from hc_logger.new_file import new_file
+from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml, read_plain_yaml
 
 FILE_NAME = "metadata.yaml"
-TEMPORARY = ".tmp"
 VERSION = 9
 ROS_DISTRO = "jazzy"
 
@@ -107,42 +108,60 @@ def information_text(metadata: BagMetadata) -> str:
 
 
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write metadata.yaml in one step, so that a reader never sees half of it."""
+    """Write metadata.yaml in one step, so that a reader never sees half of it.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
     text = yaml.safe_dump(
         {"rosbag2_bagfile_information": bag_information(metadata)}, sort_keys=False
     )
-    temporary = folder / (FILE_NAME + TEMPORARY)
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(folder / FILE_NAME)
+    with new_file(folder / FILE_NAME, overwrite=True) as file:
+        file.write(text.encode())
 
 
 def remove_metadata(folder: Path) -> None:
-    """Delete metadata.yaml, also a half-written one."""
-    for name in (FILE_NAME, FILE_NAME + TEMPORARY):
-        (folder / name).unlink(missing_ok=True)
+    """Delete metadata.yaml."""
+    (folder / FILE_NAME).unlink(missing_ok=True)
 
 
 def parse_yaml(text: str) -> Any:
     """Return the value of a YAML text of a damaged file, None if it is no YAML any more."""
     try:
-        return yaml.safe_load(text)
-    except yaml.YAMLError:
+        return load_plain_yaml(text)
+    except PlainYamlError:
         return None
 
 
 def recorded_hashes(information: Mapping[str, Any]) -> dict[str, str]:
     """Return the type hash of each topic that metadata.yaml names one for."""
-    entries = information.get("topics_with_message_count") or []
-    metadata = [entry.get("topic_metadata", {}) for entry in entries]
-    return {
-        m["name"]: m["type_description_hash"]
-        for m in metadata
-        if "name" in m and m.get("type_description_hash")
-    }
+    hashes = {}
+    for entry in _list(information.get("topics_with_message_count")):
+        topic = entry.get("topic_metadata") if isinstance(entry, dict) else None
+        if isinstance(topic, dict):
+            name, value = topic.get("name"), topic.get("type_description_hash")
+            if isinstance(name, str) and isinstance(value, str) and value:
+                hashes[name] = value
+    return hashes
+
+
+def recorded_profiles(text: str) -> list[dict[str, Any]]:
+    """Return the QoS profiles in a text of a channel or of metadata.yaml; none if it is damaged."""
+    return [profile for profile in _list(parse_yaml(text)) if isinstance(profile, dict)]
+
+
+def recorded_custom_data(information: Mapping[str, Any]) -> dict[str, str]:
+    """Return the texts that whoever recorded the bag added."""
+    custom = information.get("custom_data")
+    if not isinstance(custom, dict):
+        return {}
+    return {str(k): str(v) for k, v in custom.items() if not isinstance(v, (dict, list))}
 
 
 def read_information(folder: Path) -> dict[str, Any] | None:
     """Return what stands below rosbag2_bagfile_information, or None without metadata.yaml.
+
+    storage_identifier is a text, relative_file_paths a list of texts, compression_mode a text.
 
     Raises:
         BagError: if the file is not such YAML.
@@ -150,14 +169,24 @@ def read_information(folder: Path) -> dict[str, Any] | None:
     path = folder / FILE_NAME
     if not path.is_file():
         return None
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=loader)
+        content = read_plain_yaml(path)
         information = content["rosbag2_bagfile_information"]
-        information["storage_identifier"], information["relative_file_paths"]
-    except (yaml.YAMLError, UnicodeDecodeError, KeyError, TypeError) as error:
+        information.setdefault("compression_mode", "")
+        information["compression_mode"] = information["compression_mode"] or ""
+        texts = [information["storage_identifier"], information["compression_mode"]]
+        names = information["relative_file_paths"]
+        if not (isinstance(names, list) and all(isinstance(t, str) for t in (*texts, *names))):
+            raise TypeError("a name is no text")
+    except OSError as error:
+        raise BagError(f"cannot read {path}: {error.strerror}") from error
+    except (PlainYamlError, KeyError, TypeError, AttributeError) as error:
+        why = str(error) if isinstance(error, (PlainYamlError, TypeError)) else "it lacks entries"
         raise BagError(
-            f"{path} is damaged ({type(error).__name__}); "
-            "delete it, or rebuild the bag with: hc bag recover"
+            f"{path} is damaged ({why}); delete it, or rebuild the bag with: hc bag recover"
         ) from error
     return cast("dict[str, Any]", information)
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []

@@ -25,7 +25,7 @@ from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import STREAM_DEPTH
+from hc_msgs_py.qos import KEPT_DEPTH
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_PLAYER
 
@@ -162,7 +162,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 publishers[name] = self.create_publisher(
                     message_class(topic.definition.name),
                     renames.get(name, name),
-                    publisher_profile(topic.qos_profiles, STREAM_DEPTH),
+                    publisher_profile(topic.qos_profiles, KEPT_DEPTH),
                 )
             except UnknownTypeError as error:
                 self._skipped[name] = str(error)

@@ -17,7 +17,14 @@ from hc_logger.definitions import TypeDefinition
 from hc_logger.errors import BagError
 from hc_logger.mcap_chunk import Messages
 from hc_logger.mcap_file import ChunkPlace, McapFile
-from hc_logger.metadata import FILE_NAME, parse_yaml, read_information, recorded_hashes
+from hc_logger.metadata import (
+    FILE_NAME,
+    parse_yaml,
+    read_information,
+    recorded_custom_data,
+    recorded_hashes,
+    recorded_profiles,
+)
 
 
 def bag_files(path: Path) -> list[Path]:
@@ -39,6 +46,11 @@ def bag_files(path: Path) -> list[Path]:
     found = sorted(path.glob("*.mcap"), key=_natural)
     if information is not None and information["relative_file_paths"]:
         listed = [path / name for name in information["relative_file_paths"]]
+        outside = [file.name for file in listed if path.resolve() not in file.resolve().parents]
+        if outside:
+            raise BagError(
+                f"{path}: {outside[0]}, named in {FILE_NAME}, is not in the bag's folder"
+            )
         if all(file.is_file() for file in listed):
             return listed
         if not found:
@@ -80,7 +92,7 @@ class BagReader(Bag):
         for file in self.files:
             self._names.append(self._collect_topics(file))
         self.topics = dict(sorted(self.topics.items()))
-        self.custom_data = dict(information.get("custom_data") or {})
+        self.custom_data = recorded_custom_data(information)
 
     def _open(self, paths: list[Path]) -> list[McapFile]:
         files = []
@@ -108,7 +120,7 @@ class BagReader(Bag):
                     schema.data.decode("utf-8", "replace"),
                     channel.metadata.get("topic_type_hash") or self._hashes.get(channel.topic, ""),
                 )
-                profiles = parse_yaml(channel.metadata.get("offered_qos_profiles", "")) or []
+                profiles = recorded_profiles(channel.metadata.get("offered_qos_profiles", ""))
                 self.topics[channel.topic] = Topic(channel.topic, definition, profiles)
         return names
 

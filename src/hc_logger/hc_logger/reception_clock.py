@@ -35,18 +35,24 @@ class ReceptionClock:
         self._wall = wall
         self._monotonic = monotonic
         self._difference = wall() - monotonic()
-        self._offset = self._offset_before = 0
-        self._now = wall()
+        self._offset = 0
+        self._before: list[int] = []  # offsets that messages of this batch may still need
+        self._now = self._last_batch = wall()
         self.jumps_ns: list[int] = []
 
     def update(self) -> None:
-        """Look whether the clock was set; call it before each batch of messages."""
+        """Begin a batch of messages: look whether the clock was set since the last one."""
+        self._last_batch = self._now
+        self._before = []
+        self._look()
+
+    def _look(self) -> None:
         wall = self._wall()
         difference = wall - self._monotonic()
-        self._offset_before = self._offset
         jump = difference - self._difference
         if abs(jump) >= SMALLEST_JUMP_NS:
             self.jumps_ns.append(jump)
+            self._before.append(self._offset)
             self._offset += jump
             self._difference = difference
         self._now = wall - self._offset
@@ -55,11 +61,12 @@ class ReceptionClock:
         """Return a time of reception as if the clock had never been set.
 
         In the batch in which a jump is noticed some messages came before and some after it: each
-        gets the correction that puts it nearer to now.
+        gets the correction that puts it nearer to now. A message from the future, or from before
+        the last batch, makes it look again: the clock may have been set since the batch began.
         """
         steady = received_ns - self._offset
-        if self._offset != self._offset_before:
-            before = received_ns - self._offset_before
-            if abs(before - self._now) < abs(steady - self._now):
-                return before
+        if not self._last_batch <= steady <= self._now:
+            self._look()
+            candidates = [received_ns - offset for offset in (self._offset, *self._before)]
+            return min(candidates, key=lambda time: abs(time - self._now))
         return steady

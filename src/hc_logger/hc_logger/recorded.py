@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
+from hc_logger.definitions import damaged_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.layout import records
+from hc_logger.layout import FLAG, INTEGER, REAL, records
 from hc_logger.selection import full_name
 from hc_logger.type_names import (
     CONFIGURATION_TYPE,
@@ -38,6 +39,18 @@ _PARAMETER_FIELDS = (
     "string_array_value",
 )
 """Field of rcl_interfaces/ParameterValue by its type number."""
+_PARAMETERS = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
+_ESTIMATE_FIELDS = {
+    "sequence": INTEGER,
+    "configuration_revision": INTEGER,
+    "force_predicted": REAL,
+    "nis": REAL,
+    "change_detected": FLAG,
+    "model_mismatch": FLAG,
+    **dict.fromkeys(_PARAMETERS, REAL),
+    **dict.fromkeys((f"{name}_std" for name in _PARAMETERS), REAL),
+}
+"""Of hc_msgs/HuntCrossleyEstimate, what every version of it has."""
 
 
 class RecordedConfiguration(NamedTuple):
@@ -126,7 +139,7 @@ class Recording:
             topic = only_topic(reader, ESTIMATE_TYPE, ESTIMATE)
             if topic is None:
                 return np.empty(0, [("sequence", "<u8")])
-            return records(reader.topics[topic].definition, reader.columns(topic))
+            return records(reader.topics[topic].definition, reader.columns(topic), _ESTIMATE_FIELDS)
 
     @cached_property
     def configurations(self) -> list[RecordedConfiguration]:
@@ -139,8 +152,14 @@ class Recording:
             topic = only_topic(reader, CONFIGURATION_TYPE, CONFIGURATION)
             if topic is None:
                 return []
-            decode = decoder(reader.topics[topic].definition)
-            return [_configuration(m.log_time, decode(m.data)) for m in reader.messages({topic})]
+            definition = reader.topics[topic].definition
+            decode = decoder(definition)
+            try:
+                return [
+                    _configuration(m.log_time, decode(m.data)) for m in reader.messages({topic})
+                ]
+            except (AttributeError, TypeError, ValueError) as error:
+                raise BagError(damaged_definition(definition)) from error
 
     def _bag(self) -> Bag:
         if not self.is_bag:

@@ -22,12 +22,12 @@ from hc_logger.message_class import message_class
 from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.session import RecordingSession
-from hc_logger.writer import BagWriter
+from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
+from hc_logger.writer import BagWriter, new_numbered_bag
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import STREAM_DEPTH
+from hc_msgs_py.qos import KEPT_DEPTH
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_RECORDER
 
@@ -63,6 +63,14 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._tapped: frozenset[int] = frozenset()
         super().__init__(NODE_RECORDER)
         output = declare(self, "output", "", "folder of the new bag", read_only=True)
+        when_exists = declare(
+            self,
+            "when_exists",
+            "refuse",
+            "what to do when the folder exists: refuse, or record into NAME_2, NAME_3 and so on",
+            choices=("refuse", "number"),
+            read_only=True,
+        )
         topics = declare(
             self,
             "topics",
@@ -79,7 +87,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._depth = declare(
             self,
             "queue_depth",
-            STREAM_DEPTH,
+            KEPT_DEPTH,
             "messages that wait to be written, of each topic",
             minimum=1,
             maximum=100_000,
@@ -88,9 +96,9 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         flush = declare(
             self,
             "flush_interval",
-            0.25,
-            "a killed recorder loses at most this much",
-            minimum=0.02,
+            FLUSH_INTERVAL_S,
+            "a killed recorder loses at most this much, and 0.01 s more",
+            minimum=0.01,
             maximum=10.0,
             unit="s",
             read_only=True,
@@ -138,7 +146,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._clock_of_reception = ReceptionClock()
         self._sim_time = bool(self.get_parameter("use_sim_time").value)
         try:
-            writer = BagWriter(output, custom_data=_custom_data(custom), **split)
+            make = new_numbered_bag if when_exists == "number" else BagWriter
+            writer = make(output, custom_data=_custom_data(custom), **split)
         except BagError as error:
             raise NodeStartError(str(error)) from error
         self._session = RecordingSession(writer, flush_interval_s=flush, fsync_interval_s=fsync)
@@ -212,6 +221,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self.get_logger().error(
                 f"{self._session.failure}; recording has stopped, the run goes on"
             )
+            self._diagnostics.publish()  # at once, not within a second
 
     def _drain_one(self, tap: Tap) -> None:
         session, number = self._session, tap.number
@@ -296,7 +306,12 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._session.close()
         if self._session.failure and not self._reported_failure:
             self.get_logger().error(self._session.failure)
-        self._diagnostics.publish()
+        self._diagnostics.publish_last()
+
+    @property
+    def failure(self) -> str:
+        """Why not everything is in the bag, empty if all is."""
+        return self._session.failure
 
 
 def _never_called(_data: bytes) -> None:
@@ -321,8 +336,15 @@ def _custom_data(entries: list[str]) -> Mapping[str, str]:
 
 
 def main() -> int:
-    """Run the node; returns the exit status."""
-    return run_node(RecorderNode)
+    """Run the node; returns the exit status: that of run_node, INCOMPLETE for a bag that is cut."""
+    nodes: list[RecorderNode] = []
+
+    def make() -> RecorderNode:
+        nodes.append(RecorderNode())
+        return nodes[0]
+
+    status = run_node(make)
+    return status or (INCOMPLETE if nodes and nodes[0].failure else 0)
 
 
 if __name__ == "__main__":

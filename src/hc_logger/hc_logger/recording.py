@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from hc_logger.bag import Bag
 from hc_logger.csv_file import read_csv
+from hc_logger.csv_layout import CsvOptions, find_layout
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.layout import records, stamps
+from hc_logger.layout import INTEGER, REAL, records, stamps
+from hc_logger.limits import check_in_memory
 from hc_logger.recorded import Recording, findings_of, has_sensors, has_several_sensors, only_topic
 from hc_logger.selection import full_name
 from hc_logger.type_names import SAMPLE_TYPE
@@ -26,12 +28,21 @@ from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
 
 
-def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recording:
+SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
+"""Of hc_msgs/IndenterSample."""
+_FARTHEST_S = 2.0**62 / NANOSECONDS
+TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc")
+
+
+def read_recording(
+    path: str | os.PathLike[str], *, topic: str = "", csv_options: CsvOptions | None = None
+) -> Recording:
     """Read a CSV file, a bag folder or an MCAP file, whole or cut off.
 
     Args:
-        path: a file that ends in .csv, a bag folder, or an .mcap file.
+        path: a file that ends in .csv (or another ending of text), a bag folder, or an .mcap file.
         topic: topic of the samples in a bag; empty takes the only one.
+        csv_options: what is known of how a CSV file is written; None finds out.
 
     Raises:
         BagError: if there is nothing to read; the text says what to do.
@@ -41,9 +52,16 @@ def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recordin
         return _read_bag(path, topic)
     if not path.exists():
         raise BagError(f"{path} does not exist")
-    if path.suffix.lower() != ".csv":
+    if not is_text(path):
         raise BagError(f"{path} is neither a CSV file (.csv) nor a bag (a folder, or .mcap)")
-    rows = np.concatenate([np.empty((0, 3)), *read_csv(path)])
+    layout = find_layout(path, csv_options)
+    blocks = [np.empty((0, 3))]
+    size = 0
+    for block in read_csv(path, layout):
+        size += block.nbytes
+        check_in_memory(size, str(path))
+        blocks.append(block)
+    rows = np.concatenate(blocks)
     if not len(rows):
         raise BagError(f"{path} has no rows")
     time_s, displacement_mm, force_n = np.ascontiguousarray(rows.T)
@@ -56,8 +74,18 @@ def read_recording(path: str | os.PathLike[str], *, topic: str = "") -> Recordin
         np.arange(len(rows), dtype=np.uint64),
         displacement_mm,
         force_n,
-        findings_of(rows, np.diff(time_s), ()),
+        findings_of(rows, _steps(time_s), ())._replace(notes=layout.notes),
     )
+
+
+def is_text(path: Path) -> bool:
+    """Whether a name is that of a CSV file."""
+    return path.suffix.lower() in TEXT_SUFFIXES
+
+
+def _steps(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    with np.errstate(invalid="ignore", over="ignore"):  # infinity is counted as such
+        return np.diff(time_s)
 
 
 def _read_bag(path: Path, topic: str) -> Recording:
@@ -73,7 +101,7 @@ def _read_bag(path: Path, topic: str) -> Recording:
             if not topic and has_several_sensors(reader):
                 has += ": several sensors, name them (force.topic, position.topic)"
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
-        table = records(reader.topics[name].definition, reader.columns(name))
+        table = records(reader.topics[name].definition, reader.columns(name), SAMPLE_FIELDS)
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
         problems = tuple(reader.problems)
@@ -98,10 +126,14 @@ def _because(reader: Bag) -> str:
 
 
 def stamps_from_seconds(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return times in whole ns; one that is not finite is taken as that of the row before."""
+    """Return times in whole ns; one that is not finite is taken as that of the row before.
+
+    Times beyond 146 years are held there.
+    """
     usable = np.isfinite(time_s)
     if not usable.any():
         return np.zeros(len(time_s), np.int64)
     last = np.maximum.accumulate(np.where(usable, np.arange(len(time_s)), -1))
     last[last < 0] = int(np.argmax(usable))
-    return np.rint(time_s[last] * NANOSECONDS).astype(np.int64)
+    held = np.clip(time_s[last], -_FARTHEST_S, _FARTHEST_S)
+    return np.rint(held * NANOSECONDS).astype(np.int64)

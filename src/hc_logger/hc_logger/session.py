@@ -1,7 +1,7 @@
 """What the recorder keeps besides the ROS graph: the bag, its flushing, counts, a full disk.
 
 A write that fails (full disk, unplugged disk) must not end a run: the session then stops writing,
-keeps counting, and says so.
+keeps counting, and says so. Its counts never claim what is not in the bag.
 """
 
 from __future__ import annotations
@@ -14,6 +14,11 @@ from typing import Any
 
 from hc_logger.writer import BagWriter
 
+FLUSH_INTERVAL_S = 0.05
+"""What a killed recorder loses, with the 0.01 s in which it looks for messages: less than 0.1 s.
+Chunks of so little make the file 6 % larger than chunks of 0.25 s, at the same processor time."""
+INCOMPLETE = 3
+"""Exit status of a recorder that went on to the end of the run and could not write all of it."""
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of a publisher's counter beyond this is a restarted publisher, not a loss."""
 
@@ -49,11 +54,15 @@ class RecordingSession:
     Attributes:
         counts: by topic number.
         failure: why writing has stopped, empty while it works.
-        unwritten: messages that arrived after that.
+        unwritten: messages that arrived and are not in the bag.
     """
 
     def __init__(
-        self, writer: BagWriter, *, flush_interval_s: float = 0.25, fsync_interval_s: float = 5.0
+        self,
+        writer: BagWriter,
+        *,
+        flush_interval_s: float = FLUSH_INTERVAL_S,
+        fsync_interval_s: float = 5.0,
     ) -> None:
         """Start a session.
 
@@ -69,6 +78,7 @@ class RecordingSession:
         self._flush_interval_s = flush_interval_s
         self._last_flush = time.monotonic()
         self._stop = threading.Event()
+        self._sync_error: OSError | None = None
         self._syncer: threading.Thread | None = None
         if fsync_interval_s > 0:
             # in a thread of its own: a slow disk must not hold up the reception
@@ -112,6 +122,7 @@ class RecordingSession:
             )
         except OSError as error:
             self._fail(error)
+            self.unwritten += 1
             return
         count.messages += 1
         count.bytes += len(data)
@@ -122,23 +133,29 @@ class RecordingSession:
         if now - self._last_flush < self._flush_interval_s or self.failure:
             return
         self._last_flush = now
+        if self._sync_error is not None:
+            self._fail(self._sync_error)
+            return
         try:
             self.writer.flush()
         except OSError as error:
             self._fail(error)
 
     def _fail(self, error: OSError) -> None:
+        """Stop writing; what was handed over and is in no whole chunk does not count as written."""
         self.failure = f"cannot write {self.writer.path}: {error.strerror or error}"
-        self.unwritten += 1
+        for topic, count in self.counts.items():
+            safe = self.writer.safe_count(topic)
+            self.unwritten += count.messages - safe
+            count.messages = safe
 
     def _sync_repeatedly(self, interval_s: float) -> None:
-        while not self._stop.wait(interval_s):
-            if self.failure:
-                return
+        while not self._stop.wait(interval_s) and not self.failure:
             try:
                 self.writer.sync()
             except OSError as error:
-                self._fail(error)
+                self._sync_error = error  # told by the thread that writes and counts
+                return
 
     @property
     def messages(self) -> int:
@@ -155,6 +172,8 @@ class RecordingSession:
         self._stop.set()
         if self._syncer is not None:
             self._syncer.join()
+        if self._sync_error is not None and not self.failure:
+            self._fail(self._sync_error)
         if self.failure:
             self.writer.abandon()
             return

@@ -242,9 +242,11 @@ def _compare(
     )
     differs = np.zeros(len(rows), bool)
     for name, recomputed in _fields(series, force):
-        if name not in recorded.dtype.names:
+        if name not in (recorded.dtype.names or ()):
             continue  # recorded before the message had this field
         kept = recorded[name]
+        if kept.shape != recomputed.shape:
+            raise BagError(f"{recording.path}: {name} of the recorded estimates has another size")
         wrong = ~((kept == recomputed) | (np.isnan(kept) & np.isnan(recomputed)))
         wrong_rows = wrong.any(axis=1) if wrong.ndim > 1 else wrong
         differs |= wrong_rows

@@ -29,6 +29,7 @@ from hc_logger.metadata import (
     remove_metadata,
     write_metadata,
 )
+from hc_logger.new_file import RawFile, sync
 
 CHUNK_BYTES = 256 * 1024
 LIBRARY = "hc_logger"
@@ -68,8 +69,9 @@ class BagWriter:
         self._topics: list[TopicRecord] = []
         self._definitions: list[TypeDefinition] = []
         self._files: list[FileRecord] = []
-        self._custom_data = dict(custom_data or {})
+        self._custom_data = {k: _plain(v) for k, v in (custom_data or {}).items()}
         self._schemas: dict[tuple[str, str], int] = {}
+        self._safe_counts: list[int] = []
         self._closed = False
         self._files_lock = threading.Lock()
         self._unsynced: list[int] = []
@@ -82,12 +84,18 @@ class BagWriter:
                     "give another name or delete it"
                 ) from None
             raise BagError(f"cannot make the bag folder {self.path}: {error.strerror}") from error
-        self._open_file()
+        self._stream = RawFile.none()
+        try:
+            self._open_file()
+        except OSError as error:
+            self.discard()
+            raise BagError(f"cannot write {self.path}: {error.strerror}") from error
 
     def _open_file(self) -> None:
-        name = f"{self.path.resolve().name}_{len(self._files)}.mcap"
+        self._file = FileRecord(_plain(f"{self.path.resolve().name}_{len(self._files)}.mcap"))
+        self._files.append(self._file)
         with self._files_lock:
-            self._stream = _WholeWrites(self.path / name)
+            self._stream = RawFile(self.path / self._file.path)
         self._writer = Writer(
             self._stream,
             chunk_size=self._chunk_bytes,
@@ -97,8 +105,6 @@ class BagWriter:
         # The list is private to the pinned mcap package; a test measures that this takes effect.
         self._writer._Writer__chunk_indices = PackedChunkIndexes()
         self._writer.start(profile="ros2", library=LIBRARY)
-        self._file = FileRecord(name)
-        self._files.append(self._file)
         self._counts_at_open = [topic.message_count for topic in self._topics]
         self._schemas.clear()
         for topic, definition in zip(self._topics, self._definitions, strict=True):
@@ -171,14 +177,13 @@ class BagWriter:
         Raises:
             OSError: if the disk is full or gone.
         """
-        record = self._file
+        record, position = self._file, self._stream.tell()
         if (
-            log_time_ns - record.start_ns > self._max_file_ns
-            or self._stream.tell() > self._max_file_bytes
+            log_time_ns - record.start_ns > self._max_file_ns or position > self._max_file_bytes
         ) and record.message_count:
             self._finish_file()
             self._open_file()
-            record = self._file
+            record, position = self._file, self._stream.tell()
         self._writer.add_message(
             topic,
             log_time_ns,
@@ -194,6 +199,15 @@ class BagWriter:
             record.start_ns = log_time_ns
         record.message_count += 1
         self._topics[topic - 1].message_count += 1
+        if self._stream.tell() != position:  # the chunk was full
+            self._note_safe()
+
+    def _note_safe(self) -> None:
+        self._safe_counts = [topic.message_count for topic in self._topics]
+
+    def safe_count(self, topic: int) -> int:
+        """Return how many messages of a topic are in chunks that were written whole."""
+        return self._safe_counts[topic - 1] if topic <= len(self._safe_counts) else 0
 
     @property
     def message_count(self) -> int:
@@ -212,22 +226,28 @@ class BagWriter:
     def flush(self) -> None:
         """Hand everything received so far to the operating system."""
         self._writer.flush()
+        self._note_safe()
 
     def sync(self) -> None:
-        """Hand what was flushed to the disk; may take long, may be called from another thread."""
+        """Hand what was flushed to the disk; may take long, may be called from another thread.
+
+        Raises:
+            OSError: if the disk failed.
+        """
         with self._files_lock:
             numbers, self._unsynced = self._unsynced, []
-            if not self._closed:
+            if not self._stream.closed:
                 numbers.append(self._stream.duplicate())
-        for number in numbers:
-            try:
-                os.fsync(number)
-            finally:
+        try:
+            for number in numbers:
+                sync(number)
+        finally:
+            for number in numbers:
                 os.close(number)
 
     def set_custom_data(self, key: str, value: str) -> None:
         """Set a text of the metadata that is known only at the end."""
-        self._custom_data[key] = value
+        self._custom_data[key] = _plain(value)
 
     def _finish_file(self) -> None:
         own = [
@@ -238,7 +258,7 @@ class BagWriter:
                 strict=True,
             )
         ]
-        self._writer.flush()
+        self.flush()
         self._writer.add_metadata(
             "rosbag2",
             {
@@ -253,13 +273,17 @@ class BagWriter:
             self._stream.close()
 
     def close(self) -> None:
-        """Finish the file and write metadata.yaml; a second call does nothing."""
+        """Finish the file and write metadata.yaml; a second call does nothing.
+
+        Raises:
+            OSError: if the disk is full or gone.
+        """
         if self._closed:
             return
         self._finish_file()
-        self._closed = True
-        write_metadata(self.path, BagMetadata(self._topics, self._files, self._custom_data))
         self.sync()
+        write_metadata(self.path, BagMetadata(self._topics, self._files, self._custom_data))
+        self._closed = True
 
     def abandon(self) -> None:
         """Close the file as it is, without its end: after a write that failed."""
@@ -274,13 +298,17 @@ class BagWriter:
             self._unsynced = []
 
     def discard(self) -> None:
-        """Delete what was written: for a conversion that failed half way."""
+        """Delete what was written: for a conversion that failed half way.
+
+        What cannot be deleted stays: the failure that led here is the one to tell.
+        """
         self._closed = True
         self._close_files()
-        for record in self._files:
-            (self.path / record.path).unlink()
-        remove_metadata(self.path)
-        self.path.rmdir()
+        with contextlib.suppress(OSError):
+            for record in self._files:
+                (self.path / record.path).unlink(missing_ok=True)
+            remove_metadata(self.path)
+            self.path.rmdir()
 
     def __enter__(self) -> BagWriter:
         return self
@@ -301,36 +329,41 @@ class BagWriter:
             raise
 
 
-class _WholeWrites:
-    """A new, unbuffered file whose write() writes everything or raises.
+def numbered_bags(path: str | os.PathLike[str]) -> list[Path]:
+    """Return the folders NAME, NAME_2, NAME_3 and so on that are there, in this order."""
+    first = Path(path)
+    found = [first] if first.exists() else []
+    number = 2
+    while (following := first.with_name(f"{first.name}_{number}")).exists():
+        found.append(following)
+        number += 1
+    return found
 
-    Unbuffered, because the mcap writer hands over whole chunks and a failed write must show at
-    once. A raw file may write a part only (a nearly full disk does); the mcap writer does not look.
+
+def new_numbered_bag(path: str | os.PathLike[str], **options: Any) -> BagWriter:
+    """Make a bag under the first name of NAME, NAME_2, NAME_3 and so on that is free.
+
+    Args:
+        path: the first name.
+        **options: as for BagWriter.
+
+    Raises:
+        BagError: if the folder cannot be made.
     """
+    first = Path(path)
+    number = 1
+    while True:
+        try:
+            return BagWriter(
+                first if number == 1 else first.with_name(f"{first.name}_{number}"), **options
+            )
+        except BagExistsError:
+            number += 1
 
-    def __init__(self, path: Path) -> None:
-        self._raw = open(path, "xb", buffering=0)  # noqa: SIM115 - kept open
-        self._position = 0
 
-    def write(self, data: bytes) -> int:
-        view = memoryview(data)
-        while view:
-            written = self._raw.write(view)
-            self._position += written
-            view = view[written:]
-        return len(data)
-
-    def tell(self) -> int:
-        return self._position
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def duplicate(self) -> int:
-        return os.dup(self._raw.fileno())
-
-    def close(self) -> None:
-        self._raw.close()
+def _plain(text: str) -> str:
+    """Return a text that UTF-8 can hold: the name of a file may hold any bytes."""
+    return "".join("_" if "\ud800" <= c <= "\udfff" else c for c in text)
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ import gc
 import re
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
 
 import rclpy
@@ -20,7 +20,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from hc_msgs_py.middleware import set_defaults
+from hc_msgs_py.clock_watch import ClockWatch
+from hc_msgs_py.middleware import NoSecurityError, set_defaults
 
 SPIN_TIMEOUT_S = 0.1
 
@@ -31,6 +32,8 @@ class NodeStartError(Exception):
 
 class ManagedNode(Protocol):
     """What run_node needs beyond rclpy.node.Node."""
+
+    timers: Iterable[Any]
 
     def finished(self) -> bool:
         """Return True when the node has done its work and wants to end by itself."""
@@ -65,10 +68,10 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
     signal.signal(signal.SIGTERM, request_stop)
     # rcl would write its own line about arguments that it cannot read, before ours.
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.FATAL)
-    set_defaults()
     try:
+        set_defaults()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, UnknownROSArgsError) as error:
+    except (RCLError, UnknownROSArgsError, NoSecurityError) as error:
         print(_without_source_lines(_one_line(error)), file=sys.stderr)  # noqa: T201
         return 2
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.INFO)
@@ -88,8 +91,9 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
         try:
             # spin() of this executor busy-loops in these wheels; spin_once with a timeout works.
             # Nothing but this function shuts the context down, so it is not asked each time.
-            while not stop and not node.finished():
-                executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
+            with ClockWatch(executor, lambda: node.timers):
+                while not stop and not node.finished():
+                    executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
         except NodeStartError as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201
             status = 1

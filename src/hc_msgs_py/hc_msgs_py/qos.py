@@ -2,6 +2,10 @@
 
 Depths are deep on purpose: with a depth of 100 a publisher overwrote its queue in stalls of 50
 to 120 ms at 1 kHz, with 2000 none was lost (../shared/BAGS_AND_PICTURES.md).
+
+A process that stands still (stopped, swapped out) receives nothing, however deep its own queue is:
+what it misses can only come from the publisher, if that keeps it and is asked to send it again.
+So streams are offered RELIABLE and deep; who does not want old samples subscribes BEST_EFFORT.
 """
 
 from __future__ import annotations
@@ -18,17 +22,28 @@ from rclpy.qos import (
 STREAM_DEPTH: Final = 2000
 """Queue of every stream with one message a sample: two seconds at 1 kHz."""
 
+KEPT_DEPTH: Final = 8000
+"""What publishers of streams keep for a recorder that stands still: eight seconds at 1 kHz."""
+
 SAMPLE_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=STREAM_DEPTH,
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""Sensor streams: a late sample is worth less than the next one, so nothing is sent twice."""
+"""To subscribe to sensor streams: a late sample is worth less than the next one."""
+
+SAMPLE_PUBLISHER_QOS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=KEPT_DEPTH,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""To publish sensor streams: SAMPLE_QOS matches it, and a recorder gets every sample."""
 
 ESTIMATE_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
-    depth=STREAM_DEPTH,
+    depth=KEPT_DEPTH,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )

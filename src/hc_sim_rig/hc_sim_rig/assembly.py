@@ -42,6 +42,7 @@ from hc_sim_rig.layout import (
     SIGNAL_SENSOR,
     SIGNAL_TRUE,
     STATE,
+    TISSUE_ADHESIVE,
     TISSUE_HUNT_CROSSLEY,
     TISSUE_KELVIN_VOIGT,
     TISSUE_LAYERED,
@@ -80,6 +81,7 @@ NO_SIGNAL = -1
 TISSUES = {
     "none": TISSUE_NONE,
     "hunt_crossley": TISSUE_HUNT_CROSSLEY,
+    "adhesive": TISSUE_ADHESIVE,
     "kelvin_voigt": TISSUE_KELVIN_VOIGT,
     "viscoelastic": TISSUE_VISCOELASTIC,
     "layered": TISSUE_LAYERED,
@@ -201,8 +203,6 @@ def _configure_teleoperation(config: np.void, drive: Teleoperation) -> None:
 def _configure_tissue(config: np.void, scenario: Scenario) -> None:
     tissue = scenario.tissue
     config["tissue"] = TISSUES[tissue.kind]
-    # A linear dashpot would hold a tip that leaves; the law of Hunt and Crossley pulls by choice.
-    config["release"] = tissue.kind == "kelvin_voigt" or getattr(tissue, "release", False)
     inclusion = getattr(tissue, "inclusion", None)
     if inclusion is not None:
         config["inclusion_centre"] = inclusion.centre_mm

@@ -46,6 +46,7 @@ from hc_sim_rig.layout import (
     SIGNAL_ESTIMATED,
     SIGNAL_FILTERED,
     SIGNAL_SENSOR,
+    TISSUE_ADHESIVE,
     TISSUE_HUNT_CROSSLEY,
     TISSUE_KELVIN_VOIGT,
     TISSUE_LAYERED,
@@ -91,7 +92,7 @@ def write_truth(
     line[OUT_TRUE_VELOCITY] = velocity
     line[OUT_TRUE_FORCE] = force
     line[OUT_PARAMETERS : OUT_PARAMETERS + 4] = np.nan
-    if kind == TISSUE_HUNT_CROSSLEY:
+    if kind in (TISSUE_HUNT_CROSSLEY, TISSUE_ADHESIVE):
         line[OUT_PARAMETERS] = values[NOW_STIFFNESS]
         line[OUT_PARAMETERS + 1] = values[NOW_DAMPING]
         line[OUT_PARAMETERS + 2] = values[NOW_DISPLACEMENT_EXPONENT]

@@ -66,6 +66,8 @@ SEGMENT_COLUMNS: Final = 5  # start time, end time, start value, end value, shap
 SINE_COLUMNS: Final = 3  # amplitude, angular frequency, phase
 SHAPE_LINEAR: Final = 0.0
 SHAPE_MINIMUM_JERK: Final = 1.0
+SHAPE_SPEEDING_UP: Final = 2.0  # from rest, at a constant acceleration
+SHAPE_SLOWING_DOWN: Final = 3.0  # to rest, the same
 
 # What carries the tool.
 DRIVE_IDEAL: Final = 0
@@ -78,6 +80,7 @@ TISSUE_HUNT_CROSSLEY: Final = 1
 TISSUE_KELVIN_VOIGT: Final = 2
 TISSUE_VISCOELASTIC: Final = 3
 TISSUE_LAYERED: Final = 4
+TISSUE_ADHESIVE: Final = 5
 
 # Current values of the tissue.
 NOW_STIFFNESS: Final = 0
@@ -211,7 +214,6 @@ CONFIG: Final = np.dtype(
         ("motion_signal", "i8"),
         ("filter_rate", "f8"),  # [1/s] of the low-pass behind SIGNAL_FILTERED
         ("tissue", "i8"),
-        ("release", "i8"),  # 1: the tissue never pulls
         ("inclusion_centre", "f8"),  # [mm] sideways
         ("inclusion_width", "f8"),  # [mm] standard deviation of the bell; 0: no inclusion
         ("inclusion_stiffness", "f8"),  # [1] added to K's factor at the centre

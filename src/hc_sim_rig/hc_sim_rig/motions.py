@@ -11,8 +11,11 @@ import math
 from dataclasses import dataclass
 
 from hc_sim_rig.layout import SHAPE_LINEAR, SHAPE_MINIMUM_JERK
-from hc_sim_rig.profile import Profile, profile_from_points
+from hc_sim_rig.profile import Profile, leg_duration, profile_from_legs, profile_from_points
 from hc_sim_rig.schema import ScenarioError, Section, number, section, word
+
+ACCELERATION_MM_S2 = 1000.0
+"""A tenth of gravity: what a stage does without effort. No motion's velocity jumps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,17 +35,20 @@ class ConstantVelocity(Section):
     start_mm: float = number(0.0, about="where it begins", unit="mm")
     depth_mm: float = number(None, about="where it turns or stops", unit="mm")
     velocity_mm_s: float = number(None, above=0.0, maximum=1e5, unit="mm/s")
+    acceleration_mm_s2: float = number(
+        ACCELERATION_MM_S2, minimum=1e-3, maximum=1e8, about="at both ends of a way", unit="mm/s^2"
+    )
     hold_s: float = number(0.0, minimum=0.0, about="time at depth", unit="s")
     retract: bool = False
 
     def profile(self) -> Profile:
         """Return the motion's tables."""
-        way = abs(self.depth_mm - self.start_mm) / self.velocity_mm_s
-        points = [(0.0, self.start_mm), (way, self.depth_mm)]
+        legs = [(0.0, self.depth_mm)]
         if self.retract:
-            points.append((way + self.hold_s, self.depth_mm))
-            points.append((2.0 * way + self.hold_s, self.start_mm))
-        return profile_from_points(points, SHAPE_LINEAR)
+            way = self.depth_mm - self.start_mm
+            lasts = leg_duration(way, self.velocity_mm_s, self.acceleration_mm_s2)
+            legs.append((lasts + self.hold_s, self.start_mm))
+        return profile_from_legs(self.start_mm, legs, self.velocity_mm_s, self.acceleration_mm_s2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,12 +80,15 @@ class StepHold(Section):
     step_mm: float = number(None, about="size of each step", unit="mm")
     times_s: tuple[float, ...] = section(about="when the steps begin")
     velocity_mm_s: float = number(None, above=0.0, maximum=1e5, unit="mm/s")
+    acceleration_mm_s2: float = number(
+        ACCELERATION_MM_S2, minimum=1e-3, maximum=1e8, about="at both ends of a step", unit="mm/s^2"
+    )
 
     def __post_init__(self) -> None:
         """Check that the steps do not overlap."""
         super().__post_init__()
         check_times(self.times_s, "times_s")
-        duration = abs(self.step_mm) / self.velocity_mm_s
+        duration = leg_duration(self.step_mm, self.velocity_mm_s, self.acceleration_mm_s2)
         for earlier, later in zip(self.times_s, self.times_s[1:], strict=False):
             if later < earlier + duration:
                 raise ScenarioError(
@@ -89,14 +98,11 @@ class StepHold(Section):
 
     def profile(self) -> Profile:
         """Return the motion's tables."""
-        points = [(0.0, self.start_mm)]
-        depth = self.start_mm
-        duration = abs(self.step_mm) / self.velocity_mm_s
-        for time in self.times_s:
-            points.append((time, depth))
-            depth += self.step_mm
-            points.append((time + duration, depth))
-        return profile_from_points(points, SHAPE_LINEAR)
+        legs = [
+            (time, self.start_mm + (count + 1) * self.step_mm)
+            for count, time in enumerate(self.times_s)
+        ]
+        return profile_from_legs(self.start_mm, legs, self.velocity_mm_s, self.acceleration_mm_s2)
 
 
 @dataclass(frozen=True, kw_only=True)

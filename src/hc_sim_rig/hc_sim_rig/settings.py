@@ -54,15 +54,17 @@ SETTINGS: Mapping[str, Setting] = {
 }
 
 _EVERYWHERE = ("speed", "amplitude", "displacement_noise_std_mm", "force_noise_std_n")
+_HUNT_CROSSLEY = (
+    "tissue_scale",
+    "stiffness",
+    "damping",
+    "displacement_exponent",
+    "velocity_exponent",
+)
 _TISSUE = {
     "none": (),
-    "hunt_crossley": (
-        "tissue_scale",
-        "stiffness",
-        "damping",
-        "displacement_exponent",
-        "velocity_exponent",
-    ),
+    "hunt_crossley": _HUNT_CROSSLEY,
+    "adhesive": _HUNT_CROSSLEY,
     "kelvin_voigt": ("tissue_scale", "stiffness", "damping"),
     "viscoelastic": ("tissue_scale", "stiffness", "displacement_exponent"),
     "layered": ("tissue_scale",),

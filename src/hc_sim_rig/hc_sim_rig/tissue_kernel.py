@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.contact import hunt_crossley_force
+from hc_estimator.contact import adhesive_force, hunt_crossley_force
 from hc_sim_rig.compilation import inlined
 from hc_sim_rig.layout import (
     NOW_DAMPING,
@@ -20,6 +20,7 @@ from hc_sim_rig.layout import (
     NOW_SCALE,
     NOW_STIFFNESS,
     NOW_VELOCITY_EXPONENT,
+    TISSUE_ADHESIVE,
     TISSUE_HUNT_CROSSLEY,
     TISSUE_KELVIN_VOIGT,
     TISSUE_LAYERED,
@@ -216,9 +217,19 @@ def tissue_force(
             values[NOW_DISPLACEMENT_EXPONENT],
             values[NOW_VELOCITY_EXPONENT],
         )
+    elif fixed.tissue == TISSUE_ADHESIVE:
+        force = adhesive_force(
+            displacement,
+            velocity,
+            values[NOW_STIFFNESS],
+            values[NOW_DAMPING],
+            values[NOW_DISPLACEMENT_EXPONENT],
+            values[NOW_VELOCITY_EXPONENT],
+        )
     elif fixed.tissue == TISSUE_KELVIN_VOIGT:
         if displacement > 0.0:
-            force = values[NOW_STIFFNESS] * displacement + values[NOW_DAMPING] * velocity
+            spring = values[NOW_STIFFNESS] * displacement
+            force = max(0.0, spring + values[NOW_DAMPING] * velocity)
     elif fixed.tissue == TISSUE_VISCOELASTIC:
         stiffness, exponent = values[NOW_STIFFNESS], values[NOW_DISPLACEMENT_EXPONENT]
         surface = viscoelastic_surface(displacement, y, stiffness, exponent, branches)
@@ -228,8 +239,6 @@ def tissue_force(
             force = viscoelastic_pull(displacement, y, stiffness, exponent, branches)
     elif fixed.tissue == TISSUE_LAYERED:
         force = layered_force(displacement, velocity, fixed, state[0], values[NOW_SCALE], layers)
-    if fixed.release and force < 0.0:
-        force = 0.0
     return force
 
 

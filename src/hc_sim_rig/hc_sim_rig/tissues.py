@@ -42,7 +42,11 @@ class Inclusion(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class HuntCrossleyTissue(Section):
-    """F = K d^n + B d^n sign(v)|v|^p (papers A, B: Eq. 1; paper C: Eq. 12 with p = 1)."""
+    """F = max(0, K d^n + B d^n sign(v)|v|^p) (papers A, B: Eq. 1; paper C: Eq. 12 with p = 1).
+
+    The kind `adhesive` leaves out the max(): a tip that withdraws quickly is held back, as the
+    papers' formula says and as only a tissue that sticks to the tip could do.
+    """
 
     PRESETS: ClassVar[dict[str, dict[str, Any]]] = {
         # Silicone Ecoflex 0030 under a round tip of 5 mm diameter (paper A, section 5.4):
@@ -56,7 +60,7 @@ class HuntCrossleyTissue(Section):
         },
     }
 
-    kind: str = word(None, "hunt_crossley")
+    kind: str = word(None, "hunt_crossley", "adhesive")
     preset: str = word("none", "none", "ecoflex_0030")
     length_unit: str = word("mm", "mm", "cm", about="unit of K and B")
     stiffness: float = number(None, minimum=0.0, maximum=1e6, unit="N/mm^n")
@@ -64,7 +68,6 @@ class HuntCrossleyTissue(Section):
     displacement_exponent: float = number(None, minimum=0.2, maximum=6.0)
     velocity_exponent: float = number(1.0, minimum=0.1, maximum=3.0)
     surface_mm: float = number(0.0, about="where the tissue begins", unit="mm")
-    release: bool = False
     inclusion: Inclusion | None = None
     changes: tuple[Change, ...] = section(tuple)
 

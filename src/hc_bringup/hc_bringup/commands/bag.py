@@ -7,6 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import recording_input
 from hc_bringup.errors import WRONG_USE, UserError
 
 HELP = "look into a bag, repair one that was cut off, convert CSV and bag"
@@ -24,6 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     convert.add_argument("source", metavar="SOURCE", help="CSV file or bag")
     convert.add_argument("target", metavar="TARGET", help="bag folder, or a file that ends in .csv")
     convert.add_argument("--topic", default="", metavar="T", help="sample topic, if several")
+    recording_input.add_csv_options(convert)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -35,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
         return actions[arguments.action](arguments)
     except BagExistsError as error:
         raise UserError(str(error), WRONG_USE) from error
-    except (BagError, OSError) as error:
+    except BagError as error:
         raise UserError(str(error)) from error
 
 
@@ -99,19 +101,25 @@ def _recover(arguments: argparse.Namespace) -> int:
 def _convert(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_logger.convert import bag_to_bag, bag_to_csv, csv_to_bag
+    from hc_logger.csv_file import read_csv, write_csv
+    from hc_logger.csv_layout import find_layout
+    from hc_logger.recording import is_text
 
     source, target = Path(arguments.source), Path(arguments.target)
     to_csv = target.suffix.lower() == ".csv"
-    from_csv = source.suffix.lower() == ".csv"
-    if from_csv and to_csv:
-        raise UserError("both are CSV files: give a bag as one of them", WRONG_USE)
+    from_csv = is_text(source) and not source.is_dir()
+    layout = None
+    if from_csv:
+        layout = find_layout(source, recording_input.csv_options(arguments))
     what = "samples"
-    problems: list[str] = []
+    problems: list[str] = list(layout.notes) if layout is not None else []
     with progress_bar(f"{source.name} to {target.name}") as progress:
-        if to_csv:
+        if from_csv and to_csv:
+            count = write_csv(target, read_csv(source, layout))
+        elif to_csv:
             count, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
         elif from_csv:
-            count = csv_to_bag(source, target, progress=progress)
+            count = csv_to_bag(source, target, layout=layout, progress=progress)
         else:
             what = "messages"
             counts, problems = bag_to_bag(source, target, progress=progress)

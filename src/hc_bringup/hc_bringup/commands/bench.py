@@ -23,8 +23,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument("--quick", action="store_true", help="few seeds, for a first look")
     bags = commands.add_parser("bags", help="recorder, player, bag files")
     bags.add_argument("--duration", type=positive, default=20.0, metavar="S", help="of each part")
-    soak = commands.add_parser("soak", help="a long run under random reconfiguration")
-    soak.add_argument("--minutes", type=positive, default=10.0, metavar="N", help="how long (10)")
+    soak = commands.add_parser(
+        "soak", help="long runs under random reconfiguration, with viewers, with nodes killed"
+    )
+    soak.add_argument(
+        "--minutes", type=positive, default=8.0, metavar="N", help="how long, both halves (8)"
+    )
+    soak.add_argument(
+        "--without-kills", action="store_true", help="leave out the half in which nodes are killed"
+    )
     soak.add_argument("--seed", type=natural, default=0, metavar="N", help="of the changes")
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
@@ -96,30 +103,33 @@ def _bags(arguments: argparse.Namespace) -> int:
 def _soak(arguments: argparse.Namespace) -> int:
     from hc_bringup.live import Display
     from hc_bringup.soak import run_soak
+    from hc_bringup.soak_kills import run_kills
 
+    minutes = arguments.minutes if arguments.without_kills else arguments.minutes / 2.0
+    reports: dict[str, Any] = {}
     with Display(enabled=True) as display:
-        report = run_soak(arguments.minutes, seed=arguments.seed, show=display.show)
-    _show(report.as_dict(), arguments.json)
-    return FAILURE if report.lost or report.invalid else 0
+        reports["steady"] = run_soak(minutes, seed=arguments.seed, show=display.show)
+    if not arguments.without_kills:
+        with Display(enabled=True) as display:
+            reports["kills"] = run_kills(minutes, seed=arguments.seed, show=display.show)
+    _show({name: report.as_dict() for name, report in reports.items()}, arguments.json)
+    return 0 if all(report.passed for report in reports.values()) else FAILURE
 
 
 def _show(figures: Mapping[str, Any], as_json: bool) -> None:
     from hc_bringup.summary import to_json
 
-    if as_json:
-        print(to_json(dict(figures)))
-        return
+    print(to_json(dict(figures)) if as_json else "\n".join(_lines(figures)))
+
+
+def _lines(figures: Mapping[str, Any], indent: str = "") -> list[str]:
+    lines = []
     for name, value in figures.items():
         if isinstance(value, Mapping):
-            print(f"{name}:")
-            _show_nested(value)
+            lines += [f"{indent}{name}:", *_lines(value, indent + "  ")]
         else:
-            print(f"{name}: {_text(value)}")
-
-
-def _show_nested(figures: Mapping[str, Any]) -> None:
-    for name, value in figures.items():
-        print(f"  {name}: {_text(value)}")
+            lines.append(f"{indent}{name}: {_text(value)}")
+    return lines
 
 
 def _text(value: Any) -> str:

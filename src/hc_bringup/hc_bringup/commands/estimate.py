@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import itertools
+import math
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,8 @@ from hc_bringup.options import assignment
 SETTLING_S = 1.0
 """From the first contact on, left out of force errors: the estimator knows nothing yet."""
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
+_LINES_AT_ONCE = 4096
+_FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
     "stiffness_std,damping_std,displacement_exponent_std,velocity_exponent_std,"
@@ -65,6 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         _write(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
+    reason = why_no_result(summary)
+    if reason:
+        raise UserError(f"{arguments.input}: {reason}")
     print(to_json(summary) if arguments.json else _text(summary))
     return 0
 
@@ -142,22 +150,24 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     rejected = series.rejected
     used = rejected == 0
     touching = used & series.contact
-    since_contact = recording.time_s - (recording.time_s[touching][0] if touching.any() else 0.0)
-    with np.errstate(invalid="ignore"):
-        settled = since_contact >= min(SETTLING_S, 0.5 * float(np.nanmax(since_contact)))
-    counted = touching & settled
+    time_s = recording.time_s[touching]
+    since_contact = time_s - time_s[:1]
+    counted = np.flatnonzero(touching)
+    counted = counted[since_contact >= min(SETTLING_S, 0.5 * since_contact.max(initial=0.0))]
     last = series[len(series) - 1]
 
     def named(values: Any) -> dict[str, float]:
         return dict(zip(PARAMETER_NAMES, map(float, values), strict=True))
 
     def rms(values: Any) -> float:
-        return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+        with np.errstate(over="ignore"):  # what is infinite then is told
+            return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
     force = recording.force_n
     return {
         "samples": len(series),
         "used": int(np.count_nonzero(used)),
+        "in_contact": int(np.count_nonzero(touching)),
         "rejected": {
             Rejection(code).name.lower(): int(count)
             for code, count in zip(*np.unique(rejected[~used], return_counts=True), strict=True)
@@ -172,9 +182,27 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
         "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
         "force_reconstructed_rmse_n": rms((series.force_reconstructed - force)[counted]),
-        "nis_mean": float(np.mean(series.nis[counted])) if counted.any() else float("nan"),
+        "nis_mean": float(np.mean(series.nis[counted])) if len(counted) else float("nan"),
         "microseconds_per_step": 1e6 * seconds / len(series),
     }
+
+
+def why_no_result(summary: dict[str, Any]) -> str:
+    """Say why a recording gave no parameters, empty if it gave some."""
+    count = summary["samples"]
+    if not summary["used"]:
+        rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items())
+        return f"none of the {count} samples could be used: {rejected}"
+    if not summary["in_contact"]:
+        return (
+            f"no contact in {count} samples: displacement counts from the surface, positive into "
+            "the tissue, and compression is a positive force (see --find-surface and --input)"
+        )
+    results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
+    results += [summary[name] for name in _FIGURES]
+    if not all(map(math.isfinite, results)):
+        return f"the numbers are too large to be estimated: {count} samples gave no finite result"
+    return ""
 
 
 def _text(summary: dict[str, Any]) -> str:
@@ -204,6 +232,8 @@ def _write(path: Path, recording: Any, series: Any) -> None:
     import numpy as np
 
     from hc_estimator import Rejection
+    from hc_logger.errors import BagError
+    from hc_logger.new_file import write_new_text
 
     names = {code.value: code.name.lower() if code else "" for code in Rejection}
     numbers = np.column_stack(
@@ -219,10 +249,17 @@ def _write(path: Path, recording: Any, series: Any) -> None:
         ]
     ).tolist()
     flags = np.column_stack([series.contact, series.change_detected]).astype(int).tolist()
+    lines = (
+        ",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n"
+        for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True)
+    )
     try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(COLUMNS + "\n")
-            for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True):
-                file.write(",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n")
-    except OSError as error:
-        raise UserError(f"cannot write {path}: {error.strerror}") from error
+        write_new_text(path, itertools.chain([COLUMNS + "\n"], _joined(lines)))
+    except BagError as error:
+        raise UserError(str(error)) from error
+
+
+def _joined(lines: Iterator[str]) -> Iterator[str]:
+    """Yield many lines at once: each part is one write to the disk."""
+    while part := "".join(itertools.islice(lines, _LINES_AT_ONCE)):
+        yield part

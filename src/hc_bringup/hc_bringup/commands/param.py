@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.parameter_file import read_yaml
 
 HELP = "list, read, change, save and load the parameters of a running node"
 
@@ -118,12 +119,7 @@ def _load(graph: Any, arguments: argparse.Namespace) -> int:
 
 def _read_file(path: Path, node: str) -> dict[str, Any]:
     """Return the parameters that a ROS parameter file has for a node, by their full names."""
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"cannot read {path}: {error.strerror}", WRONG_USE) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise UserError(f"{path} is not valid YAML: {error}", WRONG_USE) from error
+    data = read_yaml(path)
     found: dict[str, Any] = {}
     if isinstance(data, dict):
         for key in ("/**", node.lstrip("/"), f"/{node.lstrip('/')}"):

@@ -49,9 +49,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from hc_bringup.conclusion import conclude
     from hc_bringup.live import Display
     from hc_bringup.runner import Runner
-    from hc_bringup.summary import run_summary, run_text, to_json
 
     plan, bag = _plan(arguments)
     if any(node.terminal for node in plan.nodes):
@@ -62,8 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     ):
         state = Runner(plan, display.show).run()
     # Stamps are those of the recording, so there is no latency to speak of.
-    summary = run_summary(state, str(bag) if bag else None, with_latency=False)
-    print(to_json(summary) if arguments.json else run_text(summary))
+    names = [node.name for node in plan.nodes]
+    conclude(state, names, bag, as_json=arguments.json, with_latency=False)
     return 0
 
 

@@ -56,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.picture import draw
     from hc_bringup.run_data import estimated, recorded
+    from hc_logger.new_file import new_file
 
     target = Path(arguments.output)
     if target.suffix.lower() not in (".html", *_PICTURES):
@@ -76,14 +77,18 @@ def run(arguments: argparse.Namespace) -> int:
     if data is None:
         data = estimated(recording, estimate.make_estimator(arguments))
     figure = draw(data)
+    kind = target.suffix.lower().removeprefix(".")
+    if kind == "html":
+        content = _page(data, figure, recording.findings.lines()).encode("utf-8", "replace")
+    else:
+        picture = io.BytesIO()
+        figure.savefig(picture, format=kind, dpi=110)
+        content = picture.getvalue()
     try:
-        if target.suffix.lower() == ".html":
-            with target.open("x", encoding="utf-8") as file:
-                file.write(_page(data, figure, recording.findings.lines()))
-        else:
-            figure.savefig(target, dpi=110)
+        with new_file(target) as file:
+            file.write(content)
     except OSError as error:
-        raise UserError(f"cannot write {target}: {error.strerror}") from error
+        raise UserError(f"cannot write {target}: {error.strerror or error}") from error
     print(f"written: {target}")
     return 0
 

@@ -9,10 +9,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import seconds
+from hc_bringup.parameter_file import read_yaml
 
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
@@ -41,11 +40,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # ROS and rich are imported here so that `hc --help` need not wait for them.
+    from hc_bringup.conclusion import conclude
     from hc_bringup.live import Display
     from hc_bringup.paths import find_config
     from hc_bringup.plan import load_plan
     from hc_bringup.runner import Runner
-    from hc_bringup.summary import run_summary, run_text, to_json
 
     plan = load_plan(find_config(arguments.config))
     if arguments.duration is not None:
@@ -58,14 +57,17 @@ def run(arguments: argparse.Namespace) -> int:
     if plan.node("recorder") is not None:
         bag = new_bag_folder(arguments.bag)
         plan = with_parameters(
-            plan, "recorder", {"output": str(bag), "custom_data": custom_data(plan)}
+            plan,
+            "recorder",
+            # The name is new; one that is started again after it died finds its own first bag.
+            {"output": str(bag), "custom_data": custom_data(plan), "when_exists": "number"},
         )
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
     with Display(enabled=not arguments.headless) as display:
         state = Runner(plan, display.show).run()
-    summary = run_summary(state, str(bag) if bag else None)
-    print(to_json(summary) if arguments.json else run_text(summary))
+    names = [node.name for node in plan.nodes]
+    conclude(state, names, bag, as_json=arguments.json, with_latency=True)
     return 0
 
 
@@ -123,14 +125,12 @@ def file_parameters(node: Any) -> dict[str, Any]:
     """Return what the parameter files of a node say; later files win."""
     merged: dict[str, Any] = {}
     for file in node.parameter_files:
-        try:
-            data = yaml.safe_load(file.read_text(encoding="utf-8"))
-        except (OSError, yaml.YAMLError) as error:
-            raise UserError(f"{file} cannot be read: {error}", WRONG_USE) from error
+        data = read_yaml(file)
         for key in ("/**", node.name, f"/{node.name}"):
             section = data.get(key) if isinstance(data, dict) else None
-            if isinstance(section, dict):
-                merged.update(section.get("ros__parameters") or {})
+            values = section.get("ros__parameters") if isinstance(section, dict) else None
+            if isinstance(values, dict):
+                merged.update(values)
     return merged
 
 

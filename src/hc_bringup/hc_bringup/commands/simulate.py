@@ -64,7 +64,7 @@ def _write_csv(target: Path, series: Any) -> None:
         write_csv(
             target, [np.column_stack([series.time_s, series.displacement_mm, series.force_n])]
         )
-    except (BagError, OSError) as error:
+    except BagError as error:
         raise UserError(str(error)) from error
 
 
@@ -76,7 +76,7 @@ def _write_bag(target: Path, series: Any, scenario: str) -> None:
     from hc_logger.definitions import installed_definition
     from hc_logger.errors import BagError
     from hc_logger.layout import encode
-    from hc_logger.writer import BagWriter
+    from hc_logger.writer import BagWriter, os_errors
     from hc_msgs_py.topics import FRAME_INDENTER_TIP, TRUTH
     from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
@@ -85,7 +85,10 @@ def _write_bag(target: Path, series: Any, scenario: str) -> None:
     truth = series.truth
     definition = installed_definition(TRUTH_TYPE)
     try:
-        with BagWriter(target, custom_data={"hc_scenario": scenario}) as writer:
+        with (
+            os_errors(f"cannot write {target}"),
+            BagWriter(target, custom_data={"hc_scenario": scenario}) as writer,
+        ):
             samples = SampleWriter(writer)
             topic = writer.add_topic(TRUTH, TRUTH_TYPE, qos_profiles=[SAMPLE_PROFILE])
             for first in range(0, len(series), BLOCK):
@@ -113,5 +116,5 @@ def _write_bag(target: Path, series: Any, scenario: str) -> None:
                 )
                 for stamp, row in zip(stamps[part].tolist(), data, strict=True):
                     writer.write(topic, stamp, row.tobytes(), stamp)
-    except (BagError, OSError) as error:
+    except BagError as error:
         raise UserError(str(error)) from error

@@ -43,6 +43,7 @@ FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 REFUTED = 5.0  # log likelihood ratio
+REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
 FLOOR = 15.0  # of the log likelihoods below the best: what was long ago is forgiven
 CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
@@ -192,7 +193,7 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best of them."""
     steadiest = _steadiest(rows)
     likeliest = -math.inf
-    for m in range(FRESH):
+    for m in range(FRESH if clock > REFUTED_AFTER else 0):
         if rows[m].model_error == 0.0 and _counts(rows[m], clock):
             likeliest = max(likeliest, rows[m].log_likelihood)
     for m in range(FRESH):

@@ -172,7 +172,7 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
         True if the alarms of this sample are answered.
     """
     maneuver, change = bank.maneuver, bank.change
-    chosen, elapsed = bank.rows[bank.judge.chosen], bank.clock.elapsed
+    chosen, elapsed = bank.rows[bank.judge.chosen], bank.clock.period
     if settings.find_maneuvers == 0 or chosen.model_error > 0.0 or elapsed <= 0.0:
         return False
     slot = _shown(maneuver, chosen, bank.motion, bank.noise[0].count, time, elapsed)

@@ -78,7 +78,7 @@ def learn(settings: Any, row: Any, sensor_noise: Any, noise: Any, clock: Any) ->
         noise: records of the two channels.
         clock: record of the sample.
     """
-    elapsed = clock.elapsed
+    elapsed = clock.force_elapsed
     both = clock.present[0] != 0 and clock.present[1] != 0
     plain = row.explained + sensor_noise[1] + row.model_error  # without tempering
     square = row.innovation[1] * row.innovation[1]
@@ -96,7 +96,7 @@ def learn(settings: Any, row: Any, sensor_noise: Any, noise: Any, clock: Any) ->
     row.untempered_nis = row.nis[0] + force_nis
     row.alarm = 0
     expected = float(clock.present[0] + clock.present[1])
-    share = min(1.0, elapsed / RECENT_TIME)
+    share = min(1.0, clock.elapsed / RECENT_TIME)
     recent = 2.0 * min(row.untempered_nis, 1e4) / expected
     row.recent_nis += share * (recent - row.recent_nis)
     if clock.present[1] == 0:

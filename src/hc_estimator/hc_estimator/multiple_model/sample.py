@@ -53,6 +53,7 @@ from hc_estimator.multiple_model.rows import (
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 
 ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
+PERIOD_SHARE = 0.05  # of a new interval in the usual one
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
@@ -123,17 +124,25 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     Returns:
         ACCEPTED or the reason for the refusal.
     """
+    clock = bank.clock
     bank.change.detected = 0
     bank.given.extrapolated = extrapolated
+    if clock.restart == 0:
+        share = PERIOD_SHARE if clock.period > 0.0 else 1.0
+        clock.period += share * (clock.elapsed - clock.period)
+    anew = clock.restart != 0 or bank.motion_anew != 0
+    clock.force_elapsed = clock.period if anew else place - clock.force_time
     decision = _update(settings, bank)
-    bank.clock.state_time = place
+    clock.state_time = place
+    if clock.present[1] != 0:
+        clock.force_time = place
     if decision == ACCEPTED:
-        note_accepted(bank.clock, time)
+        note_accepted(clock, time)
         _learn_readings(settings, bank, place)
         _decide(settings, bank, place)
     else:  # the rows stand at the sample's stamp all the same
-        bank.clock.last_time = time
-        bank.clock.started = 1
+        clock.last_time = time
+        clock.started = 1
     _recover(settings, bank, time, decision)
     return decision
 
@@ -258,7 +267,7 @@ def _predict(settings: Any, bank: Any) -> None:
         if anew:
             begin_motion(settings, row, clock.measurement[0])
         else:
-            jerk = maneuvers.jerk_density(bank.maneuver, row, clock.elapsed, density)
+            jerk = maneuvers.jerk_density(bank.maneuver, row, clock.period, density)
             predict(row, clock.elapsed, jerk, goes_on or SURFACE[m])
     if anew:
         clock.restart = 1
@@ -303,14 +312,14 @@ def _hold(settings: Any, bank: Any, row: Any) -> int:
     spread = FREE_DEVIATIONS * math.sqrt(row.covariance[DEPTH, DEPTH])
     if row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index]:
         return HOLD_ALL
-    return maneuvers.hold(settings, bank.maneuver, row, bank.clock.elapsed)
+    return maneuvers.hold(settings, bank.maneuver, row, bank.clock.period)
 
 
 @compiled
 def _foresee(settings: Any, bank: Any) -> bool:
     """Innovation of the force for every row; False if the chosen row is lost."""
     clock, noise = bank.clock, bank.sensor_noise[1]
-    samples = tempering.coherent_samples(settings, bank.tool, clock.elapsed)
+    samples = tempering.coherent_samples(settings, bank.tool, clock.force_elapsed)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         if row.active == 0:
@@ -322,7 +331,7 @@ def _foresee(settings: Any, bank: Any) -> bool:
             force_noise = noise + row.model_error + max(row.force_noise, 0.0) * samples
             if settings.find_maneuvers != 0:
                 force_noise += maneuvers.product_variance(
-                    settings, bank.maneuver, row, clock.elapsed, samples
+                    settings, bank.maneuver, row, clock.period, samples
                 )
         innovate_force(row, clock.measurement[1], force_noise)
     return True
@@ -444,7 +453,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     _correct_density(settings, bank, chosen)
     if clock.present[1] != 0:
         judging.learn(
-            settings, bank.judge, rows, tool, clock.measurement[1], clock.elapsed, touching
+            settings, bank.judge, rows, tool, clock.measurement[1], clock.force_elapsed, touching
         )
     alarm = rows[bank.judge.chosen].alarm != 0
     if not maneuvers.answer(settings, bank, time, alarm):
@@ -459,7 +468,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         )
     if bank.change.testing != 0 and touching and clock.present[1] != 0:
         rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
-        changes.judge_test(bank.change, bank.judge, rows, tool, clock.elapsed, rose)
+        changes.judge_test(bank.change, bank.judge, rows, tool, clock.force_elapsed, rose)
         if bank.change.testing == 0 and bank.change.detected == 0:
             maneuvers.audit(settings, bank)
     if rows[bank.judge.chosen].model_error > 0.0:
@@ -482,7 +491,10 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
 @compiled
 def _correct_density(settings: Any, bank: Any, chosen: Any) -> None:
     """Let the jerk density follow the joint innovations while the contact law fits."""
-    if settings.motion_adaptation == 0 or bank.motion.density <= 0.0 or bank.clock.present[1] == 0:
+    present = bank.clock.present
+    if settings.motion_adaptation == 0 or bank.motion.density <= 0.0:
+        return
+    if present[0] == 0 or present[1] == 0:
         return
     if chosen.model_error > 0.0 or chosen.contact_time < STEADY_TIME or depth_of(chosen) <= 0.0:
         return

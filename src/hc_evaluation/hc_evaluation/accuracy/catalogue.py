@@ -1,7 +1,10 @@
 """The simulated contacts of `hc bench accuracy`: which tissues, motions, rates and noises.
 
-The first eight tissues were also used (with other seeds) to choose the defaults; the two
-`unseen` ones were not looked at before the defaults were fixed.
+All of them are possible: B is so small beside K that no tool withdraws faster than the tissue
+follows. (Before the law was unilateral the same names had two to six times the damping, and up to
+38 % of the samples with tension, which no tissue has. Contacts that are lost are in `separation`.)
+The first eight tissues were also used (with other seeds) to choose the defaults; the two `unseen`
+ones were not looked at before the defaults were fixed.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue
+from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, without_tension
 
 REFERENCE_MOTION = Motion(3.0, ((1.6, 0.7, 0.0), (0.8, 2.3, 0.5)))
 _STIFF_MOTION = Motion(2.5, ((1.2, 0.5, 0.3), (0.6, 1.7, 1.0), (0.25, 4.1, 2.0)))
@@ -18,7 +21,7 @@ _SOFT_MOTION = Motion(2.0, ((0.9, 0.4, 0.0), (0.5, 1.1, 1.0), (0.3, 2.7, 2.0)))
 _QUICK_MOTION = Motion(1.6, ((0.8, 1.3, 0.0), (0.3, 3.7, 1.0), (0.1, 7.0, 2.0)))
 _TAPPING_MOTION = Motion(1.2, ((2.0, 0.8, -1.57), (0.5, 2.9, 0.4)))
 
-REFERENCE_TISSUE = Tissue(0.2, 0.05, 1.8, 1.05)
+REFERENCE_TISSUE = Tissue(0.2, 0.008, 1.8, 1.05)
 REFERENCE = Scenario(
     "reference",
     REFERENCE_TISSUE,
@@ -26,19 +29,19 @@ REFERENCE = Scenario(
     1000.0,
     0.002,
     0.010,
-    note="scenario of the notes: soft, viscous",
+    note="scenario of the notes with a sixth of its damping",
 )
 STIFF = Scenario(
-    "stiff", Tissue(1.2, 0.12, 1.9, 0.9), _STIFF_MOTION, 1000.0, 0.002, 0.012, note="stiff, steep"
+    "stiff", Tissue(1.2, 0.08, 1.9, 0.9), _STIFF_MOTION, 1000.0, 0.002, 0.012, note="stiff, steep"
 )
 SOFT = Scenario(
     "soft_100hz",
-    Tissue(0.05, 0.025, 1.3, 1.0),
+    Tissue(0.05, 0.004, 1.3, 1.0),
     _SOFT_MOTION,
     100.0,
     0.005,
     0.002,
-    note="softest, slow sensor, B/K 0.5",
+    note="softest, slow sensor",
 )
 HARD = Scenario(
     "hard_2khz",
@@ -60,16 +63,16 @@ STEEP = Scenario(
 )
 VISCOUS = Scenario(
     "viscous_250hz",
-    Tissue(2.0, 0.6, 1.5, 1.1),
+    Tissue(2.0, 0.13, 1.5, 1.1),
     _SOFT_MOTION,
     250.0,
     0.005,
     0.02,
-    note="most viscous",
+    note="most viscous that the motion allows",
 )
 TAPPING = Scenario(
     "tapping",
-    Tissue(0.8, 0.1, 1.4, 1.0),
+    Tissue(0.8, 0.03, 1.4, 1.0),
     _TAPPING_MOTION,
     1000.0,
     0.003,
@@ -78,7 +81,7 @@ TAPPING = Scenario(
 )
 QUICK = Scenario(
     "quick_200hz",
-    Tissue(0.5, 0.05, 1.6, 0.95),
+    Tissue(0.5, 0.028, 1.6, 0.95),
     _QUICK_MOTION,
     200.0,
     0.003,
@@ -87,7 +90,7 @@ QUICK = Scenario(
 )
 UNSEEN_SOFT = Scenario(
     "unseen_400hz",
-    Tissue(0.1, 0.02, 1.35, 1.15),
+    Tissue(0.1, 0.004, 1.35, 1.15),
     Motion(2.2, ((0.7, 0.6, 0.4), (0.5, 1.4, 2.2), (0.3, 2.9, 1.1), (0.1, 4.7, 0.2))),
     400.0,
     0.004,
@@ -125,14 +128,14 @@ def _changed(scenario: Scenario, tissue: Tissue, name: str) -> Scenario:
 
 
 CHANGES = (
-    _changed(REFERENCE, Tissue(0.5, 0.03, 1.5, 1.05), "reference_harder"),
-    _changed(REFERENCE, Tissue(0.1, 0.08, 2.0, 0.95), "reference_softer"),
-    _changed(REFERENCE, Tissue(0.23, 0.05, 1.8, 1.05), "reference_15_percent"),
-    _changed(STIFF, Tissue(0.6, 0.2, 1.6, 1.0), "stiff_softer"),
-    _changed(HARD, Tissue(2.0, 0.2, 1.4, 1.0), "hard_2khz_softer"),
-    _changed(STEEP, Tissue(0.8, 0.08, 1.9, 0.9), "steep_500hz_harder"),
-    _changed(SOFT, Tissue(0.1, 0.03, 1.5, 1.0), "soft_100hz_harder"),
-    _changed(TAPPING, Tissue(0.4, 0.06, 1.7, 1.1), "tapping_softer"),
+    _changed(REFERENCE, Tissue(0.5, 0.02, 1.5, 1.05), "reference_harder"),
+    _changed(REFERENCE, Tissue(0.1, 0.005, 2.0, 0.95), "reference_softer"),
+    _changed(REFERENCE, Tissue(0.23, 0.008, 1.8, 1.05), "reference_15_percent"),
+    _changed(STIFF, Tissue(0.6, 0.03, 1.6, 1.0), "stiff_softer"),
+    _changed(HARD, Tissue(2.0, 0.1, 1.4, 1.0), "hard_2khz_softer"),
+    _changed(STEEP, Tissue(0.8, 0.06, 1.9, 0.9), "steep_500hz_harder"),
+    _changed(SOFT, Tissue(0.1, 0.008, 1.5, 1.0), "soft_100hz_harder"),
+    _changed(TAPPING, Tissue(0.4, 0.013, 1.7, 1.1), "tapping_softer"),
 )
 
 JUMP_AT_S = 5.0
@@ -181,8 +184,9 @@ CHANNEL_FAULTS = (
 def random_scenario(seed: int) -> Scenario:
     """Tissue, motion, rate and noise drawn at random, over the ranges that the suite is made for.
 
-    Stiffness and damping are drawn evenly on a logarithmic scale; two to four sines keep the tool
-    in contact; the noise of the force is 0.1 to 2 % of its largest value.
+    Stiffness and damping are drawn evenly on a logarithmic scale (the damping is limited to what
+    the motion allows without tension); two to four sines keep the tool in contact; the noise of the
+    force is 0.1 to 2 % of its largest value.
 
     Args:
         seed: of the draw.
@@ -206,9 +210,10 @@ def random_scenario(seed: int) -> Scenario:
     largest = stiffness * (motion.offset_mm + float(np.sum(amplitudes))) ** (
         tissue.displacement_exponent
     )
+    fastest = float(2.0 * np.pi * np.sum(amplitudes * frequencies))
     return Scenario(
         f"random_{seed}",
-        tissue,
+        without_tension(tissue, fastest),
         motion,
         float(draw.choice([100.0, 200.0, 500.0, 1000.0, 2000.0])),
         float(np.exp(draw.uniform(np.log(0.001), np.log(0.01)))),

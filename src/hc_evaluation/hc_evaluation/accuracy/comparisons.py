@@ -2,76 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from hc_estimator import available_filters
 from hc_evaluation.accuracy import catalogue, measure
 from hc_evaluation.accuracy.bench import Bench, Result, Row, worst
+from hc_evaluation.accuracy.filter_variations import VARIATIONS
 from hc_evaluation.accuracy.measure import Setup
 from hc_evaluation.accuracy.recorded import RecordingTask, recording_run
 from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder
 from hc_evaluation.accuracy.simulated import quiet_rows
 
-# Settings varied one at a time, and the filter's parts switched off, for `defaults`.
-VARIATIONS: tuple[tuple[str, Mapping[str, object]], ...] = (
-    ("defaults", {}),
-    ("noise given, wrong by 3", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),
-    ("no motion adaptation", {"motion_adaptation": False}),
-    ("no turns of the tool", {"find_turns": False}),
-    ("no tempering", {"coherence_share": 0.0}),
-    ("coherence_share x 2", {"coherence_share": 0.7}),
-    ("coherence_share / 2", {"coherence_share": 0.175}),
-    ("coherence_shortest x 2", {"coherence_shortest": 0.05}),
-    ("coherence_shortest / 2", {"coherence_shortest": 0.0125}),
-    ("coherence_longest x 3", {"coherence_longest": 0.84}),
-    ("coherence_longest / 3", {"coherence_longest": 0.093}),
-    ("alarm_threshold x 2", {"alarm_threshold": 90.0}),
-    ("alarm_threshold / 2", {"alarm_threshold": 22.5}),
-    ("alarm_drift 8", {"alarm_drift": 8.0}),
-    ("alarm_drift 3.5", {"alarm_drift": 3.5}),
-    ("model_error_time x 3", {"model_error_time": 4.5}),
-    ("model_error_time / 3", {"model_error_time": 0.5}),
-    ("probation x 2", {"probation": 4.0}),
-    ("probation / 2", {"probation": 1.0}),
-    ("contest_memory x 2", {"contest_memory": 1.0}),
-    ("contest_memory / 2", {"contest_memory": 0.25}),
-    ("no change found", {"find_changes": False}),
-    ("no refit", {"refit_ratio": 1e6, "history_interval": 10.0}),
-    ("refit_ratio 2", {"refit_ratio": 2.0}),
-    ("refit_ratio 1.1", {"refit_ratio": 1.1}),
-    ("history_interval x 2", {"history_interval": 0.04}),
-    ("history_interval / 2", {"history_interval": 0.01}),
-    (
-        "walk 1e-8",
-        dict.fromkeys(
-            (
-                "stiffness_log_walk",
-                "damping_log_walk",
-                "displacement_exponent_walk",
-                "velocity_exponent_walk",
-            ),
-            1e-8,
-        ),
-    ),
-    (
-        "walk 1e-6",
-        dict.fromkeys(
-            (
-                "stiffness_log_walk",
-                "damping_log_walk",
-                "displacement_exponent_walk",
-                "velocity_exponent_walk",
-            ),
-            1e-6,
-        ),
-    ),
-    ("noise_memory x 3", {"noise_memory": 3000.0}),
-    ("noise_memory / 3", {"noise_memory": 333.0}),
-    ("motion_memory x 3", {"motion_memory": 1200.0}),
-    ("motion_memory / 3", {"motion_memory": 133.0}),
-)
 DEFAULTS_TISSUES = (catalogue.REFERENCE, catalogue.STIFF, catalogue.SOFT, catalogue.STEEP)
 DEFAULTS_CHANGES = (catalogue.CHANGES[0], catalogue.CHANGES[3])
 DEFAULTS_MISFIT = tuple(catalogue.CHANNEL_FAULTS[i] for i in (1, 3, 4, 6))
@@ -84,7 +25,7 @@ def defaults(bench: Bench) -> Result:
     folder = data_folder()
     rows: list[Row] = []
     for index, (name, parameters) in enumerate(VARIATIONS):
-        varied = Setup(bench.setup.filter, {**bench.setup.parameters, **parameters})
+        varied = bench.setup.with_parameters(parameters)
         part = bench.part(varied, few)
 
         quiet = quiet_rows(

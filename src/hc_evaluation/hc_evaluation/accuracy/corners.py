@@ -1,6 +1,7 @@
 """Motions with corners: ramps, holds and ways back, as a stage or a robot drives them.
 
-Drawn at random: a tissue that the contact law describes, and three presses, each with its own depth
+Drawn at random: a tissue that the contact law describes (and that the tool does not leave: B is
+limited by the fastest way back), and three presses, each with its own depth
 and speed about that of the row, a hold at the bottom and the way back. The corners are sharp (the
 velocity jumps between two samples) or round (it changes over some 60 ms).
 """
@@ -15,9 +16,10 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
 from hc_evaluation import metrics
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target, worst
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup
-from hc_evaluation.accuracy.scenarios import hunt_crossley_force
+from hc_evaluation.accuracy.scenarios import Tissue, without_tension
+from hc_evaluation.contact_law import hunt_crossley_force
 
 FloatArray = NDArray[np.float64]
 
@@ -30,7 +32,6 @@ FORCE_NOISE_N = 0.01
 DEPTHS_MM = {0.1: 1.0, 0.5: 3.0, 2.0: 6.0, 10.0: 10.0}  # largest, by speed in mm/s
 CORNERS = ("sharp", "round")
 PARAMETERS = ("K", "B", "n", "p")
-WITHOUT_TURNS = {"find_turns": False}
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ def cornered_contact(
     draw = np.random.default_rng([seed, list(DEPTHS_MM).index(speed), CORNERS.index(corner)])
     stiffness = 10.0 ** draw.uniform(-0.7, 0.7)
     damping = stiffness * 10.0 ** draw.uniform(-1.7, -0.5)
-    tissue = np.array([stiffness, damping, draw.uniform(1.1, 2.2), draw.uniform(0.85, 1.15)])
+    drawn = Tissue(stiffness, damping, draw.uniform(1.1, 2.2), draw.uniform(0.85, 1.15))
     legs = [np.zeros(round(0.2 * RATE_HZ))]
     for _ in range(3):
         way = DEPTHS_MM[speed] * draw.uniform(0.5, 1.0)
@@ -67,6 +68,7 @@ def cornered_contact(
         count = round(way / pace * RATE_HZ)
         legs += [np.full(count, pace), np.zeros(round(HOLD_S * RATE_HZ)), np.full(count, -pace)]
     velocity = np.concatenate(legs)
+    tissue = without_tension(drawn, float(-np.min(velocity))).as_array()
     if corner == "round":
         velocity = gaussian_filter1d(velocity, ROUND_S * RATE_HZ, mode="nearest")
     way_mm: FloatArray = cumulative_trapezoid(velocity, dx=1.0 / RATE_HZ, initial=0)
@@ -81,27 +83,24 @@ def cornered_contact(
 
 
 def corner_run(task: CornerTask) -> Numbers:
-    """Errors, consistency and flags of one run, with `find_turns` and without."""
+    """Errors, consistency and flags of one run."""
     time, displacement, force, tissue = cornered_contact(task.speed, task.corner, task.seed)
-    numbers: Numbers = {}
-    for suffix, more in (("", {}), ("_without", WITHOUT_TURNS)):
-        setup = Setup(task.setup.filter, {**task.setup.parameters, **more})
-        series = setup.create().run(time, displacement, force)
-        last = series.parameters[-1]
-        numbers["nees" + suffix] = float(metrics.nees(last, series.covariance[-1], tissue))
-        errors = metrics.relative_parameter_error(last, tissue)
-        for name, error in zip(PARAMETERS, errors, strict=True):
-            numbers[f"error_{name}{suffix}"] = float(error)
-        numbers["changes" + suffix] = float(np.count_nonzero(series.change_detected))
-        numbers["mismatch" + suffix] = float(np.mean(series.model_mismatch))
-    return numbers
+    series = task.setup.create().run(time, displacement, force)
+    last = series.parameters[-1]
+    errors = metrics.relative_parameter_error(last, tissue)
+    numbers = {f"error_{name}": float(e) for name, e in zip(PARAMETERS, errors, strict=True)}
+    return numbers | {
+        "nees": float(metrics.nees(last, series.covariance[-1], tissue)),
+        "changes": float(np.count_nonzero(series.change_detected)),
+        "mismatch": float(np.mean(series.model_mismatch)),
+    }
 
 
 def corners(bench: Bench) -> Result:
     """Motions whose velocity jumps."""
     kinds = [(speed, corner) for speed in DEPTHS_MM for corner in CORNERS]
     tasks = [
-        CornerTask(bench.setup, speed, corner, REPORT_SEED + seed)
+        CornerTask(bench.setup, speed, corner, bench.first_seed + seed)
         for speed, corner in kinds
         for seed in range(bench.seeds)
     ]
@@ -110,15 +109,14 @@ def corners(bench: Bench) -> Result:
     for index, (speed, corner) in enumerate(kinds):
         chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
         columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
-        row: Row = {"motion": f"{speed:g} mm/s, {corner}"}
-        for suffix in ("", "_without"):
-            row["error" + suffix] = [
-                float(np.median(columns[f"error_{name}{suffix}"])) for name in PARAMETERS
-            ]
-            row["nees" + suffix] = float(np.median(columns["nees" + suffix]))
-            row["nees_90" + suffix] = float(np.quantile(columns["nees" + suffix], 0.9))
-            row["changes" + suffix] = float(np.sum(columns["changes" + suffix]))
-            row["mismatch" + suffix] = float(np.mean(columns["mismatch" + suffix]))
+        row: Row = {
+            "motion": f"{speed:g} mm/s, {corner}",
+            "error": [float(np.median(columns[f"error_{name}"])) for name in PARAMETERS],
+            "nees": float(np.median(columns["nees"])),
+            "nees_90": float(np.quantile(columns["nees"], 0.9)),
+            "changes": float(np.sum(columns["changes"])),
+            "mismatch": float(np.mean(columns["mismatch"])),
+        }
         rows.append(row)
     targets = [
         target("smallest median NEES", worst((r["nees"] for r in rows), False), low=1.5),

@@ -7,7 +7,7 @@ a least-squares fit of the contact law over the whole run, as for the real recor
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,13 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from hc_evaluation.accuracy import catalogue
-from hc_evaluation.accuracy.bench import REPORT_SEED, Bench, Result, Row, target
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.recorded import FIRST_CONTACT_S
 from hc_evaluation.accuracy.recordings import batch_fit, contact_start, smoothed
-from hc_evaluation.accuracy.scenarios import hunt_crossley_force
-from hc_evaluation.metrics import hold_forward_errors
+from hc_evaluation.accuracy.scenarios import without_tension
+from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.hold_forward import Frozen, hold_forward_rms
 
 FloatArray = NDArray[np.float64]
 
@@ -31,8 +32,7 @@ HOLD_S = 0.3
 DISPLACEMENT_NOISE_MM = 0.003
 FORCE_NOISE = 0.003  # of the largest force
 MOTIONS = ("press", "press_hold", "sines")
-# The same filter without what `adaptation.history` adds.
-WITHOUT_HISTORY = {"refit_ratio": 1e6, "history_interval": 10.0}
+LARGEST_RATIO = 1.4  # to the floor, in the median; a fit to the whole run knows the future
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,13 @@ class MisfitTask:
 def misfit_contact(motion: str, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Time [s], displacement [mm] and force [N] of a contact with faults, each of shape (N,)."""
     draw = np.random.default_rng([seed, MOTIONS.index(motion), 77])
-    tissue = catalogue.random_scenario(seed).tissue.as_array()
-    tissue[1] *= 0.3  # little damping, as in the phantoms of the recordings
+    drawn = catalogue.random_scenario(seed).tissue
     time = np.arange(round(DURATION_S * RATE_HZ)) / RATE_HZ
     depth = _motion(motion, time, draw)
     velocity = np.gradient(depth, time)
+    # Little damping, as in the phantoms of the recordings.
+    drawn = replace(drawn, damping=0.3 * drawn.damping)
+    tissue = without_tension(drawn, float(-np.min(velocity))).as_array()
     delay = float(draw.choice([0.0, 0.01, 0.025]))
     position = float(draw.choice([0.0, 0.0, 0.2]))
     relaxing = float(draw.choice([0.0, 0.1, 0.25]))
@@ -87,26 +89,21 @@ def _motion(motion: str, time: FloatArray, draw: np.random.Generator) -> FloatAr
 
 
 def misfit_run(task: MisfitTask) -> Numbers:
-    """Hold-forward error over that of the batch fit, with the history and without."""
+    """Hold-forward error over that of the batch fit."""
     time, displacement, force = misfit_contact(task.motion, task.seed)
     smooth, velocity = smoothed(time, displacement)
     batch = batch_fit(smooth, velocity, force)
     start = FIRST_CONTACT_S + contact_start(time, force)
 
-    def held(parameters: FloatArray) -> float:
-        errors = hold_forward_errors(time, smooth, velocity, force, parameters, start_s=start)[1]
-        return float(np.sqrt(np.mean(errors**2)))
+    def held(estimate: Frozen | FloatArray) -> float:
+        return hold_forward_rms(time, smooth, velocity, force, estimate, start_s=start)
 
     floor = held(batch.parameters)
     series = task.setup.create().run(time, displacement, force)
-    bare = Setup(task.setup.filter, {**task.setup.parameters, **WITHOUT_HISTORY})
-    without = bare.create().run(time, displacement, force)
     return {
-        "ratio": held(series.parameters) / floor,
-        "ratio_without": held(without.parameters) / floor,
+        "ratio": held(Frozen.of(series)) / floor,
         "k_off": abs(float(series.parameters[-1, 0] / batch.parameters[0]) - 1.0),
         "changes": float(np.count_nonzero(series.change_detected)),
-        "changes_without": float(np.count_nonzero(without.change_detected)),
         "misfit": batch.residual_rms / float(np.sqrt(np.mean(force**2))),
         "mismatch": float(np.mean(series.model_mismatch)),
     }
@@ -115,7 +112,7 @@ def misfit_run(task: MisfitTask) -> Numbers:
 def misfit(bench: Bench) -> Result:
     """Contacts that the contact law does not describe."""
     tasks = [
-        MisfitTask(bench.setup, motion, REPORT_SEED + seed)
+        MisfitTask(bench.setup, motion, bench.first_seed + seed)
         for motion in MOTIONS
         for seed in range(bench.seeds)
     ]
@@ -125,18 +122,16 @@ def misfit(bench: Bench) -> Result:
         chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
         columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
         row: Row = {"motion": motion}
-        for key in ("ratio", "ratio_without", "k_off", "misfit", "mismatch"):
+        for key in ("ratio", "k_off", "misfit", "mismatch"):
             row[key] = float(np.median(columns[key]))
-        for key in ("ratio", "ratio_without"):
-            row[f"{key}_90"] = float(np.quantile(columns[key], 0.9))
-        for key in ("changes", "changes_without"):
-            row[key] = float(np.sum(columns[key]))
+        row["ratio_90"] = float(np.quantile(columns["ratio"], 0.9))
+        row["changes"] = float(np.sum(columns["changes"]))
         rows.append(row)
     targets = [
         target(
-            f"{row['motion']}: median hold-forward error over that without the history",
-            row["ratio"] / row["ratio_without"],
-            high=1.05,
+            f"{row['motion']}: median hold-forward error over the floor",
+            row["ratio"],
+            high=LARGEST_RATIO,
         )
         for row in rows
     ]

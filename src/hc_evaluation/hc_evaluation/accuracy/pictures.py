@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.measure import Setup
 from hc_evaluation.accuracy.recordings import (
@@ -24,6 +23,7 @@ from hc_evaluation.accuracy.recordings import (
     smoothed,
 )
 from hc_evaluation.accuracy.scenarios import simulate
+from hc_evaluation.hold_forward import Frozen, hold_forward_errors
 
 BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "0.4"
 LABELS = ("K  N/mmⁿ", "B", "n", "p")
@@ -130,12 +130,10 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
         fit = batch_fit(smooth, velocity, force)
         series = setup.create().run(time, displacement, force)
         start = 1.5 + contact_start(time, force)
-        origins, errors = metrics.hold_forward_errors(
-            time, smooth, velocity, force, series.parameters, start_s=start
+        origins, errors = hold_forward_errors(
+            time, smooth, velocity, force, Frozen.of(series), start_s=start
         )
-        _, floor = metrics.hold_forward_errors(
-            time, smooth, velocity, force, fit.parameters, start_s=start
-        )
+        _, floor = hold_forward_errors(time, smooth, velocity, force, fit.parameters, start_s=start)
         left.plot(origins, errors, color=BLUE, label="estimate held")
         left.plot(origins, floor, color=ORANGE, ls="--", label="least squares over all")
         left.plot(time, series.force_noise_std, color=GREY, lw=0.8, label="noise and model error")

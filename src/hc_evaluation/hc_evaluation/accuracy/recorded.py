@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.accuracy.measure import Setup, known_mean
 from hc_evaluation.accuracy.recordings import (
     Recording,
     batch_fit,
@@ -19,7 +19,7 @@ from hc_evaluation.accuracy.recordings import (
 )
 from hc_evaluation.accuracy.scenarios import Scenario, simulate
 from hc_evaluation.channels import diagnose_channels
-from hc_evaluation.metrics import hold_forward_errors
+from hc_evaluation.hold_forward import Frozen, hold_forward_errors
 
 FIRST_CONTACT_S = 1.5  # of contact before the first estimate is held forward
 
@@ -44,10 +44,10 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
     start = FIRST_CONTACT_S + contact_start(time, force)
     series = task.setup.create().run(time, displacement, force)
 
-    def held(parameters: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        return hold_forward_errors(time, smooth, velocity, force, parameters, start_s=start)[1]
+    def held(estimate: Frozen | np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        return hold_forward_errors(time, smooth, velocity, force, estimate, start_s=start)[1]
 
-    errors, batch = held(series.parameters), held(floor.parameters)
+    errors, batch = held(Frozen.of(series)), held(floor.parameters)
     causal = np.full(1, np.nan)
     if task.causal:
         causal = held(causal_fit(time, smooth, velocity, force, start_s=start))
@@ -73,7 +73,7 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),
         "force_noise_std": float(series.force_noise_std[-1]),
-        "nis": float(np.nanmean(series.nis[time > time[0] + 1.0])),
+        "nis": known_mean(series.nis[time > time[0] + 1.0]),
     }
 
 

@@ -5,62 +5,123 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 
-from hc_evaluation.accuracy import comparisons, corners, misfit, real, simulated
+from hc_evaluation.accuracy import (
+    ablation,
+    comparisons,
+    corners,
+    delay,
+    misfit,
+    possible,
+    rates,
+    real,
+    scan,
+    separation,
+    simulated,
+    surface,
+)
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
+from hc_evaluation.workers import worker_pool
 
 SEEDS = 50
 QUICK_SEEDS = 6
 
 Progress = Callable[[str, int, int], None]
 
-EXPERIMENTS = (
-    "tissues",
-    "changes",
-    "noise",
-    "recordings",
-    "excitation",
-    "channels",
-    "random",
-    "corners",
-    "misfit",
-    "defaults",
-    "filters",
-)
-SUMMARIES = {
-    "tissues": "errors against the Cramer-Rao bound, NEES, NIS, false alarms on quiet tissue",
-    "changes": "time until an abruptly changed tissue is found again",
-    "noise": "sensor noise jumping fourfold",
-    "recordings": "half a second predicted on real recordings, against least squares",
-    "excitation": "what a motion that shows too little leaves unknown",
-    "channels": "time shift, force zero and contact position found between the channels",
-    "random": "tissues, motions, rates and noises drawn at random",
-    "corners": "ramps, holds and ways back, with sharp and with round corners",
-    "misfit": "half a second predicted where the contact law does not fit",
-    "defaults": "what each default of the recommended filter is worth",
-    "filters": "all filters on all simulated tissues",
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment.
+
+    Attributes:
+        summary: what it asks, in a phrase.
+        run: does it.
+        by_name_only: long, and without targets of its own: left out unless asked for.
+    """
+
+    summary: str
+    run: Callable[[Bench], Result]
+    by_name_only: bool = False
+
+
+def _ablation(bench: Bench) -> Result:
+    usual = {name: e.run for name, e in EXPERIMENTS.items() if not e.by_name_only}
+    return ablation.ablation(bench, usual)
+
+
+EXPERIMENTS: dict[str, Experiment] = {
+    "tissues": Experiment(
+        "errors against the Cramer-Rao bound, NEES, NIS, false alarms on quiet tissue",
+        simulated.tissues,
+    ),
+    "changes": Experiment(
+        "time until an abruptly changed tissue is found again", simulated.changes
+    ),
+    "noise": Experiment("sensor noise jumping fourfold", simulated.noise),
+    "recordings": Experiment(
+        "half a second predicted on real recordings, against least squares", real.recordings
+    ),
+    "excitation": Experiment(
+        "what a motion that shows too little leaves unknown", simulated.excitation
+    ),
+    "channels": Experiment(
+        "time shift, force zero and contact position found between the channels", real.channels
+    ),
+    "random": Experiment("tissues, motions, rates and noises drawn at random", simulated.random),
+    "corners": Experiment(
+        "ramps, holds and ways back, with sharp and with round corners", corners.corners
+    ),
+    "misfit": Experiment(
+        "half a second predicted where the contact law does not fit", misfit.misfit
+    ),
+    "separation": Experiment(
+        "tissue that lets go of the tool, tapping: against the bound that knows it",
+        separation.separation,
+    ),
+    "scan": Experiment(
+        "tissue that varies along the way: inclusions, layers, there and back", scan.scan
+    ),
+    "delay": Experiment(
+        "channels out of step, zero and contact position off, found live", delay.delay
+    ),
+    "surface": Experiment("a surface that breathes or drifts under the tool", surface.surface),
+    "rates": Experiment("pose and wrench at rates of their own, reading by reading", rates.rates),
+    "possible": Experiment(
+        "no prediction beyond what was felt, none worse than twice the last reading",
+        possible.possible,
+    ),
+    "ablation": Experiment(
+        "every mechanism of the default filter off in turn, on every experiment",
+        _ablation,
+        by_name_only=True,
+    ),
+    "defaults": Experiment(
+        "what each default of the recommended filter is worth",
+        comparisons.defaults,
+        by_name_only=True,
+    ),
+    "filters": Experiment(
+        "all filters on all simulated tissues", comparisons.filters, by_name_only=True
+    ),
 }
 
-BY_NAME_ONLY = ("defaults", "filters")  # long, and compared with each other instead of targets
 
-_RUNNERS: dict[str, Callable[[Bench], Result]] = {
-    "tissues": simulated.tissues,
-    "changes": simulated.changes,
-    "noise": simulated.noise,
-    "recordings": real.recordings,
-    "excitation": simulated.excitation,
-    "channels": real.channels,
-    "random": simulated.random,
-    "corners": corners.corners,
-    "misfit": misfit.misfit,
-    "defaults": comparisons.defaults,
-    "filters": comparisons.filters,
-}
+def checked(names: Sequence[str], seeds: int) -> tuple[str, ...]:
+    """The experiments to run: those named, or all that are not by_name_only.
+
+    Raises:
+        ValueError: an unknown name, or seeds below 1.
+    """
+    for name in names:
+        if name not in EXPERIMENTS:
+            raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")
+    if seeds < 1:
+        raise ValueError(f"seeds = {seeds}: give 1 or more")
+    return tuple(names) or tuple(n for n, e in EXPERIMENTS.items() if not e.by_name_only)
 
 
 def run_accuracy(
@@ -69,15 +130,17 @@ def run_accuracy(
     quick: bool = False,
     progress: Progress | None = None,
     setup: Setup | None = None,
+    first_seed: int = REPORT_SEED,
 ) -> Result:
     """Run experiments and compare with their targets.
 
     Args:
-        names: some of EXPERIMENTS; none for all but BY_NAME_ONLY.
+        names: some of EXPERIMENTS; none for all that are not by_name_only.
         seeds: noise seeds per scenario (50; 6 where quick).
         quick: few seeds, for a first look.
         progress: called with the experiment's name, runs done and runs in all.
         setup: estimator under test; the recommended filter with its defaults if None.
+        first_seed: of the noise; another one than the default to choose settings with.
 
     Returns:
         Plain data: per experiment its rows (one per scenario or recording) and targets (name,
@@ -86,31 +149,25 @@ def run_accuracy(
     Raises:
         ValueError: an unknown name, or seeds below 1.
     """
-    chosen = tuple(names) or tuple(n for n in EXPERIMENTS if n not in BY_NAME_ONLY)
-    for name in chosen:
-        if name not in EXPERIMENTS:
-            raise ValueError(f"experiment {name!r} is not one of {', '.join(EXPERIMENTS)}")
     count = seeds if seeds is not None else (QUICK_SEEDS if quick else SEEDS)
-    if count < 1:
-        raise ValueError(f"seeds = {count}: give 1 or more")
+    chosen = checked(names, count)
     estimator = setup if setup is not None else Setup()
     started = time.perf_counter()
     result: Result = {
-        "filter": estimator.filter,
+        "filter": estimator.name,
         "parameters": dict(estimator.parameters),
         "seeds": count,
-        "first_seed": REPORT_SEED,
+        "first_seed": first_seed,
         "experiments": {},
     }
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool:
+    with worker_pool(WORKERS) as pool:
         for name in chosen:
 
             def report(done: int, total: int, name: str = name) -> None:
                 if progress is not None:
                     progress(name, done, total)
 
-            experiment = _RUNNERS[name](Bench(pool, estimator, count, report))
-            result["experiments"][name] = {"summary": SUMMARIES[name], **experiment}
+            experiment = EXPERIMENTS[name].run(Bench(pool, estimator, count, report, first_seed))
+            result["experiments"][name] = {"summary": EXPERIMENTS[name].summary, **experiment}
     result["seconds"] = time.perf_counter() - started
     return result

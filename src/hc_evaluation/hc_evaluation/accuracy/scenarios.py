@@ -2,18 +2,23 @@
 
 The motion is a drift plus a sum of sines, so that displacement, velocity and acceleration are exact
 at any instant and no integration error enters the comparison with the truth. The tissue follows the
-Hunt-Crossley law, F = K d^n + B d^n sign(v)|v|^p (paper A, Eq. 1), and can change abruptly; the
+unilateral Hunt-Crossley law, F = max(0, K d^n + B d^n sign(v)|v|^p), and can change abruptly; the
 sensors add white Gaussian noise, whose level can change abruptly too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_evaluation.accuracy.varying_tissue import Inclusion, Surface, Way, along_the_way
+from hc_evaluation.contact_law import hunt_crossley_force
+
 FloatArray = NDArray[np.float64]
+
+SPRING_SHARE = 0.9  # of the elastic force that damping takes away on the fastest retreat, at most
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,17 @@ class Tissue:
         return np.array(
             [self.stiffness, self.damping, self.displacement_exponent, self.velocity_exponent]
         )
+
+
+def without_tension(tissue: Tissue, fastest_mm_s: float) -> Tissue:
+    """The tissue with at most the damping at which a retreat does not lose contact.
+
+    Args:
+        tissue: any tissue.
+        fastest_mm_s: speed of the fastest retreat.
+    """
+    largest = SPRING_SHARE * tissue.stiffness / fastest_mm_s**tissue.velocity_exponent
+    return replace(tissue, damping=min(tissue.damping, largest))
 
 
 @dataclass(frozen=True)
@@ -72,6 +88,9 @@ class Scenario:
         force_delay_s: Time by which the force channel lags the displacement channel.
         force_zero_n: Constant error of the force channel.
         contact_position_mm: Displacement reading at which the tool touches the tissue.
+        way: Sideways motion; None: the tool stays at one place.
+        inclusions: What is felt along the way.
+        surface: How the surface moves; added to contact_position_mm.
         note: What the scenario is for.
     """
 
@@ -87,6 +106,9 @@ class Scenario:
     force_delay_s: float = 0.0
     force_zero_n: float = 0.0
     contact_position_mm: float = 0.0
+    way: Way | None = None
+    inclusions: tuple[Inclusion, ...] = ()
+    surface: Surface | None = None
     note: str = field(default="", compare=False)
 
 
@@ -95,7 +117,7 @@ class SimulatedContact:
     """Sensor readings of one run beside the truth; arrays of shape (N,), parameters (N, 4).
 
     ``displacement`` and ``velocity`` are the penetration and its rate as the tissue feels them;
-    the readings differ from them by noise, contact position, delay and zero.
+    the readings differ from them by noise, contact position (where the surface is), delay and zero.
     """
 
     time_s: FloatArray
@@ -108,27 +130,7 @@ class SimulatedContact:
     parameters: FloatArray
     displacement_noise_std: FloatArray
     force_noise_std: FloatArray
-
-
-def hunt_crossley_force(
-    displacement: FloatArray, velocity: FloatArray, parameters: FloatArray
-) -> FloatArray:
-    """Force of the Hunt-Crossley law [N] (paper A, Eq. 1), zero out of contact.
-
-    Args:
-        displacement: Penetration [mm], shape (N,).
-        velocity: Its rate [mm/s], shape (N,).
-        parameters: K, B, n, p, shape (4,) or (N, 4).
-    """
-    stiffness, damping, exponent, velocity_exponent = np.moveaxis(
-        np.asarray(parameters, dtype=np.float64), -1, 0
-    )
-    depth = np.maximum(displacement, 0.0)
-    dashpot = np.sign(velocity) * np.abs(velocity) ** velocity_exponent
-    force: FloatArray = np.where(
-        depth > 0.0, depth**exponent * (stiffness + damping * dashpot), 0.0
-    )
-    return force
+    contact_position: FloatArray
 
 
 def tissue_over_time(scenario: Scenario, time_s: FloatArray) -> FloatArray:
@@ -136,16 +138,36 @@ def tissue_over_time(scenario: Scenario, time_s: FloatArray) -> FloatArray:
     parameters = np.tile(scenario.tissue.as_array(), (time_s.size, 1))
     for instant, tissue in scenario.changes:
         parameters[time_s >= instant] = tissue.as_array()
-    return parameters
+    if scenario.way is None:
+        return parameters
+    return along_the_way(parameters, scenario.way.position(time_s), scenario.inclusions)
 
 
-def simulate(scenario: Scenario, seed: int) -> SimulatedContact:
-    """Simulate one run; the same seed gives the same noise, whatever the tissue."""
-    count = round(scenario.duration_s * scenario.rate_hz) + 1
-    time_s = np.arange(count) / scenario.rate_hz
+def penetration(
+    scenario: Scenario, time_s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Penetration [mm], its rate [mm/s], acceleration of the tool, contact position; each (N,)."""
     displacement, velocity, acceleration = scenario.motion.evaluate(time_s)
+    if scenario.surface is None:
+        return displacement, velocity, acceleration, np.zeros_like(time_s)
+    position, rate = scenario.surface.evaluate(time_s)
+    return displacement - position, velocity - rate, acceleration, position
+
+
+def simulate(scenario: Scenario, seed: int, time_s: FloatArray | None = None) -> SimulatedContact:
+    """Simulate one run; the same seed gives the same noise, whatever the tissue.
+
+    Args:
+        scenario: the contact.
+        seed: of the noise.
+        time_s: instants [s], shape (N,); None for even ones at the scenario's rate and duration.
+    """
+    if time_s is None:
+        time_s = np.arange(round(scenario.duration_s * scenario.rate_hz) + 1) / scenario.rate_hz
+    count = time_s.size
+    displacement, velocity, acceleration, surface = penetration(scenario, time_s)
     delayed_time = time_s - scenario.force_delay_s
-    felt_displacement, felt_velocity, _ = scenario.motion.evaluate(delayed_time)
+    felt_displacement, felt_velocity, _, _ = penetration(scenario, delayed_time)
     parameters = tissue_over_time(scenario, time_s)
     force = hunt_crossley_force(
         felt_displacement, felt_velocity, tissue_over_time(scenario, delayed_time)
@@ -156,10 +178,11 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedContact:
         displacement_noise[time_s >= instant] = scenario.displacement_noise_mm * displacement_factor
         force_noise[time_s >= instant] = scenario.force_noise_n * force_factor
     generator = np.random.default_rng(seed)
+    contact_position = surface + scenario.contact_position_mm
     return SimulatedContact(
         time_s=time_s,
         displacement_mm=displacement
-        + scenario.contact_position_mm
+        + contact_position
         + displacement_noise * generator.standard_normal(count),
         force_n=force + scenario.force_zero_n + force_noise * generator.standard_normal(count),
         displacement=displacement,
@@ -169,4 +192,5 @@ def simulate(scenario: Scenario, seed: int) -> SimulatedContact:
         parameters=parameters,
         displacement_noise_std=displacement_noise,
         force_noise_std=force_noise,
+        contact_position=contact_position,
     )

@@ -9,13 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import os
-import signal
-import threading
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -31,6 +26,7 @@ from hc_evaluation.reproduction.pictures import draw
 from hc_evaluation.reproduction.scores import Scores, floors, identifiable, score
 from hc_evaluation.reproduction.signals import make_signal
 from hc_evaluation.reproduction.trace import run_column
+from hc_evaluation.workers import worker_pool
 
 QUICK_SEEDS = 3
 CHUNK = 2  # seeds of an experiment in one task
@@ -85,7 +81,8 @@ def fingerprint(name: str) -> str:
     evaluation = Path(hc_evaluation.__file__).parent
     here = evaluation / "reproduction"
     own = [here / f"{stem}.py" for stem in ("experiment", "signals", "trace", "scores")]
-    own += [here / "position_filters.py", evaluation / "metrics.py", evaluation / "bounds.py"]
+    own += [here / "position_filters.py", evaluation / "bounds.py"]
+    own += [evaluation / "contact_law.py", evaluation / "hold_forward.py"]
     for path in own:
         digest.update(path.read_bytes())
     for package, leave in ((hc_estimator, ("ros", "online", "input")), (hc_sim_rig, ())):
@@ -162,18 +159,6 @@ def _tasks(missing: Mapping[str, Sequence[int]]) -> list[tuple[str, list[int]]]:
     return [(name, c[i]) for i in range(longest) for name, c in chunks.items() if i < len(c)]
 
 
-def _prepare_worker(parent: int) -> None:
-    """Leave an interruption to the main process, and do not outlive it if it is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1.0)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
 def _compute(
     tasks: Sequence[tuple[str, list[int]]],
     drawings: Sequence[str],
@@ -186,9 +171,7 @@ def _compute(
         for name, seeds in tasks:
             finished(name, run_seeds(name, seeds))
         return [path for name in drawings for path in draw(name, folder)]
-    # Not fork: compiled code and its threads do not survive it everywhere.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, _prepare_worker, (os.getpid(),)) as executor:
+    with worker_pool(workers) as executor:
         running: dict[Future[dict[int, dict[str, Scores]]], str] = {
             executor.submit(run_seeds, name, seeds): name for name, seeds in tasks
         }

@@ -58,6 +58,11 @@ class Column:
     measurement_noise: tuple[float, ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def adhesive(self) -> bool:
+        """Whether its contact law may pull: the papers' law does, ours does not."""
+        return self.setting != "ours"
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -79,6 +84,9 @@ class Experiment:
         columns: the estimators.
         pictures: what pictures.draw takes.
         remarks: plain words on why a claim holds or does not, true at any seed.
+        not_counted: why our estimators are not held against the printed figures here; empty where
+            they are.
+        variant_of: the experiment whose noise figures are read the other way here; empty if none.
     """
 
     name: str
@@ -96,6 +104,8 @@ class Experiment:
     columns: tuple[Column, ...]
     pictures: tuple[Mapping[str, Any], ...]
     remarks: str
+    not_counted: str = ""
+    variant_of: str = ""
 
     def column(self, name: str) -> Column:
         """The column of this name.
@@ -144,21 +154,48 @@ def _column(name: str, data: Mapping[str, Any]) -> Column:
     return column
 
 
+def _read(name: str) -> dict[str, Any]:
+    """The data of an experiment's file, completed by those of its base."""
+    path = EXPERIMENT_FOLDER / f"{name}.yaml"
+    data: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    templates = data.pop("templates", None) or {}  # in a file without base: anchors for columns
+    if "base" not in data:
+        return data
+    variant_of = str(data.pop("base"))
+    base = _read(variant_of)
+    columns = [
+        {**column, **templates[column["setting"]]} if column["setting"] in templates else column
+        for column in base["columns"]
+        if column["setting"] != "practical"
+    ]
+    return {
+        **base,
+        **data,
+        "variant_of": variant_of,
+        "signal": {**base["signal"], **data.get("signal", {})},
+        "covers": [what for what in base["covers"] if not what.startswith("figure")],
+        "pictures": [],
+        "columns": columns,
+    }
+
+
 @functools.cache
 def load_experiment(name: str) -> Experiment:
     """Read an experiment.
 
+    A file may name a `base`: it then is that experiment with another reading of its noise. It has
+    its own title, readings and remarks, replaces parts of `signal`, and numbers of all columns of a
+    setting by `templates`; it has no practical columns and no pictures.
+
     Raises:
         ExperimentError: there is no such experiment, or its file is not sound. One line.
     """
-    path = EXPERIMENT_FOLDER / f"{name}.yaml"
     if name not in available_experiments():
         raise ExperimentError(
             f"no experiment {name!r}; known: {', '.join(available_experiments())}"
         )
-    data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    data.pop("templates", None)  # anchors for the columns
-    values = {"name": name} | dict(data)
+    data = _read(name)
+    values = {"name": name} | data
     values["columns"] = tuple(_column(name, column) for column in data.get("columns", ()))
     for key in ("covers", "better", "pictures"):
         values[key] = tuple(data.get(key, ()))

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from hc_estimator import DEFAULT_FILTER, parameter_specifications
-from hc_evaluation.reproduction.signals import Signal, hunt_crossley_force
+from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.reproduction.signals import Signal
 
 FloatArray = NDArray[np.float64]
 
@@ -73,8 +74,7 @@ def regression_error(signal: Signal) -> FloatArray:
     for k in instants:
 
         def residuals(guess: FloatArray, k: int = int(k)) -> FloatArray:
-            with np.errstate(all="ignore"):
-                force = hunt_crossley_force(depth[:k], velocity[:k], _parameters(guess))
+            force = hunt_crossley_force(depth[:k], velocity[:k], _parameters(guess))
             misfit = np.clip((force - signal.force_n[:k]) / signal.force_noise_std[:k], -1e9, 1e9)
             return np.concatenate([misfit, (guess - mean) / deviations])
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_evaluation.contact_law import hunt_crossley_force
 from hc_sim_rig import Rig
 
 FloatArray = NDArray[np.float64]
@@ -39,23 +40,6 @@ class Signal:
     def time_step(self) -> float:
         """Time between two samples [s]."""
         return float(self.time_s[1] - self.time_s[0])
-
-
-def hunt_crossley_force(
-    displacement: FloatArray, velocity: FloatArray, parameters: FloatArray
-) -> FloatArray:
-    """F = K d^n + B d^n sign(v)|v|^p for d > 0, else 0 (paper A, Eq. 1).
-
-    Args:
-        displacement: penetration [mm], shape (N,).
-        velocity: its rate [mm/s], shape (N,).
-        parameters: K, B, n, p, shape (4,) or (N, 4).
-    """
-    stiffness, damping, n, p = np.moveaxis(parameters, -1, 0)
-    depth = np.maximum(displacement, np.finfo(np.float64).tiny)
-    dashpot = np.sign(velocity) * np.abs(velocity) ** p
-    force: FloatArray = np.where(displacement > 0.0, depth**n * (stiffness + damping * dashpot), 0)
-    return force
 
 
 def _motion(settings: Mapping[str, Any], time: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from hc_evaluation.reproduction.campaign import QUICK_SEEDS, ExperimentResult
 from hc_evaluation.reproduction.experiment import Column, Experiment, load_experiment
 from hc_evaluation.reproduction.intervals import Summary
+from hc_evaluation.reproduction.ours import ours
 from hc_evaluation.reproduction.published import published_value, unit_of
-from hc_evaluation.reproduction.verdict import FAILS, Comparison, Ours, compare, ours, summary_of
+from hc_evaluation.reproduction.verdict import FAILS, Comparison, compare, summary_of
 
 QUICK_BEGIN = "<!-- quick: begin -->"
 QUICK_END = "<!-- quick: end -->"
@@ -20,9 +21,10 @@ SHARE = "share"  # in percent
 PLAIN = "plain"
 SECONDS = "s"
 ROWS = (
-    ("force_mean", "force error, mean", FORCE),
-    ("force_max", "force error, largest", FORCE),
-    ("force_rmse", "force error, RMSE", FORCE),
+    ("force_mean", "force error as reported, mean", FORCE),
+    ("force_max", "force error as reported, largest", FORCE),
+    ("force_rmse", "force error as reported, RMSE", FORCE),
+    ("law_rmse", "contact law at motion and parameters, RMSE", FORCE),
     ("noise_rmse", "noise estimate, RMSE [N]", PLAIN),
     ("noise_rmse_after", "noise estimate, RMSE later [N]", PLAIN),
     ("noise_mean_error_after", "noise estimate, mean error later [N]", PLAIN),
@@ -40,8 +42,8 @@ ROWS = (
     ("impedance_tracking_root_sum", "impedance tracking, root of sum [N]", PLAIN),
 )
 HONEST_ROWS = (
-    ("force_late_rmse", "force error, RMSE in the second half", FORCE),
-    ("force_from_parameters_rmse", "the same with the true motion", FORCE),
+    ("force_late_rmse", "force error as reported, RMSE in the second half", FORCE),
+    ("force_from_parameters_rmse", "law at parameters and true motion, second half", FORCE),
     ("one_step_rmse", "one step ahead, RMSE", FORCE),
     ("hold_forward_rmse", "hold-forward, RMSE", FORCE),
     ("error_apparent", "error of K + B v^p at the end", SHARE),
@@ -51,6 +53,8 @@ HONEST_ROWS = (
     ("error_p", "error of p at the end", SHARE),
     ("nees", "NEES per free parameter (ideal near 1)", PLAIN),
     ("nis", "NIS (ideal 2)", PLAIN),
+    ("updates_undone", "updates undone", PLAIN),
+    ("exponents_limited", "samples with an exponent limited in the law", SHARE),
 )
 LOST = 1e3  # a relative error beyond which an estimate says nothing
 LARGEST = 1e9  # what is larger is told in a word
@@ -123,7 +127,8 @@ def experiment_table(experiment: Experiment, result: ExperimentResult) -> list[s
     lines.append(
         "| failure rate [%] | " + " | ".join(number(100.0 * rate) for rate in rates) + " |"
     )
-    asked = set(experiment.published_rows.values()) | {"force_mean", "force_max", "force_rmse"}
+    asked = set(experiment.published_rows.values())
+    asked |= {"force_mean", "force_max", "force_rmse", "law_rmse"}
     asked.add(experiment.ranked_by)
     if not experiment.published_rows:
         asked |= set(CHANGE_ROWS)
@@ -160,46 +165,97 @@ def percent(share: float) -> str:
     return "lost" if not share < LOST else f"{number(100.0 * share)} %"
 
 
-def ours_text(experiment: Experiment, entry: Ours) -> str:
-    """Our estimator against the best printed force error, in one cell."""
-    unit, scale = unit_of(experiment.published)
-    if not entry.force.median * scale < LARGEST:
-        text = "fails"
-    else:
-        text = f"{number(entry.force.median * scale)} {unit}"
-    if math.isfinite(entry.best):
-        text += f" ({'below' if entry.lower else 'above'} {number(entry.best * scale)})"
-    if not math.isnan(entry.parameter_error):
-        text += f", parameters {percent(entry.parameter_error)}"
-    return text
+def interval(summary: Summary, scale: float = 1.0) -> str:
+    """Median with its interval."""
+    if summary.count == 0:
+        return "–"
+    median = number(summary.median * scale)
+    if median == "diverges":
+        return "fails"
+    low, high = number(summary.median_low * scale), number(summary.median_high * scale)
+    return f"{median} [{low}, {high}]"
 
 
-def regression_text(experiment: Experiment, entries: Sequence[Ours]) -> str:
-    """What a regression that knows motion and noise reaches, in one cell."""
-    unit, scale = unit_of(experiment.published)
-    floor = entries[0].floor
-    return "–" if math.isnan(floor) else f"{number(floor * scale)} {unit}"
+def ratio_interval(summary: Summary) -> str:
+    """Median of a ratio with its interval; in words where what is compared with failed."""
+    if summary.count and not summary.median < LARGEST:
+        return "they fail"
+    return interval(summary)
 
 
-def summary_table(results: Sequence[ExperimentResult]) -> list[str]:
-    """The table that opens the page: experiment, claim, what holds."""
-    names = [c.name for c in load_experiment(results[0].name).columns if c.setting == "ours"]
-    heads = ["experiment", "claim of the paper", "printed ratio", "paper setting"]
-    heads += ["practical setting", *("our " + name for name in names), "regression"]
-    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+def _shares(summary: Summary) -> str:
+    if summary.count == 0:
+        return "–"
+    if not summary.median < LOST:
+        return "lost"
+    return f"{interval(summary, 100.0)} %"
+
+
+def claims_table(results: Sequence[ExperimentResult]) -> list[str]:
+    """The papers' claims: experiment, claim, what holds."""
+    heads = "experiment", "claim of the paper", "printed ratio", "paper setting"
+    lines = [f"| {' | '.join((*heads, 'practical setting'))} |", "|---|---|---|---|---|"]
     for result in results:
         experiment = load_experiment(result.name)
         found = {s: compare(experiment, result, s) for s in ("paper", "practical")}
         known = next((c for c in found.values() if c is not None), None)
         printed = "–" if known is None else number(known.published_ratio)
-        mine = {e.column: ours_text(experiment, e) for e in ours(experiment, result)}
-        cells = " | ".join(mine.get(name, "–") for name in names)
-        cells += f" | {regression_text(experiment, ours(experiment, result))}"
         lines.append(
             f"| [{result.name}](#{result.name}): {', '.join(experiment.covers)} "
             f"| {experiment.claim} | {printed} | {ratio_text(found['paper'])} "
-            f"| {ratio_text(found['practical'])} | {cells} |"
+            f"| {ratio_text(found['practical'])} |"
         )
+    return lines
+
+
+def printed_table(results: Sequence[ExperimentResult]) -> list[str]:
+    """Our estimators against the printed force errors: which force, its error, what is met."""
+    entries = {result.name: ours(load_experiment(result.name), result) for result in results}
+    names = [entry.column for entry in entries[results[0].name]]
+    heads = ["experiment", "best printed", f"{names[0]}: law at the parameters", "below it"]
+    heads += ["largest error of an identifiable parameter", "within 5 %"]
+    heads += ["force as reported", "one step ahead, second half", "regression"]
+    heads += [f"{name}: law, below it, parameters" for name in names[1:]]
+    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for result in results:
+        experiment = load_experiment(result.name)
+        unit, scale = unit_of(experiment.published)
+        first, *others = entries[result.name]
+        mark = " (not counted)" if experiment.not_counted else ""
+        cells = [f"[{result.name}](#{result.name}){mark}"]
+        printed = math.isfinite(first.best)
+        cells.append(f"{number(first.best * scale)} {unit}" if printed else "–")
+        cells += [interval(first.law, scale), first.law_below if printed else "–"]
+        cells += [_shares(first.parameter_error), first.parameters_within]
+        cells += [interval(first.reported, scale), interval(first.one_step, scale)]
+        floor = first.floor
+        cells.append("–" if math.isnan(floor) else f"{number(floor * scale)} {unit}")
+        for entry in others:
+            answer = entry.law_below if printed else "–"
+            parameters = _shares(entry.parameter_error)
+            cells.append(f"{interval(entry.law, scale)}, {answer}, {parameters}")
+        lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def held_table(results: Sequence[ExperimentResult]) -> list[str]:
+    """Force half a second ahead: ours against the best of the papers' filters, seed by seed."""
+    entries = {result.name: ours(load_experiment(result.name), result) for result in results}
+    names = [entry.column for entry in entries[results[0].name]]
+    heads = ["experiment", f"{names[0]}: hold-forward RMSE"]
+    heads += [f"best of the papers' filters over {name}, better" for name in names]
+    lines = [f"| {' | '.join(heads)} |", f"|{'---|' * len(heads)}"]
+    for result in results:
+        found = entries[result.name]
+        if not found[0].held_ratio.count:
+            continue
+        experiment = load_experiment(result.name)
+        unit, scale = unit_of(experiment.published)
+        mark = " (not counted)" if experiment.not_counted else ""
+        cells = [f"[{result.name}](#{result.name}){mark}"]
+        cells.append(f"{interval(found[0].held, scale)} {unit}")
+        cells += [f"{ratio_interval(entry.held_ratio)}, {entry.held_better}" for entry in found]
+        lines.append(f"| {' | '.join(cells)} |")
     return lines
 
 

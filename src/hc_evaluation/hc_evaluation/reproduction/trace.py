@@ -18,6 +18,8 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
+from hc_estimator.multiple_model.hypotheses import LOG_DAMPING, LOG_STIFFNESS
+from hc_evaluation.contact_law import force_of
 from hc_evaluation.reproduction import position_filters
 from hc_evaluation.reproduction.experiment import DEFAULT, Column
 from hc_evaluation.reproduction.signals import Signal
@@ -44,6 +46,7 @@ LITERAL: Mapping[str, Any] = {
     "noise_adaptation": "fixed",
     "change_detection": "none",
 }
+PAPERS_LAW = "adhesive"  # the papers' law pulls on a fast retreat
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,8 @@ class Trace:
     """What an estimator made of a signal; arrays of shape (N,) unless said, NaN where it has none.
 
     Attributes:
-        force: force with the updated state [N].
+        force: force after the update, as the estimator reports it [N].
+        law_force: the contact law at the estimated motion and parameters [N].
         force_predicted: force expected before the sample [N].
         displacement: estimated penetration [mm].
         velocity: estimated velocity [mm/s].
@@ -62,9 +66,11 @@ class Trace:
         changes: True where a change was called.
         mismatch: True where the estimator said that the contact law does not fit.
         numerical_failures: samples at which the update had no meaning.
+        adhesive: whether its contact law may pull.
     """
 
     force: FloatArray
+    law_force: FloatArray
     force_predicted: FloatArray
     displacement: FloatArray
     velocity: FloatArray
@@ -75,6 +81,7 @@ class Trace:
     changes: NDArray[np.bool_]
     mismatch: NDArray[np.bool_]
     numerical_failures: int
+    adhesive: bool = False
 
 
 def make_estimator(column: Column, time_s: float, time_step: float) -> Estimator:
@@ -88,6 +95,8 @@ def make_estimator(column: Column, time_s: float, time_step: float) -> Estimator
     filter = DEFAULT_FILTER if column.filter == DEFAULT else column.filter
     names = {s.name for s in parameter_specifications(filter, column.state_space)}
     parameters: dict[str, Any] = {}
+    if column.adhesive:
+        parameters["contact_model"] = PAPERS_LAW
     if column.setting == "paper":
         parameters |= {name: value for name, value in LITERAL.items() if name in names}
     for name, variance in zip(PROCESS_NOISE_NAMES, column.process_noise, strict=False):
@@ -114,26 +123,33 @@ def _add_error(estimator: Estimator, error: Mapping[str, float]) -> None:
     """Add an error to the estimated K and B.
 
     For the papers' state space that is to the letter what paper A, section 5.3, does to the
-    predicted state: neither K nor B is measured, so that the error passes the update unchanged.
+    predicted state: neither K nor B is measured, so that the error passes the update unchanged. In
+    our default every hypothesis gets it.
     """
     saved = estimator.state()
+    memory = saved["memory"]
     if estimator.filter == "rls":  # its estimate is ln K, n and B/K
-        regression = saved["memory"]["regression"]
+        regression = memory["regression"]
         stiffness = float(np.exp(regression[0]))
         damping = stiffness * regression[2] + error["B"]
         regression[0] = float(np.log(stiffness + error["K"]))
         regression[2] = damping / (stiffness + error["K"])
-        estimator.restore(saved)
-        return
-    # What the default tells at the start is a fit of its own beside the state.
-    state, told = saved["memory"]["state"], saved["memory"]["told_parameters"]
-    for index, name in ((0, "K"), (1, "B")):
-        if estimator.state_space == "kinematic":
-            state[3 + index] = float(np.log(np.exp(state[3 + index]) + error[name]))
-            told[index] = float(np.log(np.exp(told[index]) + error[name]))
-        else:
-            state[3 + index] += error[name]
+    elif "rows" in memory:
+        for row in memory["rows"]:
+            for index, name in ((LOG_STIFFNESS, "K"), (LOG_DAMPING, "B")):
+                row["state"][index] = _log_sum(row["state"][index], error[name])
+    else:
+        state = memory["state"]
+        for index, name in ((3, "K"), (4, "B")):
+            if estimator.state_space == "kinematic":
+                state[index] = _log_sum(state[index], error[name])
+            else:
+                state[index] += error[name]
     estimator.restore(saved)
+
+
+def _log_sum(logarithm: float, added: float) -> float:
+    return float(np.log(np.exp(logarithm) + added))
 
 
 def _of_series(series: EstimateSeries, column: Column) -> Trace:
@@ -141,8 +157,12 @@ def _of_series(series: EstimateSeries, column: Column) -> Trace:
     if column.parameters.get("adapted_noise") == "process":
         given = column.process_noise[FORCE_STATE]
         noise = np.sqrt(np.maximum(series.process_noise_scale, 0.0) * given)
+    law = force_of(
+        series.displacement, series.velocity, series.parameters, adhesive=column.adhesive
+    )
     return Trace(
         series.force_reconstructed,
+        law,
         series.force_predicted,
         series.displacement,
         series.velocity,
@@ -153,6 +173,7 @@ def _of_series(series: EstimateSeries, column: Column) -> Trace:
         series.change_detected,
         series.model_mismatch.astype(np.bool_),
         int(np.count_nonzero(series.rejected == Rejection.NUMERICAL)),
+        adhesive=column.adhesive,
     )
 
 
@@ -160,9 +181,13 @@ def _joined(parts: list[Trace]) -> Trace:
     arrays = {
         f.name: np.concatenate([getattr(part, f.name) for part in parts])
         for f in fields(Trace)
-        if f.name != "numerical_failures"
+        if f.name not in ("numerical_failures", "adhesive")
     }
-    return Trace(**arrays, numerical_failures=sum(part.numerical_failures for part in parts))
+    return Trace(
+        **arrays,
+        numerical_failures=sum(part.numerical_failures for part in parts),
+        adhesive=parts[0].adhesive,
+    )
 
 
 def run_column(column: Column, signal: Signal, settings: Mapping[str, Any]) -> Trace:
@@ -201,6 +226,7 @@ def _run_position_filter(column: Column, signal: Signal) -> Trace:
     )
     nothing = np.full(signal.time_s.size, np.nan)
     return Trace(
+        result[:, 2],
         result[:, 2],
         result[:, 3],
         result[:, 0],

@@ -1,4 +1,4 @@
-"""What an experiment's numbers say about the paper's claim, and about our default estimator."""
+"""What an experiment's numbers say about the paper's claim."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import numpy as np
 from hc_evaluation.reproduction.campaign import ExperimentResult
 from hc_evaluation.reproduction.experiment import Column, Experiment
 from hc_evaluation.reproduction.intervals import Summary, paired_ratio, summarise
-from hc_evaluation.reproduction.published import published_table, published_value, unit_of
+from hc_evaluation.reproduction.published import published_value, unit_of
 
 OFTEN_FAILED = 0.05  # failure rate from which a wide interval is due to failures
 MOSTLY_FAILED = 0.5  # failure rate from which a filter counts as not working
 MET = 0.5  # share of the printed ratio that must be there for the claim to hold in size
 CLOSE = 2.0  # factor within which a figure counts as that of the paper
-TOLERANCE = 0.05
 
 HOLDS = "holds"
 RANKING = "ranking only"
@@ -124,64 +123,3 @@ def compare(
     else:
         verdict = NO_DIFFERENCE
     return Comparison(setting, verdict, ratio, published, (close, count))
-
-
-@dataclass(frozen=True)
-class Ours:
-    """One of our estimators against the best printed figure.
-
-    Attributes:
-        column: its name.
-        force: its force RMSE [N], or the position error of paper C as printed there.
-        best: the smallest printed figure in the same unit; NaN if none is printed.
-        lower: whether its median is below that.
-        floor: what a regression on all readings so far reaches, in the same unit; NaN if there is
-            none (see `floor`).
-        parameter_error: median of the largest error of an identifiable parameter; NaN if none is.
-        mismatch: share of the samples of the second half at which it says that the contact law
-            does not fit, median.
-    """
-
-    column: str
-    force: Summary
-    best: float
-    lower: bool
-    floor: float
-    parameter_error: float
-    mismatch: float
-
-
-def meets_goal(entry: Ours) -> bool:
-    """Below the best printed force error, and no identifiable parameter beyond the tolerance."""
-    return entry.lower and not entry.parameter_error > TOLERANCE
-
-
-def force_row(experiment: Experiment) -> tuple[str, str]:
-    """Printed quantity and score in which our estimators are compared with the print."""
-    for row, score in experiment.published_rows.items():
-        if score in ("force_rmse", "tele_force_root_sum"):
-            return row, score
-    return "", "force_rmse"
-
-
-def ours(experiment: Experiment, result: ExperimentResult) -> list[Ours]:
-    """Our estimators with their defaults against the best printed force RMSE."""
-    row, score = force_row(experiment)
-    scale = unit_of(experiment.published)[1] if score.startswith("force") else 1.0
-    printed = [
-        value
-        for name in published_table(experiment.published)
-        if (value := published_value(experiment.published, name, row)) is not None
-    ]
-    best = min(printed) / scale if printed else float("nan")
-    found = []
-    for column in experiment.columns:
-        if column.setting == "ours":
-            force = summary_of(result, column.name, score)
-            error = summary_of(result, column.name, "error_identifiable").median
-            name = "regression_rmse" if score == "force_rmse" else "regression_root_sum"
-            floor = result.floors.get(name, float("nan"))
-            mismatch = float(np.median(result.columns[column.name]["mismatch_share"]))
-            lower = force.median < best
-            found.append(Ours(column.name, force, best, lower, floor, error, mismatch))
-    return found

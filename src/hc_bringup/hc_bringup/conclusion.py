@@ -1,0 +1,52 @@
+"""The end of a run on the command line: the summary, and whether it counts as a success."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.runner import RunState
+from hc_bringup.summary import run_summary, run_text, to_json
+from hc_logger.writer import numbered_bags
+from hc_msgs_py.topics import NODE_ESTIMATOR
+
+LONGEST_WITHOUT_ESTIMATE_S = 1.0
+
+
+def conclude(
+    state: RunState, node_names: list[str], bag: Path | None, *, as_json: bool, with_latency: bool
+) -> None:
+    """Print the summary of a run.
+
+    Args:
+        state: the run at its end.
+        node_names: the nodes of its plan.
+        bag: folder of the recorded bag, or None.
+        as_json: whether to print JSON.
+        with_latency: False where the stamps are not of the time of publication (a replay).
+
+    Raises:
+        UserError: after printing, if the run went on to its end and failed all the same.
+    """
+    if NODE_ESTIMATOR in node_names:
+        reason = _why_no_estimate(state)
+        if reason:
+            state.failures.append(reason)
+    bags = [str(folder) for folder in numbered_bags(bag)] if bag else []
+    summary = run_summary(state, str(bag) if bag else None, bags[1:], with_latency=with_latency)
+    print(to_json(summary) if as_json else run_text(summary))
+    if state.failures:
+        raise UserError("; ".join(state.failures), FAILURE)
+
+
+def _why_no_estimate(state: RunState) -> str:
+    """Say why a run has no result, empty if it has one."""
+    if state.statistics.estimates or state.elapsed_s < LONGEST_WITHOUT_ESTIMATE_S:
+        return ""
+    said = state.problems.get(NODE_ESTIMATOR)
+    if state.samples:
+        return f"no estimate came of {state.samples} samples" + (f": {said}" if said else "")
+    return (
+        f"no estimate came in {state.elapsed_s:.0f} s: "
+        f"{said or 'does anybody publish samples? (hc topic list)'}"
+    )

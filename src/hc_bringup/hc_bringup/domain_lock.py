@@ -1,0 +1,115 @@
+"""One run in a ROS domain at a time: two would take each other's samples for their own.
+
+A run listens on a socket in the abstract namespace, whose name is the domain's. The kernel lets
+one process have it, across users, within the network that the nodes speak over; it is gone with
+the process however that ends; and whoever connects is told the process id of its owner.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+from pathlib import Path
+from types import TracebackType
+
+from hc_bringup.errors import FAILURE, UserError
+
+HIGHEST_DOMAIN = 101
+"""Above it the ports of DDS leave the range that Linux keeps free."""
+_CREDENTIALS = struct.Struct("3i")  # process, user and group id
+
+
+def domain_id() -> int:
+    """Return the ROS domain of this process.
+
+    Raises:
+        UserError: if ROS_DOMAIN_ID is not a number that a domain can have.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
+    # 232 is the last one whose ports fit into 16 bits.
+    if not (text.isascii() and text.isdigit() and int(text) <= 232):
+        raise UserError(f"ROS_DOMAIN_ID={text[:40]!r} is no domain: give a number from 0 to 232")
+    return int(text)
+
+
+class DomainLock:
+    """Has a domain for the time of a run. Use as a context manager."""
+
+    def __init__(self, domain: int) -> None:
+        self._domain = domain
+        self._socket: socket.socket | None = None
+
+    def __enter__(self) -> DomainLock:
+        """Take the domain.
+
+        Raises:
+            UserError: if another run has it; names its process, and a domain that is free.
+        """
+        self._socket = _take(self._domain)
+        if self._socket is None:
+            owner = _owner(self._domain)
+            free = next((d for d in range(1, HIGHEST_DOMAIN + 1) if _is_free(d)), None)
+            way_out = "end it first"
+            if free is not None:
+                way_out += f", or take another domain: ROS_DOMAIN_ID={free} hc ..."
+            raise UserError(
+                f"{owner} has a run in ROS domain {self._domain} already, and two would mix "
+                f"their samples: {way_out}",
+                FAILURE,
+            )
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._socket is not None:
+            self._socket.close()
+
+
+def _name(domain: int) -> str:
+    return f"\0hc_run_in_ros_domain_{domain}"
+
+
+def _take(domain: int) -> socket.socket | None:
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)  # not inherited by children
+    try:
+        listener.bind(_name(domain))
+        listener.listen()
+    except OSError:
+        listener.close()
+        return None
+    return listener
+
+
+def _is_free(domain: int) -> bool:
+    listener = _take(domain)
+    if listener is not None:
+        listener.close()
+    return listener is not None
+
+
+def _owner(domain: int) -> str:
+    """Say who has the domain: the process id and what was typed."""
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
+            asking.settimeout(1.0)
+            asking.connect(_name(domain))
+            size = _CREDENTIALS.size
+            raw = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
+    except OSError:  # it has ended just now, or does not answer
+        return "another process"
+    number, _, _ = _CREDENTIALS.unpack(raw)
+    try:
+        words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
+    except OSError:
+        return f"process {number}"
+    names = [Path(word).name for word in words]
+    start = next((i for i, name in enumerate(names) if name in ("hc", "hc_bringup")), None)
+    if start is None:
+        return f"process {number}"
+    typed = " ".join(["hc", *words[start + 1 :]]).strip()
+    return f"process {number} ({''.join(filter(str.isprintable, typed))[:80]})"

@@ -1,0 +1,63 @@
+"""What the command line does with errors that nobody expected: one line, and a file with the rest.
+
+Everything that a user can cause is to be told where it is found, as a UserError. What gets here is
+a fault of the suite, or the machine's: memory, disk, permissions.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import tempfile
+import traceback
+from datetime import datetime
+from pathlib import Path
+
+from hc_bringup.errors import FAILURE, UserError
+
+LONGEST = 200
+"""Characters of an error's own text that are shown."""
+
+
+def explain(error: BaseException, words: list[str]) -> UserError:
+    """Return the one line for an unexpected error, after writing down the traceback.
+
+    Args:
+        error: what was raised.
+        words: the command line, for the file.
+    """
+    if isinstance(error, MemoryError):
+        return UserError("not enough memory for this (see ulimit -v)", FAILURE)
+    if isinstance(error, OSError) and error.strerror:
+        if error.filename is not None:
+            return UserError(f"{_text(error.filename)}: {error.strerror}", FAILURE)
+        return UserError(f"{error.strerror} ({_write_down(error, words)})", FAILURE)
+    said = _text(error)
+    what = f"{type(error).__name__}: {said}" if said else type(error).__name__
+    return UserError(f"internal error: {what[:LONGEST]} ({_write_down(error, words)})", FAILURE)
+
+
+def _text(value: object) -> str:
+    """Return a value as one printable line."""
+    if isinstance(value, bytes):
+        value = os.fsdecode(value)
+    return "".join(c if c.isprintable() else " " for c in str(value))
+
+
+def _write_down(error: BaseException, words: list[str]) -> str:
+    """Write the traceback to a new file; say where it is, or why there is none."""
+    lines = [
+        f"hc {' '.join(map(repr, words))}\n",
+        f"Python {sys.version.split()[0]} on {platform.platform()}\n\n",
+        *traceback.format_exception(error),
+    ]
+    name = f"hc_failure_{datetime.now():%Y%m%d_%H%M%S}_{os.getpid()}.txt"
+    try:
+        path = Path(tempfile.gettempdir()) / name
+        number = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(number, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.writelines(lines)
+    except OSError as reason:
+        return f"where it arose could not be written down: {reason.strerror}"
+    return f"where it arose is in {path}; please report it"

@@ -1,0 +1,111 @@
+"""What the nodes of a run take of the machine over time: memory, file descriptors, threads."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+SETTLED_SHARE = 0.2
+"""Of the run, at its start, that is left out of the growth: pools fill up there."""
+
+
+class Resources:
+    """Looks once a second at the child processes that have a node name."""
+
+    def __init__(self) -> None:
+        self._next_s = 0.0
+        self._times: dict[str, list[float]] = {}
+        self._megabytes: dict[str, list[float]] = {}
+        self._descriptors: dict[str, list[float]] = {}
+        self._threads: dict[str, list[float]] = {}
+
+    def look(self, elapsed_s: float) -> None:
+        """Look, if a second has gone by since the last time."""
+        if elapsed_s < self._next_s:
+            return
+        self._next_s = elapsed_s + 1.0
+        for name, pid in node_processes().items():
+            folder = Path(f"/proc/{pid}")
+            try:
+                seen = (_megabytes(folder), _descriptors(folder), _threads(folder))
+            except OSError:
+                continue  # it has ended meanwhile
+            self._times.setdefault(name, []).append(elapsed_s)
+            kinds = (self._megabytes, self._descriptors, self._threads)
+            for kind, value in zip(kinds, seen, strict=True):
+                kind.setdefault(name, []).append(value)
+
+    def memory_mb(self) -> dict[str, float]:
+        """Return the newest memory of each node [MB]."""
+        return {name: values[-1] for name, values in self._megabytes.items()}
+
+    def memory_growth(self) -> dict[str, float]:
+        """Return the slope of a least-squares line for each node [MB/h], start left out."""
+        return self._each(
+            self._megabytes, lambda t, v: 3600.0 * float(np.polyfit(t, v, 1)[0]), least=3
+        )
+
+    def descriptor_growth(self) -> dict[str, float]:
+        """Return by how many descriptors each node has more at the end, start left out."""
+        return self._each(self._descriptors, _difference)
+
+    def thread_growth(self) -> dict[str, float]:
+        """Return the same for threads."""
+        return self._each(self._threads, _difference)
+
+    def _each(
+        self,
+        kind: dict[str, list[float]],
+        figure: Callable[[NDArray[np.float64], NDArray[np.float64]], float],
+        least: int = 2,
+    ) -> dict[str, float]:
+        result = {}
+        for name, values in kind.items():
+            time_s = np.array(self._times[name])
+            settled = time_s >= SETTLED_SHARE * time_s[-1]
+            enough = np.count_nonzero(settled) >= least
+            result[name] = (
+                figure(time_s[settled], np.array(values)[settled]) if enough else float("nan")
+            )
+        return result
+
+
+def node_processes() -> dict[str, int]:
+    """Return process ids of this process's children by the node name in their command line."""
+    result = {}
+    for task in Path("/proc/self/task").iterdir():
+        try:
+            children = (task / "children").read_text().split()
+        except OSError:
+            continue  # the thread has ended meanwhile
+        for child in children:
+            try:
+                command = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
+            except OSError:
+                continue  # the process has
+            names = [a.removeprefix("__node:=") for a in command if a.startswith("__node:=")]
+            if names:
+                result[names[0]] = int(child)
+    return result
+
+
+def _difference(_time_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+    tenth = max(1, len(values) // 10)
+    return float(np.median(values[-tenth:]) - np.median(values[:tenth]))
+
+
+def _megabytes(folder: Path) -> float:
+    pages = int((folder / "statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGESIZE") / 1e6
+
+
+def _descriptors(folder: Path) -> float:
+    return float(len(os.listdir(folder / "fd")))
+
+
+def _threads(folder: Path) -> float:
+    return float(len(os.listdir(folder / "task")))

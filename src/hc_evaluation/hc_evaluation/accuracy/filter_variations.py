@@ -1,0 +1,41 @@
+"""Settings of the default filter that depart from it: for `ablation` and `defaults`.
+
+The one place to keep up to date with the filter: a mechanism that is added gets a line in
+`MECHANISMS` that switches it off, a setting whose value was chosen two in `VARIATIONS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+# Name of the mechanism, and the settings that switch it off. The first row is the filter itself.
+MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
+    ("nothing", {}),
+    ("stiffness that follows a trend", {"follow_stiffness": False}),
+    ("layers that vary", {"follow_layers": False}),
+    ("surface that moves", {"follow_surface": False}),
+    ("changes of the tissue", {"find_changes": False}),
+    ("turns of the tool", {"find_maneuvers": False}),
+    ("delay of the channels", {"channel_delay": 0.0}),
+    ("motion adaptation", {"motion_adaptation": False}),
+    ("noise adaptation", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),
+    ("tempering of the linearisation", {"coherence_share": 0.0}),
+    ("outlier gate", {"outlier_limit": 0}),
+)
+
+# Settings varied one at a time.
+VARIATIONS: tuple[tuple[str, Mapping[str, Any]], ...] = (
+    ("defaults", {}),
+    ("noise given, wrong by 3", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),
+    ("coherence_share x 2", {"coherence_share": 0.7}),
+    ("coherence_share / 2", {"coherence_share": 0.175}),
+    ("noise_memory x 3", {"noise_memory": 3000.0}),
+    ("noise_memory / 3", {"noise_memory": 333.0}),
+    ("noise_short_memory x 2", {"noise_short_memory": 80.0}),
+    ("noise_jump_ratio x 2", {"noise_jump_ratio": 7.0}),
+    ("initial_stiffness x 10", {"initial_stiffness": 10.0}),
+    ("initial_stiffness / 10", {"initial_stiffness": 0.1}),
+    ("jerk_density x 100", {"jerk_density": 1e7}),
+    ("jerk_density / 100", {"jerk_density": 1e3}),
+)

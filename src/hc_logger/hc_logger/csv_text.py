@@ -1,0 +1,111 @@
+"""The text of a CSV file: its encoding, its lines with a bound, cells and numbers in them."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from hc_logger.errors import BagError
+
+LOOKED_AT_BYTES: Final = 256 * 1024
+LOOKED_AT_LINES: Final = 400
+LONGEST_LINE: Final = 1024 * 1024
+"""Characters; a file without line ends would have to be kept in memory as a whole."""
+_BYTE_ORDER_MARKS: Final = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark it begins with
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+
+def find_encoding(path: Path) -> str:
+    """Return the encoding of a text file, as Python names it: Windows-1252 if it is not Unicode.
+
+    Raises:
+        BagError: if it cannot be read or is not a text file.
+    """
+    try:
+        with open(path, "rb") as file:
+            start = file.read(LOOKED_AT_BYTES)
+    except OSError as error:
+        raise BagError(f"cannot read {path}: {error.strerror}") from error
+    for mark, name in _BYTE_ORDER_MARKS:
+        if start.startswith(mark):
+            return name
+    if b"\0" in start:
+        raise BagError(
+            f"{path} is not a text file; if it is one in UTF-16, say so: --encoding utf-16-le"
+        )
+    try:
+        # What was cut off in the middle of a character is none.
+        codecs.getincrementaldecoder("utf-8")().decode(start)
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8"
+
+
+def first_lines(path: Path, encoding: str) -> list[str]:
+    """Return some lines from the beginning, without their ends; see limited_lines()."""
+    lines: list[str] = []
+    size = 0
+    for line in limited_lines(path, encoding):
+        lines.append(line.rstrip("\n"))
+        size += len(line)
+        if len(lines) >= LOOKED_AT_LINES or size >= LOOKED_AT_BYTES:
+            break
+    return lines
+
+
+def limited_lines(path: Path, encoding: str) -> Iterator[str]:
+    """Yield the lines of a file.
+
+    Raises:
+        BagError: if it cannot be read, or a line is too long to be one.
+    """
+    try:
+        with open(path, encoding=encoding, errors="replace") as stream:
+            count = 0
+            while line := stream.readline(LONGEST_LINE):
+                count += 1
+                if len(line) == LONGEST_LINE and not line.endswith("\n"):
+                    raise BagError(f"{path}, line {count} has more than {LONGEST_LINE} characters")
+                yield line
+    except OSError as error:
+        raise BagError(f"cannot read {path}: {error.strerror}") from error
+    except UnicodeError:
+        raise BagError(f"{path} is not a text in {encoding}: give its encoding") from None
+
+
+def split_line(line: str, separator: str) -> list[str]:
+    """Return the cells of a line."""
+    if separator == " ":
+        return line.split()
+    if '"' not in line:
+        return line.split(separator)
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:
+        return line.split(separator)
+
+
+def number(cell: str, decimal: str) -> float | None:
+    """Return the number in a cell, NaN for an empty one, None if it is none."""
+    text = cell.strip()
+    if not text:
+        return math.nan
+    if decimal == ",":
+        if "." in text:
+            return None
+        text = text.replace(",", ".")
+    if "_" in text:  # Python's own digit grouping
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return None

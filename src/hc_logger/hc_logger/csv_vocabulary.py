@@ -1,0 +1,123 @@
+"""What columns and units are called in the CSV files of testing machines and data loggers."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+QUANTITIES: Final = ("time", "displacement", "force")
+STANDARD_GRAVITY: Final = 9.80665
+"""m/s²: what makes a force of a gram."""
+
+UNITS: Final[dict[str, dict[str, float]]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+    "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3},
+    "force": {
+        "N": 1.0,
+        "mN": 1e-3,
+        "kN": 1e3,
+        "gf": STANDARD_GRAVITY * 1e-3,
+        "kgf": STANDARD_GRAVITY,
+    },
+}
+"""Factor of each unit into the core's s, mm, N."""
+
+_OTHER_SPELLINGS: Final = {
+    "sec": "s",
+    "secs": "s",
+    "second": "s",
+    "seconds": "s",
+    "sek": "s",
+    "msec": "ms",
+    "millisecond": "ms",
+    "milliseconds": "ms",
+    "usec": "us",
+    "µs": "us",
+    "minutes": "min",
+    "metre": "m",
+    "meter": "m",
+    "metres": "m",
+    "meters": "m",
+    "millimetre": "mm",
+    "millimeter": "mm",
+    "millimetres": "mm",
+    "millimeters": "mm",
+    "µm": "um",
+    "micron": "um",
+    "microns": "um",
+    "micrometre": "um",
+    "micrometer": "um",
+    "newton": "N",
+    "newtons": "N",
+    "millinewton": "mN",
+    "millinewtons": "mN",
+    "g": "gf",
+    "gram": "gf",
+    "grams": "gf",
+    "kg": "kgf",
+    "kilogram": "kgf",
+    "kilograms": "kgf",
+    "kp": "kgf",
+}
+_ONLY_AS_FORCE: Final = ("g", "kg")
+NAMES: Final[dict[str, tuple[str, ...]]] = {
+    "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
+             "prüfzeit", "messzeit", "temps", "tiempo", "tempo"),
+    "displacement": ("displacement", "disp", "distance", "position", "pos", "depth", "indentation",
+                     "indentation depth", "penetration", "penetration depth", "deformation",
+                     "compression", "travel", "stroke", "crosshead", "d", "z", "weg", "standardweg",
+                     "traversenweg", "déplacement", "desplazamiento", "spostamento"),
+    "force": ("force", "load", "f", "fz", "normal force", "compressive force", "compressive load",
+              "kraft", "standardkraft", "charge", "fuerza", "forza"),
+}  # fmt: skip
+"""Names in lower case, without units; the first one is ours."""
+
+_IN_BRACKETS: Final = re.compile(r"^(?P<name>.*?)\s*[\[({<]\s*(?P<unit>[^\])}>]*?)\s*[\])}>]\s*$")
+_AFTER_SIGN: Final = re.compile(
+    r"^(?P<name>.+?)\s*(?:_|/|,|:|\s-\s|\sin\s|\s)\s*(?P<unit>[^\s_/,:]+)$"
+)
+
+
+def unit_of(text: str, quantity: str | None = None) -> str | None:
+    """Return the unit that a text names, as UNITS writes it; None if it names none.
+
+    Args:
+        text: for example "mm", "[µm]", "Newton".
+        quantity: what is measured; None for any.
+    """
+    bare = text.strip().strip("[](){}<>").strip().replace("\u03bc", "µ")  # the Greek letter mu
+    for unit in (bare, _OTHER_SPELLINGS.get(bare.lower(), "")):
+        for kind, units in UNITS.items():
+            if unit in units and quantity in (None, kind):
+                return unit
+    lower = {u.lower(): u for kind in UNITS for u in UNITS[kind] if quantity in (None, kind)}
+    # MM or n are no other unit than mm or N; M and MN are.
+    return lower.get(bare.lower()) if bare.lower() not in ("m", "mn") else None
+
+
+def split_name(cell: str, quantity: str | None = None) -> tuple[str, str | None]:
+    """Return the name of a column without its unit, in lower case, and the unit if it has one.
+
+    Args:
+        cell: for example "Force [mN]", "force_N", "Kraft in N".
+        quantity: what is measured; None for any.
+    """
+    text = " ".join(cell.split())
+    for pattern in (_IN_BRACKETS, _AFTER_SIGN):
+        found = pattern.match(text)
+        if found and found["name"]:
+            unit = unit_of(found["unit"], quantity)
+            if unit is not None or pattern is _IN_BRACKETS:
+                return _bare(found["name"]), unit
+    return _bare(text), None
+
+
+def is_weight(cell: str) -> bool:
+    """Whether a unit is written as a mass, which is then taken for the weight of it."""
+    bare = cell.strip().strip("[](){}<>").strip().lower()
+    found = _IN_BRACKETS.match(cell) or _AFTER_SIGN.match(cell)
+    return bare in _ONLY_AS_FORCE or bool(found and found["unit"].lower() in _ONLY_AS_FORCE)
+
+
+def _bare(name: str) -> str:
+    return " ".join(name.replace("_", " ").lower().split())

@@ -1,0 +1,115 @@
+"""The system clock is set while a run goes on: forwards, backwards, by a leap second."""
+
+import json
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hc_logger.reader import BagReader
+from hc_logger.recording import read_recording
+
+SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
+HOUR, LEAP = 3600.0, 1.0
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
+
+
+@pytest.fixture
+def set_clock(command_line, tmp_path: Path):
+    """Preload a clock into what the command line starts, and return what sets it [s]."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("needs cc, to compile test/clock_shim.c")
+    library = tmp_path / "clock.so"
+    command = [compiler, "-shared", "-fPIC", "-O2", "-o", library, SHIM, "-ldl"]
+    built = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert built.returncode == 0, built.stderr
+    offset = tmp_path / "offset"
+    offset.write_bytes(bytes(8))
+    command_line.environment |= {"LD_PRELOAD": str(library), "HC_TEST_CLOCK": str(offset)}
+
+    def set_to(seconds: float) -> None:
+        with offset.open("r+b", buffering=0) as file:
+            file.write(struct.pack("<q", round(seconds * 1e9)))
+
+    return set_to
+
+
+def test_a_run_goes_on_however_the_clock_is_set(command_line, set_clock) -> None:
+    """Set back, the wheels once slept through the hour: no timer, no signal, nothing recorded."""
+    process = command_line.start("run", "--json", "--bag", "bag")
+    for line in process.stderr:
+        if "Hz" in line:
+            break
+    for seconds in (HOUR, 0.0, -LEAP, -HOUR):
+        time.sleep(1.5)
+        set_clock(seconds)
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    summary = json.loads(out)
+    assert summary["samples"] > 4000
+    assert summary["lost"] < 0.02 * summary["samples"]
+    assert summary["rejected"].get("time_backward", 0) == 0
+    assert summary["parameters"]["stiffness"] == pytest.approx(0.2, rel=0.02)
+    bag = command_line.folder / "bag"
+    with BagReader(bag) as reader:
+        assert len(reader.custom_data["clock_jumps_s"].split(", ")) >= 4
+        times = np.array([m.log_time for m in reader.messages({"/indenter/sample"})])
+    # The times of reception go on evenly: a player makes neither a hole nor a fold of it.
+    assert (np.diff(times) >= 0).all()
+    assert np.diff(times).max() < 1e9
+    recorded = read_recording(bag).sequence
+    assert len(recorded) > 0.98 * summary["samples"]
+
+
+WAIT = """
+import os, struct, sys, time
+import rclpy
+from rclpy.experimental import EventsExecutor
+from hc_msgs_py.clock_watch import ClockWatch
+from hc_msgs_py.middleware import set_defaults
+set_defaults()
+rclpy.init()
+node = rclpy.create_node("waits")
+ticks = []
+node.create_timer(0.05, lambda: ticks.append(time.monotonic()))
+executor = EventsExecutor()
+executor.add_node(node)
+def spin(seconds):
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0:
+        executor.spin_once(timeout_sec=min(left, 0.1))
+with ClockWatch(executor, lambda: node.timers) as watch:
+    spin(1.0)
+    before = len(ticks)
+    with open(os.environ["HC_TEST_CLOCK"], "r+b", buffering=0) as file:
+        file.write(struct.pack("<q", -3600 * 10**9))
+    begin = time.monotonic()
+    spin(2.0)
+    print(before, len(ticks) - before, watch.steps_back, time.monotonic() - begin)
+"""
+
+
+def test_timers_go_on_when_the_clock_is_set_back(command_line, set_clock) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WAIT],
+        env=os.environ | command_line.environment,
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    before, after, steps, took = map(float, done.stdout.split())
+    assert before > 5
+    assert after > 10
+    assert steps == 1
+    assert took < 4.0

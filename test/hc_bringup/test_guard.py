@@ -1,0 +1,135 @@
+"""The end of every error: one line, a status, and a file with the traceback where it is a fault."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hc_bringup import cli
+from hc_bringup.commands import simulate
+
+ROOT = Path(__file__).resolve().parents[2]
+HC = [sys.executable, "-m", "hc_bringup"]
+
+
+@pytest.fixture
+def fault(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """Let `hc simulate` raise what a test gives; files of tracebacks go to the test's folder."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+
+    def run(error: BaseException) -> int:
+        def fail(_arguments) -> int:
+            raise error
+
+        monkeypatch.setattr(simulate, "run", fail)
+        return cli.main(["simulate"])
+
+    return run
+
+
+def test_a_fault_is_one_line_and_a_file(fault, capsys: pytest.CaptureFixture[str]) -> None:
+    assert fault(ZeroDivisionError("a\nb\x1b[31m")) == 1
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert err.startswith(
+        "hc simulate: internal error: ZeroDivisionError: a b [31m (where it arose"
+    )
+    path = Path(re.search(r"is in (\S+);", err)[1])
+    text = path.read_text()
+    assert "Traceback (most recent call last)" in text
+    assert "hc 'simulate'" in text
+    assert path.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (MemoryError(), "hc simulate: not enough memory for this (see ulimit -v)\n"),
+        (PermissionError(13, "Permission denied", "/x"), "hc simulate: /x: Permission denied\n"),
+        (BrokenPipeError(32, "Broken pipe"), ""),
+        (KeyboardInterrupt(), ""),
+    ],
+)
+def test_what_is_no_fault_of_the_suite_leaves_no_file(
+    fault, capsys: pytest.CaptureFixture[str], tmp_path: Path, error: BaseException, line: str
+) -> None:
+    assert fault(error) in (0, 1, 130)
+    assert capsys.readouterr().err == line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fault_where_no_file_can_be_written(
+    fault, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", "/proc/nowhere")
+    assert fault(ValueError("x")) == 1
+    assert "could not be written down: No such file or directory" in capsys.readouterr().err
+
+
+def run(*words: str, **options) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*HC, *words], capture_output=True, text=True, timeout=60, check=False, **options
+    )
+
+
+def test_a_full_standard_output_is_told() -> None:
+    buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*HC, "simulate"], stdout=full, stderr=subprocess.PIPE, text=True, env=buffered
+        )
+    assert done.returncode == 1
+    assert done.stderr == "hc simulate: cannot write standard output: No space left on device\n"
+
+
+def test_an_early_interrupt_is_quiet() -> None:
+    """./hc blocks the interrupt until Python can answer it; python -m alone cannot."""
+    for after_ms in (0, 10, 30, 50, 70, 100, 150, 250, 350):
+        process = subprocess.Popen(
+            [ROOT / "hc", "node", "list"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"ROS_DOMAIN_ID": "101"},
+        )
+        time.sleep(after_ms * 1e-3)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+        assert err == "", after_ms
+        assert process.returncode in (-signal.SIGINT, 130), after_ms
+
+
+@pytest.mark.process
+def test_without_a_home_the_graph_can_be_looked_at(ros_domain: int, tmp_path: Path) -> None:
+    environment = {"PATH": os.environ["PATH"], "ROS_DOMAIN_ID": str(ros_domain)}
+    done = run("node", "list", env=environment)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "no node is running\n", "")
+
+
+def test_any_file_name_works(tmp_path: Path) -> None:
+    folder = os.fsencode(tmp_path) + b"/\xff \xc3\xa4 $b"
+    os.mkdir(folder)
+    environment = os.environ | {"LC_ALL": "POSIX"}
+    csv, bag, page = (folder + b"/" + name for name in (b"\xfe.csv", b"\xfe", b"\xfe.html"))
+    words: list[list[bytes]] = [
+        [b"simulate", b"multisine", b"--duration", b"0.5", b"-o", csv],
+        [b"bag", b"convert", csv, bag],
+        [b"bag", b"info", bag],
+        [b"estimate", bag, b"-o", folder + b"/\xfd.csv"],
+        [b"report", bag, b"-o", page],
+    ]
+    for command in words:
+        done = subprocess.run(
+            [*(os.fsencode(w) for w in HC), *command],
+            capture_output=True,
+            timeout=60,
+            env=environment,
+        )
+        assert b"internal error" not in done.stderr
+        assert done.returncode == 0 or command[0] == b"estimate", done.stderr
+    assert sorted(os.listdir(folder)) == [b"\xfd.csv", b"\xfe", b"\xfe.csv", b"\xfe.html"]

@@ -1,0 +1,266 @@
+"""CSV files of testing machines and data loggers: found out and said, or refused."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hc_logger.csv_file import read_csv
+from hc_logger.csv_layout import CsvOptions, find_layout, parse_assignments
+from hc_logger.csv_vocabulary import split_name, unit_of
+from hc_logger.errors import BagError
+from hc_logger.recording import read_recording
+
+TIME = np.arange(60) * 0.002
+DEPTH = np.round(1.0 + 0.5 * np.sin(9 * TIME), 4)
+FORCE = np.round(0.2 * DEPTH**1.8, 5)
+G = 9.80665e-3
+
+
+def write(path: Path, text: str, encoding: str = "utf-8", mark: bytes = b"") -> Path:
+    path.write_bytes(mark + text.encode(encoding))
+    return path
+
+
+def rows(form: str, *columns: Any, decimal: str = ".") -> str:
+    lines = [form.format(*row) for row in zip(*columns, strict=True)]
+    return "".join(line.replace(".", decimal) + "\n" for line in lines)
+
+
+def texture_analyser() -> bytes:
+    head = "Force,Distance,Time\n(g),(mm),(sec)\n"
+    return (head + rows("{:.6f},{:.4f},{:.3f}", FORCE / G, DEPTH, TIME)).encode()
+
+
+def german_machine() -> bytes:
+    head = "Prüfung 12;;\n\nPrüfzeit;Standardweg;Standardkraft\ns;µm;N\n"
+    table = rows("{:.3f};{:.1f};{:.5f}", TIME, DEPTH * 1e3, FORCE, decimal=",")
+    return (head + table).encode("cp1252")
+
+
+def unicode_export() -> bytes:
+    head = "Sample: liver 3\r\nOperator: x, y\r\nTime [ms]\tPosition [m]\tLoad [mN]\tNote\r\n"
+    table = rows("{:.1f}\t{:.7f}\t{:.2f}\tok", TIME * 1e3, DEPTH * 1e-3, FORCE * 1e3)
+    return codecs.BOM_UTF16_LE + (head + table).encode("utf-16-le")
+
+
+def logger_with_spaces() -> bytes:
+    head = "t[s]  Fz[kgf]  z[um]\n"
+    return (head + rows("{:8.3f} {:12.8f} {:10.2f}", TIME, FORCE / (1e3 * G), DEPTH * 1e3)).encode()
+
+
+def quoted() -> bytes:
+    head = '"Time, s";"Indentation depth, mm";"Force, N"\n'
+    return (head + rows('"{:.3f}";"{:.4f}";"{:.5f}"', TIME, DEPTH, FORCE, decimal=",")).encode()
+
+
+def with_byte_order_mark() -> bytes:
+    head = "time_s,displacement_mm,force_N\n"
+    return codecs.BOM_UTF8 + (head + rows("{:.3f},{:.4f},{:.5f}", TIME, DEPTH, FORCE)).encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (texture_analyser(), ["'Force' in gf", "the force of a mass", "by comma"]),
+        (german_machine(), ["'Standardweg' in um", "decimal comma", "encoding cp1252"]),
+        (unicode_export(), ["'Load [mN]' in mN", "by tab", "encoding utf-16"]),
+        (logger_with_spaces(), ["'Fz[kgf]' in kgf", "by space"]),
+        (quoted(), ["'Indentation depth, mm' in mm", "by semicolon", "decimal comma"]),
+        (with_byte_order_mark(), []),
+    ],
+)
+def test_what_machines_write_is_read_and_said(
+    tmp_path: Path, content: bytes, said: list[str]
+) -> None:
+    path = tmp_path / "export.csv"
+    path.write_bytes(content)
+    recording = read_recording(path)
+    np.testing.assert_allclose(recording.time_s, TIME, atol=1e-9)
+    np.testing.assert_allclose(recording.displacement_mm, DEPTH, atol=1e-4)
+    np.testing.assert_allclose(recording.force_n, FORCE, atol=1e-5)
+    told = "\n".join(recording.findings.lines())
+    assert all(text in told for text in said), told
+    assert bool(told) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("Time [s],Force A [N],Force B [N],Pos [mm]\n0,1,2,3\n", "several columns could be the f"),
+        ("Time [s],Pos,Force [N]\n0,1,2\n", "unit of 'Pos' is not known; say it with --units disp"),
+        ("Time,Pos [mm],Force [N]\n0,1,2\n1,1,2\n2,1,2\n", "the unit of 'Time' is not known"),
+        ("Time [s],Pos [mm],Force [daN]\n0,1,2\n", "the unit of 'Force [daN]' is not known"),
+        ("0,1,2\n0.1,1,2\n", "the columns have no names; say it with --columns"),
+        ("a,b,c\n0,1,2\n", "no column is known to be the time"),
+        ("Zeit,Weg,Kraft\n0,1, 2,5, 3,7\n0,2, 2,6, 3,8\n", "no names; say it with --columns"),
+        ("nothing of numbers\nat all\n", "no rows of three numbers are to be seen"),
+    ],
+)
+def test_a_doubt_is_refused_with_the_option_that_settles_it(
+    tmp_path: Path, text: str, expected: str
+) -> None:
+    path = write(tmp_path / "doubt.csv", text)
+    with pytest.raises(BagError) as caught:
+        read_recording(path)
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_options_settle_what_is_in_doubt(tmp_path: Path) -> None:
+    text = "log 7\nTime,Pos,Force A,Force B\n" + "".join(
+        f"{k},{k + 1},{k},{2 * k}\n" for k in range(9)
+    )
+    path = write(tmp_path / "doubt.txt", text)
+    options = CsvOptions(
+        columns={"displacement": "2", "force": "Force B"},
+        units={"time": "ms", "displacement": "um", "force": "mN"},
+    )
+    recording = read_recording(path, csv_options=options)
+    np.testing.assert_allclose(recording.time_s, np.arange(9) * 1e-3)
+    np.testing.assert_allclose(recording.displacement_mm, np.arange(1, 10) * 1e-3)
+    np.testing.assert_allclose(recording.force_n, np.arange(9) * 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        (CsvOptions(units={"force": "mm"}), "'mm' is no unit of force: give N, mN, kN, gf, kgf"),
+        (CsvOptions(separator="x"), "is no separator: give one of comma, semicolon"),
+        (CsvOptions(decimal="'"), "is no decimal sign"),
+        (CsvOptions(separator=",", decimal=","), "cannot be both"),
+        (CsvOptions(encoding="klingon"), "is no encoding"),
+        (CsvOptions(encoding="zlib"), "is no encoding"),
+        (CsvOptions(columns={"time": "Uhr"}), "no column is called 'Uhr'; it has 'Time [s]'"),
+        (CsvOptions(columns={"time": "2", "displacement": "2"}), "two quantities are the same"),
+        (CsvOptions(header_lines=90), "no rows of three numbers"),
+    ],
+)
+def test_wrong_options_are_one_line(tmp_path: Path, options: CsvOptions, expected: str) -> None:
+    path = write(
+        tmp_path / "a.csv", "Time [s],Pos [mm],Force [N]\n" + rows("{},{},{}", TIME, DEPTH, FORCE)
+    )
+    with pytest.raises(BagError, match=r"^[^\n]*$") as caught:
+        read_recording(path, csv_options=options)
+    assert expected in str(caught.value)
+
+
+def test_an_assignment_may_hold_commas() -> None:
+    assert parse_assignments("time=Time, s,displacement=z, mm,force=3") == {
+        "time": "Time, s",
+        "displacement": "z, mm",
+        "force": "3",
+    }
+    for text in ("", "time", "x=1", "time=", "time=1,time=2"):
+        with pytest.raises(ValueError, match=r"form|given"):
+            parse_assignments(text)
+
+
+@pytest.mark.parametrize(
+    ("cell", "name", "unit"),
+    [
+        ("force_N", "force", "N"),
+        ("Force [mN]", "force", "mN"),
+        ("Kraft in N", "kraft", "N"),
+        ("Time(ms)", "time", "ms"),
+        ("Position / µm", "position", "um"),
+        ("Position \u03bcm", "position", "um"),
+        ("Normal force", "normal force", None),
+        ("Force (Compression)", "force", None),
+        ("DISTANCE MM", "distance", "mm"),
+        ("Load kN", "load", "kN"),
+        ("F", "f", None),
+    ],
+)
+def test_names_and_units(cell: str, name: str, unit: str | None) -> None:
+    assert split_name(cell) == (name, unit)
+
+
+def test_units_that_differ_by_a_capital_are_not_guessed() -> None:
+    assert unit_of("MN") is None
+    assert unit_of("M") is None
+    assert unit_of("mn") is None
+    assert unit_of("MM") == "mm"
+
+
+@st.composite
+def machine(draw: st.DrawFn) -> tuple[bytes, tuple[float, float, float]]:
+    """A file as some machine might write it, and how precise its numbers are."""
+    separator = draw(st.sampled_from([",", ";", "\t", "|"]))
+    decimal = "." if separator == "," else draw(st.sampled_from([".", ","]))
+    encoding = draw(st.sampled_from(["utf-8", "utf-8-sig", "cp1252", "utf-16"]))
+    units = (
+        draw(st.sampled_from([("s", 1.0), ("ms", 1e-3), ("min", 60.0)])),
+        draw(st.sampled_from([("m", 1e3), ("mm", 1.0), ("µm", 1e-3), ("cm", 10.0)])),
+        draw(st.sampled_from([("N", 1.0), ("mN", 1e-3), ("gf", G), ("kgf", 1e3 * G)])),
+    )
+    names = (
+        draw(st.sampled_from(["Time", "time", "Zeit", "Elapsed time"])),
+        draw(st.sampled_from(["Distance", "Depth", "Weg", "Indentation depth"])),
+        draw(st.sampled_from(["Force", "Load", "Kraft", "Normal force"])),
+    )
+    columns = [TIME / units[0][1], DEPTH / units[1][1], FORCE / units[2][1], np.arange(60)]
+    style = draw(st.sampled_from(["brackets", "parentheses", "line", "underscore"]))
+    heads = {
+        "brackets": [f"{n} [{u}]" for n, (u, _) in zip(names, units, strict=True)],
+        "parentheses": [f"{n} ({u})" for n, (u, _) in zip(names, units, strict=True)],
+        "underscore": [f"{n}_{u}" for n, (u, _) in zip(names, units, strict=True)],
+        "line": list(names),
+    }[style]
+    order = draw(st.permutations(range(4)))
+    cells = [*heads, "Row"]
+    lines = [f"Machine {k}: header" for k in range(draw(st.integers(0, 3)))]
+    lines.append(separator.join(cells[i] for i in order))
+    if style == "line":
+        below = [*(u for u, _ in units), ""]
+        lines.append(separator.join(below[i] for i in order))
+    for row in zip(*columns, strict=True):
+        text = [f"{value:.12g}".replace(".", decimal) for value in row]
+        lines.append(separator.join(text[i] for i in order))
+    end = draw(st.sampled_from(["\n", "\r\n"]))
+    return (end.join(lines) + end).encode(encoding), (units[0][1], units[1][1], units[2][1])
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(machine())
+def test_any_way_of_writing_gives_the_same_numbers(
+    tmp_path: Path, drawn: tuple[bytes, tuple[float, float, float]]
+) -> None:
+    path = tmp_path / "export.csv"
+    path.write_bytes(drawn[0])
+    table = np.concatenate(list(read_csv(path, find_layout(path))))
+    np.testing.assert_allclose(table, np.column_stack([TIME, DEPTH, FORCE]), rtol=1e-9, atol=1e-12)
+
+
+def test_a_line_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "endless.csv"
+    with open(path, "wb") as file:
+        file.write(b"time_s,displacement_mm,force_N\n0,1,2\n")
+        file.write(b"9" * 3_000_000)
+        file.truncate(10**11)  # a sparse file of 100 GB
+    with pytest.raises(BagError, match=r"has more than 1048576 characters|is not a text file"):
+        read_recording(path)
+
+
+def test_a_cell_that_is_too_long_for_the_csv_module(tmp_path: Path) -> None:
+    text = 'time_s,displacement_mm,force_N\n0,1,2\n0.1,"' + "9" * 200_000 + '",3\n'
+    with pytest.raises(BagError, match="line 3 cannot be read: field larger than field limit"):
+        read_recording(write(tmp_path / "long.csv", text))
+
+
+def test_the_limit_of_memory_is_a_setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "rows.csv"
+    path.write_text("time_s,displacement_mm,force_N\n" + "0,1,2\n" * 50_000)
+    assert len(read_recording(path).time_s) == 50_000
+    monkeypatch.setenv("HC_LARGEST_RECORDING_MIB", "1")
+    with pytest.raises(BagError, match="more than 1 MiB: set HC_LARGEST_RECORDING_MIB"):
+        read_recording(path)
+    monkeypatch.setenv("HC_LARGEST_RECORDING_MIB", "much")
+    with pytest.raises(BagError, match="is no size"):
+        read_recording(path)
