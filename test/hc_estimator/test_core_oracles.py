@@ -324,7 +324,5 @@ def test_separation_and_tension_equal_the_plain_implementation(
         adhesive=adhesive,
     )
     compare(samples, "ukf", state_space, contact_model, COMMON | NEAR | FIXED)
-    clean = recording(
-        0.6, parameters=(0.2, 0.05, 1.8, 1.05), force_noise=0.0, adhesive=adhesive
-    )[2]
+    clean = recording(0.6, parameters=(0.2, 0.05, 1.8, 1.05), force_noise=0.0, adhesive=adhesive)[2]
     assert 0.2 < np.mean(clean < 0.0 if adhesive else clean == 0.0) < 0.5

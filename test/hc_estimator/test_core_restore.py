@@ -18,6 +18,7 @@ COMBINATIONS = [(f, s) for f in hc.available_filters() for s in hc.available_sta
 NUMBERS = [0.0, -1.0, 1.0, 1e-308, 1e-30, 1e9, 1e30, -1e30, 1e149, 1e308, -1e308]
 NUMBERS += [math.nan, math.inf, -math.inf, 10**400]
 WHOLE = [-(10**9), -1, 0, 1, 2, 7, 50, 255, 256, 10**9, 2**53, 2**63, -(2**63), 10**30]
+PYTEST = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
 OTHERS = [None, True, "", "x", "1e5", "nan", [], {}, [[]], [1.0], {"a": 1}]
 
 
@@ -136,7 +137,8 @@ def fuzz(states, count, seed):
         try:
             assert_finite(estimator.run(time, d, force))
         except AssertionError as error:
-            raise AssertionError(f"{kind}: {error}; {differences(json.loads(text), plain)}") from None
+            changed = differences(json.loads(text), plain)
+            raise AssertionError(f"{kind}: {error}; {changed}") from None
     return refused, ran
 
 
@@ -175,8 +177,7 @@ def test_ten_thousand_mutated_states(saved):
 def test_mutated_states_stay_within_their_arrays(tmp_path):
     """The ordinary fuzzing once more, compiled with a check of every index."""
     result = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"{__file__}", "-k"]
-        + ["test_mutated_states_are_refused_or_run_soundly", "--timeout", "3000"],
+        [*PYTEST, __file__, "-k", "refused_or_run_soundly", "--timeout", "3000"],
         env=os.environ | {"NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path)},
         capture_output=True,
         text=True,

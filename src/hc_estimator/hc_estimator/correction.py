@@ -111,7 +111,8 @@ def innovate(memory: Any) -> bool:
     Returns:
         False if S is not positive definite or not finite.
     """
-    covariance, innovation, inverse = memory.innovation_covariance, memory.innovation, memory.inverse
+    covariance, inverse = memory.innovation_covariance, memory.inverse
+    innovation = memory.innovation
     for i in range(2):
         innovation[i] = 0.0
         if memory.present[i] != 0:

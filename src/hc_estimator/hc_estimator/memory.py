@@ -182,7 +182,8 @@ def _check_range(given: NDArray[Any], field: Field) -> None:
     if whole:
         sound = sound and bool((usual == np.floor(usual)).all())
     if not sound or ((whole or field.finite) and usual.size < given.size):
-        raise ValueError(f"{field.name} is not a {'whole ' if whole else ''}number from {low:g} to {high:g}")
+        kind = "whole number" if whole else "number"
+        raise ValueError(f"{field.name} is not a {kind} from {low:g} to {high:g}")
 
 
 def _is_covariance(matrix: NDArray[Any]) -> bool:

@@ -1,8 +1,8 @@
 """What a plain filter does when it is lost: it starts anew instead of staying lost, and says so.
 
 Plain filters can be driven where the contact law means nothing: ln K beyond any tissue. From there
-no data brings them back, and sooner or later the covariance has no factor any more. Each filter calls `recover` after each sample.
-Start, recovery and restart all go through `reset`.
+no data brings them back, and sooner or later the covariance has no factor any more. Each filter
+calls `recover` after each sample. Start, recovery and restart all go through `reset`.
 """
 
 from __future__ import annotations

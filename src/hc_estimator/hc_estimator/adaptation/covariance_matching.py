@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space.registry import KINEMATIC
 

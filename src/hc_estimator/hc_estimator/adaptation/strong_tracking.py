@@ -67,7 +67,8 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    Field("tracking_values", np.float64, (LONGEST_WINDOW,)),  # ring of |Z|^2 / tr R for two readings
+    # Ring of |Z|^2 / tr R for two readings.
+    Field("tracking_values", np.float64, (LONGEST_WINDOW,)),
     Field("tracking_position", np.int64, (), 0, LONGEST_WINDOW - 1),
     Field("tracking_filled", np.int64, (), 0, LONGEST_WINDOW),
 )

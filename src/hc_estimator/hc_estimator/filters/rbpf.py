@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import change_detection, difference_noise, policy, tempering
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import cholesky, clear_matrix, clear_vector, copy_matrix
+from hc_estimator.memory import Field
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
 from hc_estimator.recovery import recover
@@ -250,7 +250,7 @@ def _use_displacement(memory: Any, row: NDArray[np.float64], noise: float) -> fl
     for i in range(SIZE):
         row[STATE + i] += factor[i, 0] * gain * residual
         factor[i, 0] *= scale
-    return -0.5 * (residual * residual / spread + math.log(spread))
+    return -0.5 * float(residual * residual / spread + math.log(spread))
 
 
 @compiled
@@ -278,7 +278,7 @@ def _use_force(settings: Any, memory: Any, row: NDArray[np.float64], noise: floa
     for i in range(SIZE):
         for j in range(SIZE):
             factor[i, j] -= gain[i] * seen[j] * share
-    return -0.5 * (residual * residual / spread + math.log(spread))
+    return -0.5 * float(residual * residual / spread + math.log(spread))
 
 
 @compiled

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
+from hc_estimator.memory import Field
 from hc_estimator.prediction import add_process_noise, predict
 from hc_estimator.recovery import recover
 from hc_estimator.report import write_row

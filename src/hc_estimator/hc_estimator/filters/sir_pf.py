@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import (
@@ -33,6 +32,7 @@ from hc_estimator.linear_algebra import (
     copy_matrix,
     copy_vector,
 )
+from hc_estimator.memory import Field
 from hc_estimator.prediction import restart_motion
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import gamma, normal

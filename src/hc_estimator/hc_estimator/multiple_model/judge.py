@@ -66,7 +66,7 @@ def _shrunk(row: Any, i: int) -> float:
     value = row.state[OWN + i]
     square = value * value
     variance = row.covariance[OWN + i, OWN + i]
-    return value * square / (square + variance) if square > 0.0 else 0.0  # type: ignore[no-any-return]
+    return value * square / (square + variance) if square > 0.0 else 0.0
 
 
 @compiled
@@ -114,7 +114,7 @@ def _score(settings: Any, judge: Any, rows: Any, clock: float, force: float, sha
             continue
         total, count = 0.0, 0
         for h in range(HORIZONS.size):
-            back = max(int(round(HORIZONS[h] / period)), 1)
+            back = max(round(HORIZONS[h] / period), 1)
             if back > min(judge.count, SLOTS - 1):
                 break
             slot = (judge.count - back) % SLOTS
@@ -203,10 +203,7 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         if _is_eligible(rows[m], clock, steadiest, likeliest):
             best = min(best, rows[m].score)
     for m in range(FRESH):
-        if (
-            _is_eligible(rows[m], clock, steadiest, likeliest)
-            and rows[m].score <= MARGIN * best
-        ):
+        if _is_eligible(rows[m], clock, steadiest, likeliest) and rows[m].score <= MARGIN * best:
             judge.chosen = m
             return
 

@@ -264,12 +264,14 @@ def is_turning(maneuver: Any, row: Any, elapsed: float) -> bool:
 def jerk_density(maneuver: Any, row: Any, elapsed: float, density: float) -> float:
     """Jerk density for a row [mm^2/s^5]: that of a maneuver while the tool turns."""
     if is_turning(maneuver, row, elapsed):
-        return max(density, maneuver.density)
+        return float(max(density, maneuver.density))
     return density
 
 
 @compiled
-def product_variance(settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float) -> float:
+def product_variance(
+    settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float
+) -> float:
     """Variance of the force from velocity times damping, both not known [N^2].
 
     The second-order term of the damping force in the velocity and in the logarithm of its factor
