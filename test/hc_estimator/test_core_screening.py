@@ -215,9 +215,9 @@ def test_a_lost_filter_starts_from_the_first_guess(filter_name, recording):
     state["memory"]["covariance"] = covariance.tolist()
     estimator.restore(state)
     series = estimator.run(time[500:], d[500:], force[500:])
-    used = np.flatnonzero(series.rejected == 0)
-    assert series.change_detected[used[0]]
-    np.testing.assert_allclose(series.parameters[used[0]], [1.0, 0.07, 1.5, 1.0])
+    told = np.flatnonzero(series.change_detected[:20])  # some are refused before it knows
+    assert told.size == 1
+    np.testing.assert_allclose(series.parameters[told[0]], [1.0, 0.07, 1.5, 1.0])
     if filter_name == "ukf":  # the others have not found it yet
         np.testing.assert_allclose(series.parameters[-1, 2:], [1.8, 1.05], atol=0.5)
 

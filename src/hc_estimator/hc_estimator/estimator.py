@@ -378,6 +378,8 @@ class Estimator:
                 )
         memory = np.zeros(1, self._memory_type)
         try:
+            if not isinstance(state["configuration"], Mapping):
+                raise ValueError("the configuration holds no names and values")
             values = checked_values(self._specifications, state["configuration"])
             missing = [s.name for s in self._specifications if s.name not in values]
             if missing:

@@ -105,7 +105,8 @@ CLOCK_FIELDS = (
     Field("started", np.int64, (), 0, 1),  # 1 once a sample was accepted
     Field("accepted", np.int64, (), 0),  # accepted samples so far
     Field("last_time", np.float64),  # of the last accepted sample [s]
-    Field("channel_time", np.float64, (2,)),  # of the last accepted reading of each channel [s]
+    # Of the last accepted reading of each channel since the start; NaN if there was none [s].
+    Field("channel_time", np.float64, (2,), finite=False),
     Field("backward_time", np.float64),  # of the last sample that was refused as backward [s]
     Field("backward_count", np.int64, (), 0),  # how many such samples came one after another
     Field("outlier_count", np.int64, (), 0),  # outliers one after another
@@ -162,6 +163,8 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
     clock.measurement[0] = displacement
     clock.measurement[1] = force
     if clock.started == 0:
+        clock.channel_time[0] = math.nan
+        clock.channel_time[1] = math.nan
         clock.restart = 1
         return ACCEPTED if clock.present[0] != 0 else NOT_FINITE
     if time < clock.last_time:

@@ -124,6 +124,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     reading = clock.measurement[arrived]
     now = time - max(delay, 0.0)
     restart = clock.restart
+    stamp = clock.channel_time[ahead]
     decision = ACCEPTED
     while held.first < held.count:
         slot = held.first % HELD
@@ -137,6 +138,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
         clock.restart = restart
         restart = 0
         decision = _use_at(settings, bank, time, place, 0.0)
+    clock.channel_time[ahead] = stamp  # what was held came before this sample
     clock.present[arrived] = 1
     clock.present[1 - arrived] = 0
     clock.measurement[arrived] = reading

@@ -143,7 +143,7 @@ WINDOWS = 24  # that are remembered
 DELAY = record_type(
     (
         Field("delay", np.float64),  # in use [s]
-        Field("deviation", np.float64),  # of it; NaN if it is not known [s]
+        Field("deviation", np.float64, (), 0.0, finite=False),  # of it; NaN: not known [s]
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
@@ -155,7 +155,8 @@ DELAY = record_type(
         Field("points", np.int64, (), 0, GRID),  # of a window
         Field("first", np.int64, (), 0),  # grid_count at its first point
         Field("windows", np.int64, (), 0),
-        Field("profile", np.float64, (WINDOWS, CANDIDATES)),  # negative log likelihoods
+        # Negative log likelihoods; infinite for candidates out of reach.
+        Field("profile", np.float64, (WINDOWS, CANDIDATES), finite=False),
         Field("fine_valid", np.int64, (WINDOWS,), 0, 1),
         Field("fine_delay", np.float64, (WINDOWS,)),  # [s]
         Field("fine_variance", np.float64, (WINDOWS,)),  # [s^2]
@@ -182,7 +183,8 @@ GIVEN = record_type(
         Field("predicted_force", np.float64),  # [N]
         Field("latest_force", np.float64),  # the sample's own reading [N]
         Field("reconstructed_force", np.float64),  # [N]
-        Field("innovation", np.float64, (2,)),  # displacement [mm], force [N]
+        # Displacement [mm], force [N]; NaN where a reading is missing.
+        Field("innovation", np.float64, (2,), finite=False),
         Field("nis", np.float64),
     )
 )
