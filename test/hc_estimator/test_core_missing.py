@@ -134,7 +134,9 @@ def test_readings_at_their_own_rates_find_the_tissue(filter_name, options, two_r
     assert not series.change_detected.any()
     late = time > 1.5
     # One reading each. `rbpf` tempers longer, and the R of `aukf` scatters with its window.
-    assert np.mean(series.nis[late]) == pytest.approx(1.0, rel=0.3 if filter_name == "rbpf" else 0.2)
+    assert np.mean(series.nis[late]) == pytest.approx(
+        1.0, rel=0.3 if filter_name == "rbpf" else 0.2
+    )
     rel = 0.4 if filter_name == "aukf" else 0.25
     assert series.force_noise_std[-1] == pytest.approx(0.01, rel=rel)
     assert series.displacement_noise_std[-1] == pytest.approx(0.002, rel=rel)

@@ -33,6 +33,7 @@ ROW = record_type(
         Field("contact_time", np.float64, ()),  # informative contact since the row's start [s]
         Field("recent_nis", np.float64, ()),  # short mean of the normalised innovation squared
         Field("score", np.float64, ()),  # mean squared error of delayed predictions [N^2]
+        Field("claimed", np.float64, ()),  # what it would be by the row's own variance [N^2]
         Field("log_likelihood", np.float64, ()),  # forgetting sum
         Field("since", np.float64, ()),  # contact clock at its last seeding [s]
         Field("counts_from", np.float64, ()),  # contact clock from which on it may be chosen [s]
@@ -103,6 +104,10 @@ KEPT_ROW = record_type(
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
         Field("model_error", np.float64),
+        Field("score", np.float64),
+        Field("log_likelihood", np.float64),
+        Field("recent_nis", np.float64),
+        Field("inconsistent_time", np.float64),
     )
 )
 # Did the tool turn suddenly?
@@ -110,6 +115,8 @@ MANEUVER = record_type(
     (
         Field("rows", KEPT_ROW, (KEPT, FRESH)),  # ring
         Field("time", np.float64, (KEPT,)),  # [s]
+        Field("contact_clock", np.float64, (KEPT,)),  # [s]
+        Field("chosen", np.int64, (KEPT,), 0, ROW_COUNT - 1),  # row that was chosen
         Field("member", np.int64, (KEPT,), 0, MEMBERS - 1),  # chosen in the bank
         Field("count", np.int64, (), 0),  # kept so far
         Field("waited", np.int64, (), 0),  # samples since the last of them

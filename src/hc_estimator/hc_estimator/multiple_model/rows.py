@@ -66,6 +66,7 @@ def clear_adaptation(row: Any) -> None:
     row.contact_time = 0.0
     row.recent_nis = 2.0
     row.score = 0.0
+    row.claimed = 0.0
     row.log_likelihood = 0.0
     row.inconsistent_time = 0.0
     row.alarmed = 0

@@ -451,9 +451,16 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     else:
         tool.away_time += clock.elapsed
     _correct_density(settings, bank, chosen)
-    if clock.present[1] != 0:
+    if clock.present[1] != 0 and not maneuvers.is_turning(bank.maneuver, chosen, clock.period):
         judging.learn(
-            settings, bank.judge, rows, tool, clock.measurement[1], clock.force_elapsed, touching
+            settings,
+            bank.judge,
+            rows,
+            tool,
+            clock.measurement[1],
+            bank.sensor_noise[1],
+            clock.force_elapsed,
+            touching,
         )
     alarm = rows[bank.judge.chosen].alarm != 0
     if not maneuvers.answer(settings, bank, time, alarm):
@@ -481,6 +488,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.maneuver,
         rows,
         rows[bank.judge.chosen],
+        tool,
         bank.motion,
         time,
         clock.elapsed,
