@@ -1,7 +1,11 @@
 """What the tests of hc_estimator share."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+
+SHARED = Path("/work/shared/data")  # real recordings; their licences keep them out of the project
 
 
 @pytest.fixture(scope="session")
@@ -30,3 +34,51 @@ def recording():
         return time, d + displacement_noise * noise[0], force + force_noise * noise[1]
 
     return make
+
+
+class Plant:
+    """A tissue, a tool that moves in it, and two sensors. Units: mm, mm/s, N, s."""
+
+    LIVELY = ((1.6, 0.7, 0.0), (0.8, 2.3, 0.5))  # amplitude, frequency, phase
+    TAPPING = ((2.5, 1.5, 0.0), (0.3, 5.0, 0.4))
+
+    @staticmethod
+    def motion(time, sines=LIVELY, offset=3.0):
+        """Displacement and velocity of a sum of sines."""
+        d, v = np.full_like(time, offset), np.zeros_like(time)
+        for amplitude, frequency, phase in sines:
+            rate = 2 * np.pi * frequency
+            d += amplitude * np.sin(rate * time + phase)
+            v += amplitude * rate * np.cos(rate * time + phase)
+        return d, v
+
+    @staticmethod
+    def force(d, v, K, B, n, p):
+        """Force of the unilateral contact law, without noise."""
+        return np.maximum(np.maximum(d, 0.0) ** n * (K + B * np.sign(v) * np.abs(v) ** p), 0.0)
+
+    @staticmethod
+    def noisy(d, force, seed, displacement_noise=0.002, force_noise=0.01):
+        """Readings of the two sensors."""
+        noise = np.random.default_rng(seed).standard_normal((2, d.size))
+        return d + displacement_noise * noise[0], force + force_noise * noise[1]
+
+
+@pytest.fixture(scope="session")
+def plant():
+    """The simulated contact, see `Plant`."""
+    return Plant
+
+
+@pytest.fixture(scope="session")
+def real():
+    """Reads a real recording: time [s], displacement [mm], force [N]; skips where it is absent."""
+
+    def read(name):
+        path = SHARED / name
+        if not path.exists():
+            pytest.skip(f"{path} is not on this machine")
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        return table[:, 0], table[:, 1], table[:, 2]
+
+    return read
