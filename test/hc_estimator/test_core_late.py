@@ -46,8 +46,7 @@ def test_late_readings_within_the_window_change_no_bit(filter_name, pieces, plan
     expected = in_order.run(time, d, force)
     late = hc.create_estimator(filter_name, **LATE)
     parts = [
-        late.run(time[k], d[k], force[k])
-        for k in np.array_split(order, min(pieces, time.size))
+        late.run(time[k], d[k], force[k]) for k in np.array_split(order, min(pieces, time.size))
     ]
     rejected = np.concatenate([part.rejected for part in parts])
     np.testing.assert_array_equal(rejected, expected.rejected[order])

@@ -20,7 +20,9 @@ def change(plant):
     """Another tissue at 4 s."""
     time = np.arange(4500) / 1000.0
     d, v = plant.motion(time)
-    force = np.where(time < 4.0, plant.force(d, v, *TISSUE), plant.force(d, v, 0.5, 0.03, 1.5, 1.05))
+    force = np.where(
+        time < 4.0, plant.force(d, v, *TISSUE), plant.force(d, v, 0.5, 0.03, 1.5, 1.05)
+    )
     return (time, *plant.noisy(d, force, 1)), {}
 
 
@@ -63,7 +65,12 @@ def fields(estimate):
     return [np.asarray(getattr(estimate, name), float) for name in COLUMNS]
 
 
-CASES = [(change, change_on_trial), (turn, just_turned), (held, holds_readings), (alone, holds_readings)]
+CASES = [
+    (change, change_on_trial),
+    (turn, just_turned),
+    (held, holds_readings),
+    (alone, holds_readings),
+]
 
 
 @pytest.mark.parametrize(("scene", "in_the_middle"), CASES)
