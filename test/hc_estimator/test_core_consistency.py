@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 import hc_estimator as hc
+from hc_estimator.multiple_model.hypotheses import CALM
 
 TRUTH = (0.2, 0.009, 1.8, 1.05)  # that of `recording`
 KNOWN = {
@@ -76,8 +77,9 @@ def test_nothing_drifts_in_free_motion(filter_name):
     spread = series.parameters_std[left:]
     assert (spread >= 0.999 * spread[0]).all()
     values = estimator.configuration
-    # The default's rows have no walk to set: the calmest gains 3e-10 per second, and rests here.
-    walk = max((value for name, value in values.items() if name.endswith("_walk")), default=0.0)
+    # The default has no walk to set; its calmest row gains `CALM` per second, for a second.
+    walks = [value for name, value in values.items() if name.endswith("_walk")]
+    walk = max(walks, default=CALM)
     elapsed = time[-1] - time[left]
     scale = np.array([*series.parameters[left, :2], 1, 1])  # K and B walk as logarithms
     assert (spread[-1] ** 2 <= spread[0] ** 2 + 2.1 * walk * elapsed * scale**2 + 1e-12).all()

@@ -1,4 +1,4 @@
-"""Readings that come late: whatever the order of arrival, the numbers are those of the right one."""
+"""Readings that come late: whatever the order of arrival, the numbers are those of the right."""
 
 import numpy as np
 import pytest

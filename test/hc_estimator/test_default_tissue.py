@@ -136,16 +136,8 @@ def test_a_noise_that_jumps_is_followed_and_called_nothing(factor, plant):
     assert series.displacement_noise_std[-1] == pytest.approx(0.002 * scale[-1], rel=0.25)
 
 
-BOUNCES = pytest.mark.xfail(
-    strict=True,
-    reason="a tool that bounces off a floor every 2 s: misfit is told 78 % of the time, K 20 % off",
-)
-
-
-@pytest.mark.parametrize(
-    "corner", ["triangle", "ramp and hold", pytest.param("bounces", marks=BOUNCES)]
-)
-def test_a_sudden_turn_of_the_tool_is_no_change(corner, plant):
+def turning_tool(plant, corner):
+    """The estimates with a tool that turns at once, every 0.3 to 2 s; and the time."""
     time = times(12.0)
     phase = (time / 1.6) % 1.0
     if corner == "triangle":
@@ -154,13 +146,41 @@ def test_a_sudden_turn_of_the_tool_is_no_change(corner, plant):
     elif corner == "ramp and hold":
         knots = (0.0, 0.2, 0.5, 0.7, 1.0)
         d = 0.5 + 3.0 * np.interp(phase, knots, (0.0, 1.0, 1.0, 0.0, 0.0))
-        v = np.array([3.0 / 0.32, 0.0, -3.0 / 0.32, 0.0])[np.searchsorted(knots[1:-1], phase)]
+        speeds = np.array([3.0, 0.0, -3.0, 0.0]) / 0.32
+        v = speeds[np.searchsorted(knots[1:-1], phase, side="right")]
     else:
         rate = np.pi / 2.0
         d = 2.0 + 1.5 * np.abs(np.sin(rate * time))
         v = 1.5 * rate * np.cos(rate * time) * np.sign(np.sin(rate * time))
-    series = run(time, *plant.noisy(d, plant.force(d, v, *TISSUE), 0))
+    return time, run(time, *plant.noisy(d, plant.force(d, v, *TISSUE), 0))
+
+
+CORNERS = ["triangle", "ramp and hold", "bounces"]
+
+
+@pytest.mark.parametrize("corner", CORNERS)
+def test_a_sudden_turn_of_the_tool_is_no_change(corner, plant):
+    _, series = turning_tool(plant, corner)
     assert not series.change_detected.any()
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "corner",
+    [
+        "triangle",
+        pytest.param(
+            "ramp and hold",
+            marks=pytest.mark.xfail(strict=True, reason="misfit is told 20 % of the time"),
+        ),
+        pytest.param(
+            "bounces",
+            marks=pytest.mark.xfail(strict=True, reason="misfit is told 78 % of the time"),
+        ),
+    ],
+)
+def test_a_sudden_turn_of_the_tool_is_no_misfit(corner, plant):
+    time, series = turning_tool(plant, corner)
     assert np.mean(series.model_mismatch) < 0.1
     np.testing.assert_allclose(series.parameters[time > 4.0, 0], TISSUE[0], rtol=0.05)
 
