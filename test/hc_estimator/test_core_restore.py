@@ -48,8 +48,11 @@ def paths(value, path=()):
 
 
 def a_path(rng, value):
-    """A random path: at every level each part is as likely, so that scalars are hit as well."""
+    """A random path, mostly into what was learnt; at every level each part is as likely."""
+    part = str(rng.choice(["memory", "particles", "configuration", ""], p=[0.8, 0.1, 0.05, 0.05]))
     path = []
+    if part in value:
+        path, value = [part], value[part]
     while isinstance(value, (dict, list)) and value and (not path or rng.random() < 0.95):
         path.append(list(value)[rng.integers(len(value))] if isinstance(value, dict) else None)
         if path[-1] is None:
@@ -65,7 +68,7 @@ def mutate(rng, plain):
     for step in path[:-1]:
         holder = holder[step]
     old = holder[path[-1]]
-    kind = rng.integers(8)
+    kind = rng.integers(16)  # mostly another number: what is not even one is refused at once
     if kind == 0 and isinstance(holder, dict):
         del holder[path[-1]]
     elif kind == 1:
@@ -80,10 +83,12 @@ def mutate(rng, plain):
         if isinstance(old[0], (int, float)):
             old[:] = [number] * len(old)
     elif isinstance(old, int) and not isinstance(old, bool):
-        holder[path[-1]] = WHOLE[rng.integers(len(WHOLE))]
+        by = [WHOLE[rng.integers(len(WHOLE))], old + 1, old - 1, 2 * old]
+        holder[path[-1]] = by[rng.integers(len(by))]
     elif isinstance(old, float):
         by = [NUMBERS[rng.integers(len(NUMBERS))], -old, old * 10.0 ** rng.integers(-20, 20)]
-        holder[path[-1]] = by[rng.integers(3)]
+        by += [old * rng.uniform(0.0, 2.0), 0.0]
+        holder[path[-1]] = by[rng.integers(len(by))]
     else:
         holder[path[-1]] = copy.deepcopy(OTHERS[rng.integers(len(OTHERS))])
 

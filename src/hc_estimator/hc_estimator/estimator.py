@@ -386,7 +386,7 @@ class Estimator:
                 raise ValueError(f"no value for {', '.join(missing)}")
             from_plain(state["memory"], self._fields, memory[0])
             particles = self._restored_particles(state["particles"], values)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"cannot restore an incomplete or damaged state: {error}") from error
         self._values = values
         self._write_settings(values)

@@ -193,7 +193,8 @@ def _is_covariance(matrix: NDArray[Any]) -> bool:
         return False
     scale = np.sqrt(variances)
     scale[scale == 0.0] = 1e-300  # what has no variance has no covariance either
-    correlation = matrix / scale[:, None] / scale
+    with np.errstate(over="ignore"):
+        correlation = matrix / scale[:, None] / scale
     if not (np.abs(correlation) < 2.0).all() or np.abs(correlation - correlation.T).max() > 1e-6:
         return False
     return bool(np.linalg.eigvalsh(correlation).min() >= INDEFINITE * len(matrix))

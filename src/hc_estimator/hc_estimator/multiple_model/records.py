@@ -24,15 +24,16 @@ ROW = record_type(
         Field("active", np.int64, (), 0, 1),
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
-        Field("model_error", np.float64, ()),  # variance of the force that the law misses [N^2]
-        Field("alarm_sum", np.float64, ()),
+        # Variance of the force that the law misses [N^2].
+        Field("model_error", np.float64, (), 0.0),
+        Field("alarm_sum", np.float64, (), 0.0),
         # Squared innovation and its variance without sensor noise: force, displacement.
         Field("alarm_line", np.float64, (ALARM_DELAY, 4)),
         Field("alarm_position", np.int64, (), 0, ALARM_DELAY - 1),
         Field("alarm", np.int64, (), 0, 1),  # 1 if the alarm went off at this sample
-        Field("contact_time", np.float64, ()),  # informative contact since the row's start [s]
-        Field("recent_nis", np.float64, ()),  # short mean of the normalised innovation squared
-        Field("score", np.float64, ()),  # mean squared error of delayed predictions [N^2]
+        Field("contact_time", np.float64, (), 0.0),  # informative contact since the row's start [s]
+        Field("recent_nis", np.float64, (), 0.0),  # short mean of the normalised innovation squared
+        Field("score", np.float64, (), 0.0),  # mean squared error of delayed predictions [N^2]
         Field("claimed", np.float64, ()),  # what it would be by the row's own variance [N^2]
         Field("log_likelihood", np.float64, ()),  # forgetting sum
         Field("since", np.float64, ()),  # contact clock at its last seeding [s]
@@ -57,10 +58,10 @@ ROW = record_type(
 # How the tool has moved of late.
 TOOL = record_type(
     (
-        Field("mean_square_velocity", np.float64, ()),
+        Field("mean_square_velocity", np.float64, (), 0.0),
         Field("mean_square_acceleration", np.float64, ()),  # less its own variance
-        Field("away_time", np.float64, ()),  # since contact was lost [s]
-        Field("contact_clock", np.float64, ()),  # time in contact so far [s]
+        Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
+        Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
     )
 )
 
@@ -74,8 +75,8 @@ JUDGE = record_type(
         Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
         Field("count", np.int64, (), 0),
-        Field("waited", np.float64, ()),  # contact since the last snapshot [s]
-        Field("weight", np.float64, ()),  # of the scores, grows to 1
+        Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
+        Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
     )
 )
 
@@ -88,9 +89,9 @@ CHANGE = record_type(
         Field("time", np.float64, ()),  # in contact since the alarm [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
         Field("trusted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
-        Field("fitting_time", np.float64, ()),  # in contact without model error [s]
+        Field("fitting_time", np.float64, (), 0.0),  # in contact without model error [s]
         Field("before", np.float64, (4,)),  # ln K, ln B, n, p of that row at the alarm
-        Field("before_variance", np.float64, (4,)),
+        Field("before_variance", np.float64, (4,), 0.0),
         Field("detected", np.int64, (), 0, 1),  # at the present sample
     )
 )
@@ -103,7 +104,7 @@ KEPT_ROW = record_type(
     (
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
-        Field("model_error", np.float64),
+        Field("model_error", np.float64, (), 0.0),
         Field("score", np.float64),
         Field("log_likelihood", np.float64),
         Field("recent_nis", np.float64),
@@ -166,7 +167,7 @@ DELAY = record_type(
         Field("profile", np.float64, (WINDOWS, CANDIDATES), finite=False),
         Field("fine_valid", np.int64, (WINDOWS,), 0, 1),
         Field("fine_delay", np.float64, (WINDOWS,)),  # [s]
-        Field("fine_variance", np.float64, (WINDOWS,)),  # [s^2]
+        Field("fine_variance", np.float64, (WINDOWS,), 0.0),  # [s^2]
         Field("fit", np.float64, (3,)),  # K, B, n of the last window
         # Within one window:
         Field("in_contact", np.int64, (GRID,), 0, 1),
@@ -201,7 +202,7 @@ BANK: tuple[Field, ...] = (
     Field("calibrated", np.int64, (), 0, 1),  # 1 once the sensors' noise is known
     Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
-    Field("sensor_noise", np.float64, (2,)),  # variances in use [mm^2], [N^2]
+    Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),
     Field("motion", MOTION),
     Field("tool", TOOL),
