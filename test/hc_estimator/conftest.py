@@ -1,11 +1,29 @@
 """What the tests of hc_estimator share."""
 
+import fcntl
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import hc_estimator as hc
+
 SHARED = Path("/work/shared/data")  # real recordings; their licences keep them out of the project
+
+
+def pytest_collection_finish(session):
+    """Compile the default filter before the clock of a first test runs.
+
+    That takes a minute or two where there is no cache yet, about as long as a test may take. Of
+    several processes one compiles; the others wait and load.
+    """
+    here = Path(__file__).parent
+    if session.config.option.collectonly or not any(here in i.path.parents for i in session.items):
+        return
+    with (Path(tempfile.gettempdir()) / "hc_test_compilation.lock").open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        hc.create_estimator("self_tuning_ukf").warm_up()
 
 
 @pytest.fixture(scope="session")

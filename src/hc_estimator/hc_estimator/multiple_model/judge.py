@@ -150,7 +150,9 @@ def _score(
             if said_at <= row.since:
                 break
             ahead = clock - said_at
-            error = force - _expected(settings, judge.said[slot, m], m, ahead, tool)
+            error = abs(force - _expected(settings, judge.said[slot, m], m, ahead, tool))
+            # A row gone wild must not be so far off that its score never comes back.
+            error = min(error, settings.force_limit)
             total += error * error
             count += 1
         if count > 0:

@@ -175,7 +175,7 @@ DELAY = record_type(
         Field("points_of", np.float64, (GRID, 5)),  # see `delay`
         Field("parabola", np.float64, (3,)),
         Field("guess", np.float64, (3,)),
-        Field("total", np.float64, (CANDIDATES,)),
+        Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
         Field("normal", np.float64, (4, 4)),
         Field("slope", np.float64, (4,)),
         Field("column", np.float64, (4,)),
