@@ -89,7 +89,8 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
     """Least-squares parabola about a time, in finder.parabola; False if readings are few."""
     count = finder.raw_count[channel]
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
-    y0, y1, y2 = 0.0, 0.0, 0.0
+    y0, y1, y2, squares = 0.0, 0.0, 0.0, 0.0
+    reference = finder.raw_value[channel, (count - 1) % RAW]
     before, after = 0, 0
     for back in range(1, min(count, RAW) + 1):
         slot = (count - back) % RAW
@@ -98,7 +99,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
             continue
         if x < -1.0:
             break
-        y = finder.raw_value[channel, slot]
+        y = finder.raw_value[channel, slot] - reference
         if x < 0.0:
             before += 1
         else:
@@ -112,6 +113,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
         y0 += y
         y1 += x * y
         y2 += square * y
+        squares += y * y
     if min(before, after) < FEWEST_READINGS // 2:
         return False
     c00, c01, c02 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
@@ -119,9 +121,14 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
     if not determinant > 0.0:
         return False
     c11, c12, c22 = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1
-    finder.parabola[0] = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
-    finder.parabola[1] = (c01 * y0 + c11 * y1 + c12 * y2) / determinant / half
-    finder.parabola[2] = 2.0 * (c02 * y0 + c12 * y1 + c22 * y2) / determinant / (half * half)
+    a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
+    b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
+    c = (c02 * y0 + c12 * y1 + c22 * y2) / determinant
+    finder.parabola[0] = reference + a
+    finder.parabola[1] = b / half
+    finder.parabola[2] = 2.0 * c / (half * half)
+    left = squares - a * y0 - b * y1 - c * y2
+    finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
     return True
 
 
@@ -145,6 +152,7 @@ def advance(finder: Any) -> bool:
     last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
     last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
     newest = min(last0, last1) - half
+    finder.grid_width = 2.0 * half
     if finder.grid_count == 0:
         finder.grid_step = max(STEP, slowest)
         finder.grid_next = newest
@@ -158,10 +166,12 @@ def advance(finder: Any) -> bool:
     slot = finder.grid_count % GRID
     for i in range(3):
         finder.grid[slot, i] = finder.parabola[i]
+    finder.grid[slot, 4] = finder.parabola[3]
     if not _parabola(finder, 1, centre, half):
         finder.grid_count = 0
         return False
     finder.grid[slot, 3] = finder.parabola[0]
+    finder.grid[slot, 5] = finder.parabola[3]
     finder.grid_count += 1
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)
     points = min(int(WINDOW / finder.grid_step), GRID - 2 * reach - 1)

@@ -58,6 +58,8 @@ CALM = 3e-10  # keeps the covariance of a constant tissue from vanishing
 # (1 mm, 0.25 Hz) changes the surface's velocity by a mm/s in half a second.
 ROWS = (
     HypothesisRow(Hypothesis.CONSTANT, "", (CALM, CALM, CALM, CALM)),
+    # The same, with parameters of a fit to what was felt; see `batch_fit`.
+    HypothesisRow(Hypothesis.CONSTANT_FITTED, "fit_batches", (CALM, CALM, CALM, CALM)),
     HypothesisRow(
         Hypothesis.STIFFNESS_TREND,
         "follow_stiffness",
@@ -90,6 +92,7 @@ ROWS = (
     HypothesisRow(Hypothesis.CHANGED, "find_changes", (CALM, CALM, CALM, CALM)),
 )
 FRESH = len(ROWS) - 1
+FITTED = 1
 
 # The same as arrays, which compiled code sees as constants.
 CODES = np.array([int(row.hypothesis) for row in ROWS])

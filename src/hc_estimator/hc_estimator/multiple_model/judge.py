@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     DRIVES,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
@@ -41,6 +42,8 @@ PERIOD = 0.005  # between two snapshots, at least [s]
 MEMORY = 0.4  # time constant of the scores [s]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
+FORGIVEN = 10.0  # mean square over the best up to which an old error counts
+MISFIT_MARGIN = 3.0  # the same for a row that claims to fit, over one with a model error
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 REFUTED = 5.0  # log likelihood ratio
 REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
@@ -237,14 +240,14 @@ def _still_learns(row: Any) -> bool:
     At the start each step is tempered; a freer row that follows at once predicts better, and says
     nothing against a tissue that is constant.
     """
-    if row.model_error > 0.0 or row.recent_nis > LEARNING_NIS:
+    if row.active == 0 or row.model_error > 0.0 or row.recent_nis > LEARNING_NIS:
         return False
     return bool(row.score <= CLAIM * row.claimed)
 
 
 @compiled
 def _choose(judge: Any, rows: Any, clock: float) -> None:
-    """The calmest eligible row that predicts as well as the best of them."""
+    """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = _steadiest(rows)
     likeliest = -math.inf
     for m in range(FRESH if clock > REFUTED_AFTER else 0):
@@ -252,14 +255,25 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
             likeliest = max(likeliest, rows[m].log_likelihood)
     for m in range(FRESH):
         rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
-    best = math.inf
+    best, best_fitting = math.inf, math.inf
     for m in range(FRESH):
-        if _is_eligible(rows[m], clock, steadiest, likeliest):
-            best = min(best, rows[m].score)
+        row = rows[m]
+        if not _is_eligible(row, clock, steadiest, likeliest):
+            continue
+        best = min(best, row.score)
+        if row.model_error == 0.0:
+            best_fitting = min(best_fitting, row.score)
+        if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
+            break
     for m in range(FRESH):
-        if _is_eligible(rows[m], clock, steadiest, likeliest) and (
-            rows[m].score <= MARGIN * best or _still_learns(rows[m])
-        ):
+        rows[m].score = min(rows[m].score, FORGIVEN * best)
+    must_fit = best_fitting <= MISFIT_MARGIN * best
+    limit = MARGIN * (best_fitting if must_fit else best)
+    for m in range(FRESH):
+        row = rows[m]
+        if must_fit and row.model_error > 0.0:
+            continue
+        if row.score <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
             return
 

@@ -129,8 +129,9 @@ def keep(
     maneuver.waited = 0
     slot = maneuver.count % KEPT
     for m in range(FRESH):
+        kept = maneuver.rows[slot, m]
+        kept.active = rows[m].active
         if rows[m].active != 0:
-            kept = maneuver.rows[slot, m]
             copy_vector(rows[m].state, kept.state)
             copy_matrix(rows[m].covariance, kept.covariance)
             kept.model_error = rows[m].model_error
@@ -241,6 +242,7 @@ def _go_back(bank: Any, slot: int) -> None:
     acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
     for m in range(FRESH):
         row, kept = bank.rows[m], maneuver.rows[slot, m]
+        row.active = kept.active
         if row.active == 0:
             continue
         copy_vector(kept.state, row.state)

@@ -104,6 +104,7 @@ KEPT_ROW = record_type(
     (
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
+        Field("active", np.int64, (), 0, 1),
         Field("model_error", np.float64, (), 0.0),
         Field("score", np.float64),
         Field("log_likelihood", np.float64),
@@ -127,6 +128,30 @@ MANEUVER = record_type(
         Field("density", np.float64),  # jerk density of the maneuver [mm^2/s^5]
         Field("alarm_since", np.float64),  # samples since the chosen row's alarm sum was zero
         Field("square_speed", np.float64),  # largest of the last seconds [mm^2/s^2]
+    )
+)
+
+POINTS = 512  # remembered samples
+
+# What was felt before, and the least-squares fit to it.
+HISTORY = record_type(
+    (
+        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2].
+        Field("points", np.float64, (POINTS, 4)),
+        Field("count", np.int64, (), 0),  # remembered since the start or the last change
+        Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
+        Field("waited", np.int64, (), 0),  # points of the grid since the last of them
+        Field("unfitted", np.int64, (), 0),  # points of the grid since the last fit
+        Field("fit", np.float64, (4,)),  # ln K, ln B, n, p
+        Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
+        # Within one fit:
+        Field("next", np.float64, (4,)),
+        Field("slope", np.float64, (4,)),
+        Field("gradient", np.float64, (6,)),
+        Field("information", np.float64, (4, 4)),
+        Field("damped", np.float64, (4, 4)),
+        Field("factor", np.float64, (4, 4)),
+        Field("covariance", np.float64, (4, 4)),
     )
 )
 
@@ -155,9 +180,11 @@ DELAY = record_type(
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
-        Field("grid", np.float64, (GRID, 4)),  # ring: displacement, velocity, acceleration, force
+        # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
+        Field("grid", np.float64, (GRID, 6)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
+        Field("grid_width", np.float64),  # of the parabolas [s]
         Field("grid_next", np.float64),  # time of the next point [s]
         Field("reach", np.int64, (), 0, CANDIDATES // 2),  # candidates to either side of zero
         Field("points", np.int64, (), 0, GRID),  # of a window
@@ -173,7 +200,7 @@ DELAY = record_type(
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64),  # p of the fits
         Field("points_of", np.float64, (GRID, 5)),  # see `delay`
-        Field("parabola", np.float64, (3,)),
+        Field("parabola", np.float64, (4,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
         Field("normal", np.float64, (4, 4)),
@@ -210,6 +237,7 @@ BANK: tuple[Field, ...] = (
     Field("judge", JUDGE),
     Field("change", CHANGE),
     Field("maneuver", MANEUVER),
+    Field("history", HISTORY),
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
     Field("given", GIVEN),

@@ -9,6 +9,7 @@
 6.  Who predicts best?                                     -> the chosen row
 7.  Did the tool turn suddenly?                            -> back to before it
 8.  Is an alarm another tissue?                            -> a fresh row, a change
+9.  What does least squares say to what was felt?          -> `batch_fit`, after this
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model import model_error, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
@@ -87,12 +90,14 @@ def start(settings: Any, bank: Any) -> None:
         row.index = m
         row.active = 1
         reset(settings, row, 0.0)
-    bank.rows[1].active = settings.follow_stiffness
-    bank.rows[2].active = settings.follow_layers
-    bank.rows[3].active = settings.follow_surface
+    bank.rows[FITTED].active = 0
+    bank.rows[2].active = settings.follow_stiffness
+    bank.rows[3].active = settings.follow_layers
+    bank.rows[4].active = settings.follow_surface
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
 
 
 @compiled
@@ -179,6 +184,7 @@ def begin_aligned(settings: Any, bank: Any) -> None:
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
 
 
 @compiled
@@ -451,7 +457,8 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     else:
         tool.away_time += clock.elapsed
     _correct_density(settings, bank, chosen)
-    if clock.present[1] != 0 and not maneuvers.is_turning(bank.maneuver, chosen, clock.period):
+    turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
+    if clock.present[1] != 0 and not turning:
         judging.learn(
             settings,
             bank.judge,
@@ -478,6 +485,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         changes.judge_test(bank.change, bank.judge, rows, tool, clock.force_elapsed, rose)
         if bank.change.testing == 0 and bank.change.detected == 0:
             maneuvers.audit(settings, bank)
+    if bank.change.detected != 0:
+        histories.reset(bank.history)
+        rows[FITTED].active = 0
     if rows[bank.judge.chosen].model_error > 0.0:
         bank.change.fitting_time = 0.0
     elif touching:
