@@ -1,7 +1,7 @@
 """`self_tuning_ukf`: the default, a bank of hypotheses on the tissue under one judge.
 
-Nothing is to be tuned: noise, motion, drift, changes and misfit are found. What happens to a sample,
-and in which order, stands in `multiple_model.sample`.
+Nothing is to be tuned: noise, motion, drift, changes and misfit are found. What happens to a
+sample, and in which order, stands in `multiple_model.sample`.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import batch_fit, sample
+from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model.hypotheses import FITTED, VELOCITY_EXPONENT
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.multiple_model.rows import prior_deviation
@@ -123,6 +123,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     reading = clock.measurement[arrived]
     now = time - max(delay, 0.0)
     restart = clock.restart
+    stamp = clock.channel_time[ahead]
     decision = ACCEPTED
     while held.first < held.count:
         slot = held.first % HELD
@@ -136,6 +137,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
         clock.restart = restart
         restart = 0
         decision = _use_at(settings, bank, time, place, 0.0)
+    clock.channel_time[ahead] = stamp  # what was held came before this sample
     clock.present[arrived] = 1
     clock.present[1 - arrived] = 0
     clock.measurement[arrived] = reading

@@ -2,9 +2,9 @@
 
 Sensors filter and networks delay, and a delay of the force looks like damping (a negative one like
 damping that is not there). The delay cannot be a state: the likelihood has two optima, one false.
-Instead the readings of every second in contact are fitted, for each candidate delay, by the law
-with the p that the bank has found (1 until then), F = d^n (K + B v^p), B >= 0 (ours, after delay_prototype of the project's notes). Windows
-of their own are what makes this immune to tissue that varies. The logarithm of what a fit leaves is
+Instead the readings of every half second are fitted, for each candidate delay, by the law with the
+p that the bank has found (1 until then), F = d^n (K + B v^p), B >= 0 (ours). Windows of their own
+are what makes this immune to tissue that varies. The logarithm of what a fit leaves is
 a log likelihood with an unknown noise per window; the windows' sum chooses, and their scatter says
 whether the answer is clear. A Gauss-Newton fit with the delay as a fourth parameter gives the fine
 value.
@@ -86,7 +86,7 @@ def take(finder: Any, channel: int, time: float, reading: float) -> None:
 
 @compiled
 def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """Least-squares parabola through the readings about a time, in finder.parabola; False if few."""
+    """Least-squares parabola about a time, in finder.parabola; False if readings are few."""
     count = finder.raw_count[channel]
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
     y0, y1, y2, squares = 0.0, 0.0, 0.0, 0.0
@@ -193,7 +193,7 @@ def _gather(finder: Any, delay: float) -> int:
     A point is ln d, w = sign(v) |v|^p, its rate along with the rate of ln d, and F.
     """
     p = finder.velocity_exponent
-    shift = int(round(delay / finder.grid_step))
+    shift = round(delay / finder.grid_step)
     rest = shift * finder.grid_step - delay
     count = 0
     for k in range(finder.points):
@@ -471,14 +471,14 @@ def _decide(finder: Any, chosen: int) -> bool:
         finder.delay = mean
     if changes or finder.delay != 0.0:
         finder.deviation = math.hypot(deviation, mean - finder.delay)
-    return changes
+    return bool(changes)
 
 
 @compiled
 def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     """True if the windows agree that the chosen candidate is better than the delay in use."""
     step, centre = finder.grid_step, CANDIDATES // 2
-    used = centre + int(round(finder.delay / step))
+    used = centre + round(finder.delay / step)
     if used == chosen:  # between two candidates: by the fine values alone
         return True
     mean, square = 0.0, 0.0

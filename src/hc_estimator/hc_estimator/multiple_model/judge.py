@@ -71,7 +71,7 @@ def _shrunk(row: Any, i: int) -> float:
     value = row.state[OWN + i]
     square = value * value
     variance = row.covariance[OWN + i, OWN + i]
-    return value * square / (square + variance) if square > 0.0 else 0.0  # type: ignore[no-any-return]
+    return value * square / (square + variance) if square > 0.0 else 0.0
 
 
 @compiled
@@ -145,7 +145,7 @@ def _score(
             continue
         total, count = 0.0, 0
         for h in range(HORIZONS.size):
-            back = max(int(round(HORIZONS[h] / period)), 1)
+            back = max(round(HORIZONS[h] / period), 1)
             if back > min(judge.count, SLOTS - 1):
                 break
             slot = (judge.count - back) % SLOTS
@@ -153,7 +153,9 @@ def _score(
             if said_at <= row.since:
                 break
             ahead = clock - said_at
-            error = force - _expected(settings, judge.said[slot, m], m, ahead, tool)
+            error = abs(force - _expected(settings, judge.said[slot, m], m, ahead, tool))
+            # A row gone wild must not be so far off that its score never comes back.
+            error = min(error, settings.force_limit)
             total += error * error
             count += 1
         if count > 0:

@@ -287,7 +287,7 @@ def is_turning(maneuver: Any, row: Any, elapsed: float) -> bool:
 def jerk_density(maneuver: Any, row: Any, elapsed: float, density: float) -> float:
     """Jerk density for a row [mm^2/s^5]: that of a maneuver while the tool turns."""
     if is_turning(maneuver, row, elapsed):
-        return max(density, maneuver.density)
+        return float(max(density, maneuver.density))
     return density
 
 

@@ -207,4 +207,4 @@ def is_sound(row: Any) -> bool:
         if not row.covariance[i, i] >= 0.0:
             return False
         total += abs(row.state[i]) + row.covariance[i, i]
-    return total < LARGEST_SOUND  # type: ignore[no-any-return]
+    return total < LARGEST_SOUND
