@@ -7,6 +7,7 @@ from typing import Final
 SAMPLE: Final = "indenter/sample"
 WRENCH: Final = "indenter/wrench"
 JOINT_STATES: Final = "indenter/joint_states"
+TIP: Final = "indenter/tip"
 TRUTH: Final = "indenter/truth"
 ESTIMATE: Final = "hc/estimate"
 RECONSTRUCTED_WRENCH: Final = "hc/reconstructed_wrench"
