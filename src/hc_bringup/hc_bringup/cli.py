@@ -23,6 +23,7 @@ COMMANDS: Final = (
     "reproduce",
     "bench",
     "report",
+    "dashboard",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""

@@ -30,6 +30,14 @@ def natural(text: str) -> int:
     return int(value)
 
 
+def port_number(text: str) -> int:
+    """Parse a port: a whole number from 0 to 65535."""
+    value = _number(text, 0.0, "a port from 0 to 65535")
+    if value != int(value) or value > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port from 0 to 65535")
+    return int(value)
+
+
 def assignment(text: str) -> tuple[str, Any]:
     """Parse name=value; the value is read as YAML, so numbers, words, lists and true work."""
     name, separator, value = text.partition("=")
