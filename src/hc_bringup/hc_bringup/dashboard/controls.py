@@ -84,7 +84,9 @@ class Controls:
         if operation not in ("set", "call", "record", "mark", "clear_map"):
             raise WrongRequestError(f"no such request: {str(operation)[:40]}")
         if not self._allowed:
-            raise WrongRequestError("read-only: start the dashboard with --control to change things")
+            raise WrongRequestError(
+                "read-only: start the dashboard with --control to change things"
+            )
         if operation == "set":
             self._set(_node_name(message), message.get("parameters"), future)
         elif operation == "call":
@@ -119,7 +121,9 @@ class Controls:
             )
 
         def listed(response: Any) -> None:
-            names = [n for n in sorted(response.result.names) if not n.startswith(_HIDDEN_PARAMETERS)]
+            names = [
+                n for n in sorted(response.result.names) if not n.startswith(_HIDDEN_PARAMETERS)
+            ]
             self._await(
                 lambda: client.get_parameters(names),
                 lambda answer: got(names, list(answer.values)),
@@ -183,9 +187,7 @@ class Controls:
 
     # Services, recording, marks.
 
-    def _call(
-        self, name: str, service: object, future: concurrent.futures.Future[Answer]
-    ) -> None:
+    def _call(self, name: str, service: object, future: concurrent.futures.Future[Answer]) -> None:
         if service not in SERVICES:
             raise WrongRequestError(f"no such service; there are {', '.join(SERVICES)}")
         full = f"{self._node.resolve_topic_name(name)}/{service}"

@@ -40,7 +40,9 @@ _FROM_ESTIMATE = {
     "force_zero": ("force_zero", 1.0),
     "force_zero_std": ("force_zero_std", 1.0),
     **{short: (name, 1.0) for short, name in zip(PARAMETERS, _NAMES, strict=True)},
-    **{f"{short}_std": (f"{name}_std", 1.0) for short, name in zip(PARAMETERS, _NAMES, strict=True)},
+    **{
+        f"{short}_std": (f"{name}_std", 1.0) for short, name in zip(PARAMETERS, _NAMES, strict=True)
+    },
     **{
         f"{short}_known": (f"{name}_identifiability", 1.0)
         for short, name in zip(PARAMETERS, _NAMES, strict=True)

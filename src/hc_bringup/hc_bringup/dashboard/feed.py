@@ -83,7 +83,13 @@ class Feed:
     """Listens to the suite for the page; `tick` is called thirty times a second."""
 
     def __init__(
-        self, node: Node, taps: Taps, server: DashboardServer, *, tip_topic: str = "", axes: str = "xy"
+        self,
+        node: Node,
+        taps: Taps,
+        server: DashboardServer,
+        *,
+        tip_topic: str = "",
+        axes: str = "xy",
     ) -> None:
         """Listen to what is rare.
 
@@ -220,9 +226,7 @@ class Feed:
         if len(table):
             self._take_in(table, stamps, estimates=False)
 
-    def _take_in(
-        self, table: NDArray[Any], stamps: NDArray[np.int64], *, estimates: bool
-    ) -> None:
+    def _take_in(self, table: NDArray[Any], stamps: NDArray[np.int64], *, estimates: bool) -> None:
         now = time.monotonic()
         self._last_data = now
         self._counts.estimates += len(table)
@@ -369,6 +373,8 @@ def _contact(message: Any) -> dict[str, Any]:
         "peak_force": message.peak_force,
         "peak_depth": message.peak_displacement * METRE_IN_MM,
         "force_rmse": message.force_rmse,
-        "position": [p * METRE_IN_MM for p in (message.position_x, message.position_y, message.position_z)],
+        "position": [
+            p * METRE_IN_MM for p in (message.position_x, message.position_y, message.position_z)
+        ],
         "mismatch": bool(message.model_mismatch),
     }

@@ -222,7 +222,7 @@ class FoxgloveServer:
             self._tell_wanted()
         elif operation == "unsubscribe":
             numbers = content.get("subscriptionIds")
-            gone = set(numbers) if _whole_numbers(numbers) else set()
+            gone = set(numbers) if isinstance(numbers, list) and _whole_numbers(numbers) else set()
             client.subscriptions = {c: s for c, s in client.subscriptions.items() if s not in gone}
             self._tell_wanted()
         elif operation == "getParameters":
@@ -253,8 +253,13 @@ class FoxgloveServer:
     async def _tell_parameters(self, client: _Client, content: dict[str, Any]) -> None:
         names = content.get("parameterNames") or []
         parameters = []
-        for node in NODES:
-            answer = await asyncio.wrap_future(self._request({"op": "settings", "node": node}))
+        answers = await asyncio.gather(
+            *(
+                asyncio.wrap_future(self._request({"op": "settings", "node": node}))
+                for node in NODES
+            )
+        )
+        for node, answer in zip(NODES, answers, strict=True):
             for entry in answer.get("parameters", []):
                 name = f"/{node}.{entry['name']}"
                 if not names or name in names:
@@ -294,5 +299,5 @@ def _entries(value: object) -> list[dict[str, Any]]:
     return [item for item in items if isinstance(item, dict)]
 
 
-def _whole_numbers(values: object) -> bool:
-    return isinstance(values, list) and all(type(value) is int for value in values)
+def _whole_numbers(values: list[Any]) -> bool:
+    return all(type(value) is int for value in values)

@@ -45,11 +45,10 @@ class FoxgloveTopics:
                 server.call(foxglove.set_channels, list(channels.values()))
         wanted = self._wanted & self._channels.keys()
         for number in self._tapped.keys() - wanted:
-            topic, take = self._tapped.pop(number)
-            self._taps.release(topic, take)
+            self._taps.release(*self._tapped.pop(number))
         for number in wanted - self._tapped.keys():
             channel = self._channels[number]
-            take: Take = partial(_hand_over, server, foxglove, number)
+            take = partial(_hand_over, server, foxglove, number)
             self._taps.acquire(channel.topic, channel.type_name, take)
             self._tapped[number] = (channel.topic, take)
 

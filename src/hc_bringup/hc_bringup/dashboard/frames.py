@@ -1,7 +1,8 @@
 """The binary frames of the page's connection: a header of 24 bytes, then a matrix of float64.
 
-Header, little-endian: kind (1: rows, 2: map), epoch, number of the first row, rows, columns, 1 in an
-answer to a page that asked for rows; each uint32. What the columns are stands in the hello message.
+Header, little-endian: kind (1: rows, 2: map), epoch, number of the first row, rows, columns, and 1
+in an answer to a page that asked for rows; each uint32. What the columns are stands in the hello
+message.
 """
 
 from __future__ import annotations

@@ -91,7 +91,11 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
             read_only=True,
         )
         control = declare(
-            self, "control", False, "let pages change things; otherwise they only look", read_only=True
+            self,
+            "control",
+            False,
+            "let pages change things; otherwise they only look",
+            read_only=True,
         )
         tip = declare(
             self,
@@ -118,7 +122,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
         names = [name for name in names if name]
         if listen in ANY_ADDRESS and not names:
             raise NodeStartError(
-                f"listening on {listen}, but by which name do others open the page? Give --name HOST"
+                f"listening on {listen}: say by which name others open the page, --name HOST"
             )
         if listen != THIS_MACHINE:
             hosts = [f"{name}:{self.port}" for name in names or [listen]] + hosts
@@ -186,7 +190,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "hypotheses": HYPOTHESES,
             "control": self._control,
             "latency_edges": EDGES_S.tolist(),
-            "nis_band": [_nis_band(count) for count in range(1, NIS_COUNTS + 1)],
+            "nis_band": [nis_band(count) for count in range(1, NIS_COUNTS + 1)],
         }
 
     def watched(self, viewers: int) -> None:
@@ -218,7 +222,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._recording.close()
 
 
-def _nis_band(count: int) -> list[float]:
+def nis_band(count: int) -> list[float]:
     """Return the 95 % band of the mean of so many NIS, by chi-square."""
     shape = 0.5 * NIS_DEGREES * count
     return [2.0 * float(gammaincinv(shape, share)) / count for share in (0.025, 0.975)]

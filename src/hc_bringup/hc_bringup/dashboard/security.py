@@ -123,10 +123,9 @@ class Gate:
             RefusedError: if it comes from elsewhere.
         """
         origins = headers.getall("Origin", [])
-        if (not origins and not needed) or origins == [f"http://{host}"]:
-            if headers.get("Sec-Fetch-Site", "same-origin") in ("same-origin", "none"):
-                return
-        raise RefusedError(403, "this request comes from another site")
+        own = origins == [f"http://{host}"] or not (origins or needed)
+        if not own or headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
+            raise RefusedError(403, "this request comes from another site")
 
     def check_foreign_origin(self, headers: Any, host: str) -> None:
         """Check where a connection of another program comes from.

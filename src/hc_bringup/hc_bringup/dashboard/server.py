@@ -197,9 +197,7 @@ class DashboardServer:
         await runner.cleanup()
 
     def _application(self) -> web.Application:
-        application = web.Application(
-            client_max_size=LARGEST_MESSAGE, middlewares=[self._guard]
-        )
+        application = web.Application(client_max_size=LARGEST_MESSAGE, middlewares=[self._guard])
         application.router.add_post("/session", self._open_session)
         application.router.add_get("/ws", self._view)
         application.router.add_get("/{name:.*}", self._file)
@@ -208,15 +206,14 @@ class DashboardServer:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         """Check every request's Host and Origin, and put the headers on every answer."""
+        host = ""
         try:
-            request["host"] = self._gate.check_host(request.headers)
-            foreign = self._extension is not None and self._extension.accepts(request)
-            request["foreign"] = foreign
-            if foreign:
-                self._gate.check_foreign_origin(request.headers, request["host"])
+            host = self._gate.check_host(request.headers)
+            if self._is_foreign(request):
+                self._gate.check_foreign_origin(request.headers, host)
             else:
                 needed = request.method != "GET" or request.path == "/ws"
-                self._gate.check_origin(request.headers, request["host"], needed=needed)
+                self._gate.check_origin(request.headers, host, needed=needed)
             response = await handler(request)
         except RefusedError as error:
             response = web.Response(status=error.status, text=f"{error}\n")
@@ -224,14 +221,14 @@ class DashboardServer:
             response = web.Response(status=error.status, text=f"{error.reason}\n")
         if not response.prepared:
             response.headers.update(HEADERS)
-            response.headers["Content-Security-Policy"] = content_security_policy(
-                request.get("host", "")
-            )
+            response.headers["Content-Security-Policy"] = content_security_policy(host)
         return response
 
+    def _is_foreign(self, request: web.Request) -> bool:
+        return self._extension is not None and self._extension.accepts(request)
+
     async def _file(self, request: web.Request) -> web.StreamResponse:
-        if request["foreign"]:
-            assert self._extension is not None
+        if self._extension is not None and self._extension.accepts(request):
             return await self._extension.handle(request)
         path = "/index.html" if request.path == "/" else request.path
         if path not in self._files:
@@ -307,11 +304,15 @@ class DashboardServer:
                 frame = encode_frame(ROWS, self._history.epoch, first, rows, answer=True)
                 viewer.outbox.put_answer(frame)
             return
-        spawn(self._ask(viewer, content))
+        spawn(_wait_for(self._backend.request(content), viewer.outbox, content.get("id")))
 
-    async def _ask(self, viewer: Viewer, content: dict[str, Any]) -> None:
-        answer = await asyncio.wrap_future(self._backend.request(content))
-        viewer.outbox.put_answer(to_compact_json({**answer, "op": "answer", "id": content.get("id")}))
+
+async def _wait_for(
+    future: concurrent.futures.Future[dict[str, Any]], outbox: Outbox, number: object
+) -> None:
+    """Put an answer into a viewer's outbox once it is there."""
+    answer = await asyncio.wrap_future(future)
+    outbox.put_answer(to_compact_json({**answer, "op": "answer", "id": number}))
 
 
 async def _send_all(viewer: Viewer) -> None:
