@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import concurrent.futures
 import socket
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -149,3 +151,27 @@ def serve() -> Iterator[Callable[..., Served]]:
     yield start
     for served in running:
         served.server.stop()
+
+
+@pytest.fixture(scope="module")
+def one_browser() -> Iterator[Any]:
+    """A browser for all tests of a file: starting one takes a second."""
+    sys.path.insert(0, str(Path(__file__).parent))
+    import browser
+
+    reason = browser.why_not()
+    if reason:
+        pytest.skip(reason)
+    opened = browser.Browser()
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def page(one_browser: Any) -> Iterator[Any]:
+    """The browser, with an empty page, that must not complain about anything."""
+    one_browser.open("about:blank")
+    one_browser.resize(1300, 1000)
+    one_browser.complaints()
+    yield one_browser
+    one_browser.open("about:blank")
