@@ -155,7 +155,7 @@ def test_without_the_token_the_page_says_what_to_do(page: Any, serve: Make) -> N
 class Hostile(http.server.BaseHTTPRequestHandler):
     """A page of somebody else on this machine, without any policy of its own."""
 
-    def do_GET(self) -> None:  # noqa: N802 - the library's name
+    def do_GET(self) -> None:
         self.send_response(200)
         self.send_header("Content-Type", "text/html")
         self.end_headers()
@@ -183,7 +183,8 @@ def test_another_site_cannot_connect(page: Any, serve: Make) -> None:
             });
             const fetched = (path, options) => fetch(`http://${host}${path}`, options).then(
               (r) => r.text().then((text) => "read " + text.length), () => "refused");
-            Promise.all([tried("/ws"), tried("/"), fetched("/session", {method: "POST", body: "{}"}),
+            const post = {method: "POST", body: "{}"};
+            Promise.all([tried("/ws"), tried("/"), fetched("/session", post),
               fetched("/", {credentials: "include"})]).then(done);
             """,
             served.host,
