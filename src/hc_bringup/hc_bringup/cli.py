@@ -23,6 +23,7 @@ COMMANDS: Final = (
     "reproduce",
     "bench",
     "report",
+    "contacts",
     "dashboard",
     "test",
 )

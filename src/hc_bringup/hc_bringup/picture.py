@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
-Array = NDArray[np.float64]
+from hc_bringup.run_data import RunData
 
 _LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
 _MEASURED, _ESTIMATED, _TRUE, _ALARM = "0.6", "tab:blue", "tab:green", "tab:red"
@@ -17,40 +17,9 @@ _MOST_POINTS = 4000
 _SETTLED_SHARE = 0.2
 
 
-@dataclass(frozen=True)
-class RunData:
-    """What the picture and the report show of one run; all arrays share the sample axis.
-
-    Attributes:
-        title: name of the recording and of the estimator.
-        time_s: since the first sample [s].
-        displacement_mm: measured displacement [mm].
-        force_n: measured force [N].
-        force_predicted_n: force expected before the sample was used [N].
-        parameters: K, B, n, p, shape (samples, 4).
-        parameters_std: their standard deviations, shape (samples, 4).
-        nis: normalised innovation squared.
-        change_detected: samples at which a change of the tissue was detected.
-        model_mismatch: samples at which the contact law did not fit.
-        truth: true K, B, n, p where the rig tells, shape (samples, 4), or None.
-    """
-
-    title: str
-    time_s: Array
-    displacement_mm: Array
-    force_n: Array
-    force_predicted_n: Array
-    parameters: Array
-    parameters_std: Array
-    nis: Array
-    change_detected: NDArray[np.bool_]
-    model_mismatch: NDArray[np.bool_]
-    truth: Array | None = None
-
-
 def draw(data: RunData) -> Figure:
     """Return the picture of a run: displacement, force, error, NIS on the left, K B n p right."""
-    figure = Figure(figsize=(13.0, 8.0), layout="constrained")
+    figure = Figure(figsize=(13.0, 8.6), layout="constrained")
     figure.suptitle(data.title)
     grid = figure.subplots(4, 2, sharex=True)
     step = max(1, len(data.time_s) // _MOST_POINTS)
@@ -81,7 +50,29 @@ def draw(data: RunData) -> Figure:
                 alpha=0.08,
                 linewidth=0.0,
             )
+    _explain_colours(figure, data)
     return figure
+
+
+def _explain_colours(figure: Figure, data: RunData) -> None:
+    """Put one legend below all panels, where it covers nothing."""
+    handles = [
+        Line2D([], [], color=_MEASURED, linewidth=1.6, label="measured"),
+        Line2D([], [], color=_ESTIMATED, label="estimate; force: one step ahead"),
+        Patch(color=_ESTIMATED, alpha=0.25, label="± 2 standard deviations"),
+        Line2D([], [], color=_TRUE, linestyle="--", label="true; NIS: ideal"),
+    ]
+    if data.change_detected.any():
+        handles.append(Line2D([], [], color=_ALARM, label="change of the tissue detected"))
+    if data.model_mismatch.any():
+        handles.append(Patch(color=_ALARM, alpha=0.08, label="contact law does not fit"))
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=len(handles),
+        fontsize="small",
+        frameon=False,
+    )
 
 
 def _displacement(axes: Any, data: RunData, part: slice) -> None:
@@ -91,15 +82,12 @@ def _displacement(axes: Any, data: RunData, part: slice) -> None:
 
 def _force(axes: Any, data: RunData, part: slice) -> None:
     time = data.time_s[part]
-    axes.plot(time, data.force_n[part], color=_MEASURED, linewidth=1.6, label="measured")
-    axes.plot(
-        time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9, label="one step ahead"
-    )
+    axes.plot(time, data.force_n[part], color=_MEASURED, linewidth=1.6)
+    axes.plot(time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9)
     low, high = np.nanmin(data.force_n), np.nanmax(data.force_n)
     margin = 0.1 * max(high - low, 1e-6)
     axes.set_ylim(low - margin, high + margin)
     axes.set_ylabel("force [N]")
-    axes.legend(loc="upper right", fontsize="small")
 
 
 def _error(axes: Any, data: RunData, part: slice) -> None:
@@ -120,10 +108,9 @@ def _consistency(axes: Any, data: RunData) -> None:
         known = np.isfinite(blocks)
         mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     axes.plot(data.time_s[:count:width], mean, color=_ESTIMATED, linewidth=1.0)
-    axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--", label="ideal")
+    axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--")
     axes.set_ylim(0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))))
     axes.set_ylabel("NIS, averaged")
-    axes.legend(loc="upper right", fontsize="small")
 
 
 def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
@@ -136,18 +123,15 @@ def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
         color=_ESTIMATED,
         alpha=0.25,
         linewidth=0.0,
-        label="± 2 sd",
     )
-    axes.plot(time, value, color=_ESTIMATED, linewidth=1.2, label="estimate")
+    axes.plot(time, value, color=_ESTIMATED, linewidth=1.2)
     settled = data.parameters[int(_SETTLED_SHARE * len(data.parameters)) :, index]
     spread = data.parameters_std[int(_SETTLED_SHARE * len(data.parameters_std)) :, index]
     low, high = float(np.min(settled - 3 * spread)), float(np.max(settled + 3 * spread))
     if data.truth is not None:
-        axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--", label="true")
+        axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--")
         low = min(low, float(np.nanmin(data.truth[:, index])))
         high = max(high, float(np.nanmax(data.truth[:, index])))
     margin = 0.15 * max(high - low, 1e-3 * abs(high), 1e-12)
-    axes.set_ylim(low - margin, high + margin)
+    axes.set_ylim(max(0.0, low - margin), high + margin)  # none of the four can be negative
     axes.set_ylabel(_LABELS[index])
-    if index == 0:
-        axes.legend(loc="upper right", fontsize="small")

@@ -33,7 +33,7 @@ def test_a_lump_shows_where_it_is() -> None:
         felt.add_tip(time_s + 0.005, speed * (time_s + 0.005), 0.0)
     table = felt.table()
     table = table[np.argsort(table[:, PLACE["x"]])]
-    assert len(table) == 40
+    assert len(table) == 41
     peak = table[np.argmax(table[:, PLACE["ln_K"]])]
     assert abs(peak[PLACE["x"]] - 20.0) < 1.0
     expected = 0.2 + 0.4 * np.exp(-(((table[:, PLACE["x"]] - 20.0) / 4.0) ** 2))
@@ -45,8 +45,8 @@ def test_rows_wait_for_the_position_and_are_dropped_without_one() -> None:
     felt.add_rows(row(1.0, 0.2, 0.01)[None])
     assert len(felt.table()) == 0
     felt.add_tip(0.9, 0.0, 0.0)
-    felt.add_tip(1.1, 3.0, 0.0)
-    assert felt.table()[0, PLACE["x"]] == 1.5  # the cell in the middle between 0 and 3 mm
+    felt.add_tip(1.1, 4.2, 0.0)
+    assert felt.table()[0, PLACE["x"]] == 2.0  # the cell in the middle between 0 and 4.2 mm
     felt.add_rows(row(2.0, 0.2, 0.01)[None])
     felt.add_rows(row(3.0, 0.2, 0.01)[None])
     felt.add_tip(3.5, 9.0, 0.0)

@@ -116,8 +116,8 @@ class PalpationMap:
             within = cell[_VL : _VLN + 1] / cell[_WEIGHT]
             ln_k, exponent = mean[0], mean[1]
             out[place] = (
-                (i + 0.5) * self.cell_mm,
-                (j + 0.5) * self.cell_mm,
+                i * self.cell_mm,
+                j * self.cell_mm,
                 cell[_COUNT],
                 ln_k,
                 exponent,
@@ -131,7 +131,7 @@ class PalpationMap:
     def _place(self, x_mm: float, y_mm: float, felt: NDArray[np.float64]) -> None:
         ln_k, exponent, variance, variance_n, common, deepest = felt
         weight = 1.0 / max(variance, _LEAST_VARIANCE)
-        key = (math.floor(x_mm / self.cell_mm), math.floor(y_mm / self.cell_mm))
+        key = (math.floor(x_mm / self.cell_mm + 0.5), math.floor(y_mm / self.cell_mm + 0.5))
         cell = self._cells.get(key)
         if cell is None:
             cell = self._cells[key] = np.zeros(13)
@@ -158,6 +158,7 @@ class PalpationMap:
         cells, self._cells = self._cells, {}
         self.cell_mm *= 2.0
         for (i, j), cell in cells.items():
-            merged = self._cells.setdefault((i // 2, j // 2), np.zeros(13))
+            key = (math.floor(0.5 * i + 0.5), math.floor(0.5 * j + 0.5))
+            merged = self._cells.setdefault(key, np.zeros(13))
             merged[_SUMS] += cell[_SUMS]
             merged[_DEEPEST] = max(merged[_DEEPEST], cell[_DEEPEST])
