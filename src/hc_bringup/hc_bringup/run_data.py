@@ -340,7 +340,7 @@ def _tip(bag: Bag, start_ns: int, source: TipSource | None) -> TipPath | None:
     if not len(table):
         return None
     position = np.column_stack([table[prefix + axis] for axis in source.axes]) * METRE_IN_MM
-    return TipPath((stamps(table) - start_ns) * 1e-9, position)
+    return TipPath((stamps(table) - start_ns) * 1e-9, np.asarray(position, np.float64))
 
 
 def _events(bag: Bag, start_ns: int) -> tuple[RunEvent, ...] | None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hc_bringup.dashboard.columns import COLUMNS, HYPOTHESES
 from hc_bringup.dashboard.latency import EDGES_S
-from hc_bringup.dashboard.node import nis_band
+from hc_bringup.dashboard.nis import nis_bands
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
 from hc_bringup.dashboard.security import Gate
 from hc_bringup.dashboard.server import DashboardServer
@@ -61,7 +61,7 @@ class FakeBackend:
             "hypotheses": HYPOTHESES,
             "control": self.control,
             "latency_edges": EDGES_S.tolist(),
-            "nis_band": [nis_band(count) for count in range(1, 61)],
+            "nis_band": nis_bands(),
         }
 
     def watched(self, viewers: int) -> None:

@@ -64,7 +64,13 @@ class Digest:
         origin_ns: the stamp that is second 0; None before the first message.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, row_ns: int = ROW_NS) -> None:
+        """Begin.
+
+        Args:
+            row_ns: span of a row.
+        """
+        self.row_ns = row_ns
         self.epoch = 0
         self.origin_ns: int | None = None
         self._open: NDArray[Any] | None = None
@@ -123,7 +129,7 @@ class Digest:
         self._last_ns = int(kept["stamp"][-1])
         if self._open is not None and len(self._open):
             kept = np.concatenate([self._open, kept])
-        places = (kept["stamp"] - self.origin_ns) // ROW_NS
+        places = (kept["stamp"] - self.origin_ns) // self.row_ns
         starts = np.flatnonzero(np.diff(places, prepend=places[0] - 1))
         self._open = kept[starts[-1] :]
         return self._rows(kept[: starts[-1]], starts[:-1])

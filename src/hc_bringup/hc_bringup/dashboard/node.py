@@ -16,7 +16,6 @@ from typing import Any, Final
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from scipy.special import gammaincinv
 
 from hc_bringup.dashboard.columns import COLUMNS, HYPOTHESES
 from hc_bringup.dashboard.controls import Controls
@@ -24,6 +23,7 @@ from hc_bringup.dashboard.feed import Feed
 from hc_bringup.dashboard.foxglove import FoxgloveServer
 from hc_bringup.dashboard.foxglove_topics import FoxgloveTopics
 from hc_bringup.dashboard.latency import EDGES_S
+from hc_bringup.dashboard.nis import nis_bands
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
 from hc_bringup.dashboard.recording import Recording
 from hc_bringup.dashboard.security import TOKEN_VARIABLE, Gate, new_token
@@ -40,9 +40,6 @@ DEFAULT_PORT: Final = 8765
 THIS_MACHINE: Final = "127.0.0.1"
 ANY_ADDRESS: Final = ("0.0.0.0", "::", "")
 FRAME_PERIOD_S: Final = 1.0 / 30.0
-NIS_DEGREES: Final = 2
-NIS_COUNTS: Final = 60
-"""Chi-square bands of the mean of up to so many NIS are told to the page; it goes on from there."""
 
 
 class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
@@ -190,7 +187,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "hypotheses": HYPOTHESES,
             "control": self._control,
             "latency_edges": EDGES_S.tolist(),
-            "nis_band": [nis_band(count) for count in range(1, NIS_COUNTS + 1)],
+            "nis_band": nis_bands(),
         }
 
     def watched(self, viewers: int) -> None:
@@ -220,12 +217,6 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """End the server and a recording that is under way."""
         self._server.stop()
         self._recording.close()
-
-
-def nis_band(count: int) -> list[float]:
-    """Return the 95 % band of the mean of so many NIS, by chi-square."""
-    shape = 0.5 * NIS_DEGREES * count
-    return [2.0 * float(gammaincinv(shape, share)) / count for share in (0.025, 0.975)]
 
 
 def _bind(address: str, port: int, fallback: bool) -> socket.socket:

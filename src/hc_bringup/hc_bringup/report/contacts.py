@@ -107,7 +107,7 @@ def find_contacts(data: RunData, rules: ContactRules | None = None) -> list[Cont
     # Away for long enough: a new contact begins.
     times = data.time_s[touching]
     new = np.flatnonzero(np.diff(times) >= rules.release_s) + 1
-    contacts = []
+    contacts: list[Contact] = []
     for rows in np.split(touching, new):
         if data.time_s[rows[-1]] - data.time_s[rows[0]] < rules.minimum_duration_s:
             continue

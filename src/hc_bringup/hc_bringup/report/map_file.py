@@ -115,7 +115,8 @@ def _csv(found: StiffnessMap) -> bytes:
 def _ply(found: StiffnessMap) -> bytes:
     """Return a mesh (Stanford PLY): places coloured by stiffness, which is a property too."""
     rows, columns = found.stiffness.shape
-    scale = Normalize(*np.quantile(found.stiffness[found.known], (0.0, 1.0)), clip=True)
+    shown = found.stiffness[found.known] if found.known.any() else found.stiffness
+    scale = Normalize(float(shown.min()), float(shown.max()), clip=True)
     colours = (255.0 * colormaps[COLOURS](scale(found.stiffness))[..., :3]).astype(int)
     faces = [
         (

@@ -30,7 +30,7 @@ PLANE_POINTS: Final = 61
 SCAN_MM: Final = 2.0
 """A contact that goes sideways farther than this is felt along its way, not at one place."""
 UNKNOWN_SHARE: Final = 0.8
-"""Where the deviation is more than this share of what it is far from everything, nothing is known."""
+"""Where the deviation is more than this share of that far from everything, nothing is known."""
 USUAL_DEPTH_MM: Final = 2.0
 _COLUMN: Final = {name: place for place, name in enumerate(MAP_COLUMNS)}
 

@@ -40,16 +40,17 @@ HC.DepthPanel = class {
 
   update(view) {
     const { store } = view;
+    const last = Math.max(store.first, view.to - 1);
     this.now = Object.fromEntries(["K", "n", "B", "p", "K_std", "n_std", "K_n_covariance"]
-      .map((name) => [name, store.last(name)]));
-    const from = Math.max(store.first, store.find(view.end - this.seconds));
+      .map((name) => [name, store.at(last, name)]));
+    const begin = this.seconds ? view.end - this.seconds : view.start;
+    const from = Math.max(store.first, store.find(begin));
     const depth = [];
     const force = [];
     for (let row = from; row < view.to; row++) {
       depth.push(store.at(row, "displacement"));
       force.push(store.at(row, "force"));
     }
-    this.fresh = depth.length;
     const xs = HC.extent(depth);
     const ys = HC.extent(force);
     this.x.update(Math.min(0, xs[0]), Math.max(xs[1], 0.05));

@@ -111,7 +111,9 @@ HC.axis = function (more) {
 HC.tickLabels = function (_plot, splits) {
   const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) : 1;
   const largest = Math.max(...splits.map(Math.abs));
-  const places = Math.max(0, Math.min(7, -Math.floor(Math.log10(step) + 1e-9)));
+  let places = 0;
+  const rest = (v) => Math.abs(v - Math.round(v)) > 1e-6 * Math.max(1, Math.abs(v));
+  while (places < 7 && rest(step * 10 ** places)) places++;
   if (largest >= 1e6) return splits.map((v) => v.toExponential(1));
   return splits.map((v) => v.toFixed(places));
 };
@@ -130,7 +132,7 @@ HC.chart = function (host, options, data) {
     legend: { show: false },
     cursor: {
       points: { show: false },
-      drag: { x: !!options.zoom, y: false },
+      drag: { x: !!HC.onZoom && options.sync === "time", y: false, setScale: false },
       y: false,
       ...(options.sync ? { sync: { key: options.sync, scales: ["x", null] } } : {}),
       ...options.cursor,
@@ -150,11 +152,15 @@ HC.chart = function (host, options, data) {
     hooks: {
       ...options.hooks,
       setCursor: [(plot) => HC.showTip(plot, tip, options.tip)],
+      setSelect: [(plot) => HC.zoomTo(plot)],
     },
     ...(options.mode ? { mode: options.mode } : {}),
   });
   const plot = new uPlot(make(), data, box);
   plot.over.append(tip);
+  if (HC.onZoom && options.sync === "time") {
+    plot.over.addEventListener("dblclick", () => HC.onZoom(null, null));
+  }
   const chart = { plot, box, visible: true };
   chart.fit = function () {
     const width = Math.max(120, box.clientWidth);
@@ -178,6 +184,16 @@ HC.watchSize = function (chart) {
   }
   HC.sizes.observe(chart.box);
   HC.sight.observe(chart.box);
+};
+
+/* A page at rest sets HC.onZoom(from, to): it is told what was chosen with the pointer, and null
+   for the whole. */
+HC.onZoom = null;
+HC.zoomTo = function (plot) {
+  const { left, width } = plot.select;
+  if (!HC.onZoom || width < 3) return;
+  HC.onZoom(plot.posToVal(left, "x"), plot.posToVal(left + width, "x"));
+  plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
 };
 
 HC.showTip = function (plot, tip, describe) {

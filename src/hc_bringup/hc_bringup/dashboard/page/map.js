@@ -228,6 +228,8 @@ HC.MapPanel = class {
   }
 };
 
+HC.distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
+
 /* The stiffest place, if it stands out of the rest by more than the uncertainty allows. */
 HC.findLump = function (spots) {
   if (spots.length < 6) return null;
@@ -236,5 +238,9 @@ HC.findLump = function (spots) {
   if (!known.length) return null;
   const peak = known.reduce((a, b) => (b.value > a.value ? b : a));
   if (peak.value < 1.3 * usual || peak.value - usual < 4 * peak.deviation) return null;
+  // One estimate that went astray is no lump: a neighbour must feel it too.
+  const gap = Math.min(...known.filter((s) => s !== peak).map((s) => HC.distance(s, peak)));
+  const neighbours = known.filter((s) => s !== peak && HC.distance(s, peak) < 2.1 * gap);
+  if (!neighbours.some((s) => s.value > 1.15 * usual)) return null;
   return { x: peak.x, y: peak.y, factor: peak.value / usual, deviation: peak.deviation / usual };
 };

@@ -40,16 +40,17 @@ HC.ParameterPanel = class {
     this.chart.plot.setData([time, high, low, value, truth], true);
   }
 
-  show(store) {
-    const value = store.last(this.name);
-    const deviation = store.last(this.name + "_std");
-    const known = store.last(this.name + "_known");
+  show(store, row) {
+    const at = (name) => (row === undefined ? store.last(name) : store.at(row, name));
+    const value = at(this.name);
+    const deviation = at(this.name + "_std");
+    const known = at(this.name + "_known");
     HC.setText(this.value, HC.withDeviation(value, 2 * deviation));
     this.known.value = isFinite(known) ? known : 0;
     const share = isFinite(known) ? Math.floor(100 * known) + " % known from the data" : "not known";
     this.known.title = share;
     HC.setText(this.host.querySelector(".share"), share);
-    const truth = store.last(this.name + "_true");
+    const truth = at(this.name + "_true");
     HC.setText(this.host.querySelector(".true"),
       isFinite(truth) ? "true " + truth.toFixed(HC.decimals(truth, deviation)) : "");
   }
@@ -159,7 +160,7 @@ HC.NisPanel = class {
     const bands = counts.map((count) => HC.nisBand(this.table, count));
     const sorted = mean.filter((v) => v !== null).sort((a, b) => a - b);
     const usual = sorted.length ? sorted[Math.floor(0.9 * (sorted.length - 1))] : 2;
-    const wanted = Math.max(4, Math.min(60, 1.4 * usual));
+    const wanted = Math.max(5, Math.min(60, 1.6 * usual));
     if (wanted > this.top || wanted < 0.5 * this.top) this.top = wanted;
     this.chart.plot.setData([time, bands.map((b) => b[1]), bands.map((b) => b[0]), mean], true);
   }

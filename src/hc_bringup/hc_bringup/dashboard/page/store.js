@@ -67,6 +67,24 @@ HC.Store = class {
   }
 };
 
+/* A store filled at once, for a page at rest. `blocks` gives numbers by column. */
+HC.fullStore = function (columns, rows, blocks) {
+  const store = new HC.Store(columns, Math.max(1, rows));
+  store.data.fill(NaN);
+  for (const [name, values] of Object.entries(blocks)) {
+    const place = store.place[name];
+    for (let row = 0; row < rows; row++) store.data[row * store.width + place] = values[row];
+  }
+  store.count = rows;
+  return store;
+};
+
+/* Numbers of a page: base64 of float32 or float64. */
+HC.numbers = function (packed) {
+  const bytes = Uint8Array.from(atob(packed.base64), (c) => c.charCodeAt(0));
+  return packed.type === "f8" ? new Float64Array(bytes.buffer) : new Float32Array(bytes.buffer);
+};
+
 /* Columns of a view as arrays for uPlot: null where there is nothing. `specs` lists
    [name, kind]: last, min, max, sum or any of a group. */
 HC.take = function (view, specs) {
