@@ -48,9 +48,20 @@ def test_rows_wait_for_the_position_and_are_dropped_without_one() -> None:
     felt.add_tip(1.1, 4.2, 0.0)
     assert felt.table()[0, PLACE["x"]] == 2.0  # the cell in the middle between 0 and 4.2 mm
     felt.add_rows(row(2.0, 0.2, 0.01)[None])
-    felt.add_rows(row(3.0, 0.2, 0.01)[None])
-    felt.add_tip(3.5, 9.0, 0.0)
+    felt.add_rows(row(5.0, 0.2, 0.01)[None])
+    felt.add_tip(5.5, 9.0, 0.0)
     assert felt.table()[:, PLACE["count"]].sum() == 2.0
+
+
+def test_estimates_may_come_later_than_the_position() -> None:
+    felt = PalpationMap(cell_mm=1.0)
+    for number in range(200):
+        felt.add_tip(0.01 * number, 0.1 * number, 0.0)
+    for number in range(10, 90):
+        felt.add_rows(row(0.02 * number, 0.2, 0.01)[None])
+    table = felt.table()
+    assert table[:, PLACE["count"]].sum() == 80.0
+    assert len(table) == 17  # 2 to 18 mm
 
 
 @pytest.mark.parametrize(

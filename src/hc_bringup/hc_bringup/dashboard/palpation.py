@@ -20,9 +20,11 @@ from hc_bringup.dashboard.columns import INDEX
 CELL_MM: Final = 0.5
 MOST_CELLS: Final = 4000
 """With more, four cells become one: memory and frames stay bounded however far the tip goes."""
+TIPS_KEPT: Final = 500
+"""Positions of the tip that are kept for estimates that come late: five seconds at 100 Hz."""
 LARGEST_LOG_STD: Final = 1.0
 """Estimates of a stiffness that is not known to a factor of e say nothing about a place."""
-LONGEST_WAIT_S: Final = 0.5
+LONGEST_WAIT_S: Final = 2.0
 """A row waits so long for the tip's position after it, then it is dropped."""
 _LEAST_VARIANCE: Final = 1e-6
 """Of ln K: no estimate outweighs the others beyond that."""
@@ -47,14 +49,14 @@ class PalpationMap:
         self.version = 0
         self._cells: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._waiting: deque[NDArray[np.float64]] = deque()
-        self._tip: tuple[float, float, float] | None = None
+        self._tips: deque[tuple[float, float, float]] = deque(maxlen=TIPS_KEPT)
 
     def clear(self) -> None:
         """Forget everything felt so far."""
         self.cell_mm = self._first_cell_mm
         self._cells.clear()
         self._waiting.clear()
-        self._tip = None
+        self._tips.clear()
         self.version += 1
 
     def add_rows(self, rows: NDArray[np.float64]) -> None:
@@ -79,21 +81,35 @@ class PalpationMap:
                 row[INDEX["displacement_max"]],
             )
             self._waiting.append(np.array(felt_here))
-        while self._waiting and rows[-1, INDEX["time"]] - self._waiting[0][0] > LONGEST_WAIT_S:
-            self._waiting.popleft()
+        self._settle()
+        if self._tips:
+            latest = max(self._tips[-1][0], rows[-1, INDEX["time"]])
+            while self._waiting and latest - self._waiting[0][0] > LONGEST_WAIT_S:
+                self._waiting.popleft()
 
     def add_tip(self, time_s: float, x_mm: float, y_mm: float) -> None:
         """Take in a position of the tip, and place the rows that waited for it."""
-        before, self._tip = self._tip, (time_s, x_mm, y_mm)
-        while self._waiting and self._waiting[0][0] <= time_s:
-            felt = self._waiting.popleft()
-            if before is None or before[0] >= time_s or felt[0] < before[0]:
-                continue
-            share = (felt[0] - before[0]) / (time_s - before[0])
-            x = before[1] + share * (x_mm - before[1])
-            y = before[2] + share * (y_mm - before[2])
-            if math.isfinite(x) and math.isfinite(y):
-                self._place(x, y, felt[1:])
+        if self._tips and time_s <= self._tips[-1][0]:
+            return
+        self._tips.append((time_s, x_mm, y_mm))
+        self._settle()
+
+    def _settle(self) -> None:
+        """Place the rows between two known positions; drop those from before the first one."""
+        if len(self._tips) < 2 or not self._waiting:
+            return
+        ready = []
+        while self._waiting and self._waiting[0][0] <= self._tips[-1][0]:
+            ready.append(self._waiting.popleft())
+        if not ready:
+            return
+        times, x_mm, y_mm = np.array(self._tips).T
+        felt = np.array(ready)
+        known = felt[:, 0] >= times[0]
+        x, y = (np.interp(felt[:, 0], times, axis) for axis in (x_mm, y_mm))
+        for one, at_x, at_y, usable in zip(felt, x, y, known, strict=True):
+            if usable and math.isfinite(at_x) and math.isfinite(at_y):
+                self._place(float(at_x), float(at_y), one[1:])
 
     def place_contact(
         self, x_mm: float, y_mm: float, parameters: NDArray[np.float64], depth_mm: float

@@ -220,7 +220,7 @@ def _channel_table(channels: ChannelDiagnosis | None, why_not: str) -> str:
         for name, what, value, deviation, unit in (
             ("delay", late, 1e3 * abs(channels.delay_s), 1e3 * channels.delay_std_s, "ms"),
             ("zero", "force zero", 1e3 * channels.zero_n, 1e3 * channels.zero_std_n, "mN"),
-            ("contact", "contact at", channels.contact_mm, channels.contact_std_mm, "mm"),
+            ("contact", "contact position", channels.contact_mm, channels.contact_std_mm, "mm"),
         )
     ]
     stiffness, damping, exponent, power = channels.parameters

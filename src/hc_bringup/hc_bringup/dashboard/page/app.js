@@ -141,6 +141,7 @@ HC.App = class {
     state.dataset.level = word[1];
     const banner = document.getElementById("banner");
     HC.setText(banner, word[2] || "");
+    banner.dataset.level = word[1];
     banner.hidden = !word[2];
     if (!this.store || this.frozen) return;
     if (!this.store.empty) {

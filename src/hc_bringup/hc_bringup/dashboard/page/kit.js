@@ -108,8 +108,7 @@ HC.axis = function (more) {
 };
 
 /* Tick labels that fit the axis: no more digits than the steps need. */
-HC.tickLabels = function (_plot, splits) {
-  const step = splits.length > 1 ? Math.abs(splits[1] - splits[0]) : 1;
+HC.tickLabels = function (_plot, splits, _axis, _space, step) {
   const largest = Math.max(...splits.map(Math.abs));
   let places = 0;
   const rest = (v) => Math.abs(v - Math.round(v)) > 1e-6 * Math.max(1, Math.abs(v));
