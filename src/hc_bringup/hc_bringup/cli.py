@@ -23,6 +23,7 @@ COMMANDS: Final = (
     "reproduce",
     "bench",
     "report",
+    "compare",
     "contacts",
     "dashboard",
     "test",

@@ -44,9 +44,16 @@ def assignment(text: str) -> tuple[str, Any]:
     if not separator or not name:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
     try:
-        return name, yaml.safe_load(value)
+        parsed = yaml.safe_load(value)
     except yaml.YAMLError:
         return name, value
+    if isinstance(parsed, str) and not value.startswith(("'", '"')):
+        try:
+            number = float(parsed)  # to YAML 1e-3 is a text, for want of a point
+        except ValueError:
+            return name, parsed
+        return name, number if math.isfinite(number) else parsed
+    return name, parsed
 
 
 def _number(text: str, minimum: float, what: str) -> float:

@@ -339,8 +339,9 @@ def _tip(bag: Bag, start_ns: int, source: TipSource | None) -> TipPath | None:
     table = records(topic.definition, bag.columns(topic.name))
     if not len(table):
         return None
-    position = np.column_stack([table[prefix + axis] for axis in source.axes]) * METRE_IN_MM
-    return TipPath((stamps(table) - start_ns) * 1e-9, np.asarray(position, np.float64))
+    position = np.column_stack([table[prefix + axis] for axis in source.axes])
+    times = (stamps(table) - start_ns) * 1e-9
+    return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position)
 
 
 def _events(bag: Bag, start_ns: int) -> tuple[RunEvent, ...] | None:

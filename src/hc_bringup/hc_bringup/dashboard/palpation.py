@@ -22,6 +22,7 @@ MOST_CELLS: Final = 4000
 """With more, four cells become one: memory and frames stay bounded however far the tip goes."""
 TIPS_KEPT: Final = 500
 """Positions of the tip that are kept for estimates that come late: five seconds at 100 Hz."""
+ROWS_KEPT: Final = 500
 LARGEST_LOG_STD: Final = 1.0
 """Estimates of a stiffness that is not known to a factor of e say nothing about a place."""
 LONGEST_WAIT_S: Final = 2.0
@@ -48,7 +49,7 @@ class PalpationMap:
         self._most = most_cells
         self.version = 0
         self._cells: dict[tuple[int, int], NDArray[np.float64]] = {}
-        self._waiting: deque[NDArray[np.float64]] = deque()
+        self._waiting: deque[NDArray[np.float64]] = deque(maxlen=ROWS_KEPT)
         self._tips: deque[tuple[float, float, float]] = deque(maxlen=TIPS_KEPT)
 
     def clear(self) -> None:
