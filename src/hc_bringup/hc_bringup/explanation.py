@@ -47,9 +47,11 @@ class RecentMotion:
         self._span_s, self._step_s = span_s, span_s / MOST_SAMPLES
         self._rows: deque[tuple[float, float, float]] = deque()
 
-    def clear(self) -> None:
-        """Forget everything."""
-        self._rows.clear()
+    def copy(self) -> RecentMotion:
+        """Return what is remembered now, for another thread to explain."""
+        same = RecentMotion(self._span_s)
+        same._rows = deque(self._rows)
+        return same
 
     def add(self, time_s: float, depth_mm: float, force_n: float) -> None:
         """Take in one sample, in the order of time; too early ones are left out."""

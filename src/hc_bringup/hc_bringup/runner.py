@@ -38,6 +38,11 @@ class RunState:
         duration_s: how long it shall last; 0 for no end.
         cpu_percent: processor use of each node since the source was started, in percent of a core.
         samples: how many samples the source says that it has published; None if it did not say.
+        diagnostics: what each node said last of itself, by name.
+        truth: the rig's true K, B, n, p; None where nobody tells.
+        page: address of the live page with its token, once it is served.
+        requests: what was asked for by keys; the runner takes them out.
+        answer: what became of the last of them.
     """
 
     statistics: EstimateStatistics
@@ -47,6 +52,11 @@ class RunState:
     cpu_percent: dict[str, float] = field(default_factory=dict)
     samples: int | None = None
     respawns: int = 0
+    diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
+    truth: list[float] | None = None
+    page: str = ""
+    requests: list[str] = field(default_factory=list)
+    answer: str = ""
 
 
 class Runner:
@@ -77,7 +87,11 @@ class Runner:
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
             with Monitor() as monitor:
-                state = RunState(monitor.statistics, self._plan.duration_s)
+                state = RunState(
+                    monitor.statistics,
+                    self._plan.duration_s,
+                    diagnostics=monitor.diagnostics,
+                )
                 try:
                     self._start(folder, monitor, state)
                     if self._signal is None:
@@ -154,7 +168,12 @@ class Runner:
             for process in self._processes:
                 used = process.cpu_s() - cpu_before[process.name]
                 state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
+            state.truth = monitor.truth()
+            state.page = monitor.page()
             self._show(state)
+            while state.requests:
+                monitor.ask(state.requests.pop(0))
+            state.answer = monitor.answer
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
             if self._source_has_ended(state):

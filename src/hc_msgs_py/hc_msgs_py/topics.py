@@ -20,5 +20,6 @@ NODE_INDENTER: Final = "indenter"
 NODE_ESTIMATOR: Final = "estimator"
 NODE_RECORDER: Final = "recorder"
 NODE_PLAYER: Final = "player"
+NODE_DASHBOARD: Final = "dashboard"
 
 FRAME_INDENTER_TIP: Final = "indenter_tip"

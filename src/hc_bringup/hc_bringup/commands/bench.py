@@ -97,7 +97,7 @@ def _soak(arguments: argparse.Namespace) -> int:
     from hc_bringup.live import Display
     from hc_bringup.soak import run_soak
 
-    with Display(enabled=True) as display:
+    with Display(enabled=True, with_keys=False) as display:
         report = run_soak(arguments.minutes, seed=arguments.seed, show=display.show)
     _show(report.as_dict(), arguments.json)
     return FAILURE if report.lost or report.invalid else 0

@@ -5,12 +5,15 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import os
+import sys
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import seconds
 
@@ -35,6 +38,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scenario", metavar="NAME", help="scenario of the rig")
     parser.add_argument("--headless", action="store_true", help="no live display")
+    parser.add_argument(
+        "--dashboard",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="live page in a browser; its address is printed (default: in a terminal)",
+    )
+    dashboard.add_options(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -62,11 +72,52 @@ def run(arguments: argparse.Namespace) -> int:
         )
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
-    with Display(enabled=not arguments.headless) as display:
+    if _wants_page(arguments):
+        plan = with_dashboard(plan, arguments)
+    with Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display:
         state = Runner(plan, display.show).run()
     summary = run_summary(state, str(bag) if bag else None)
     print(to_json(summary) if arguments.json else run_text(summary))
     return 0
+
+
+def _wants_page(arguments: argparse.Namespace) -> bool:
+    """Whether the live page is served: where it was asked for, or where somebody sits."""
+    if arguments.dashboard is not None:
+        return bool(arguments.dashboard)
+    quiet = arguments.headless or arguments.json
+    return arguments.control or (sys.stderr.isatty() and not quiet)
+
+
+def with_dashboard(plan: Any, arguments: argparse.Namespace) -> Any:
+    """Return a plan in which the live page is served; a page that dies does not end the run.
+
+    The token goes by the environment: parameters can be read by every node, and what a bag says of
+    its run is for everybody.
+    """
+    from hc_bringup.dashboard.security import TOKEN_VARIABLE, new_token
+    from hc_bringup.plan import NodePlan
+    from hc_msgs_py.topics import NODE_DASHBOARD
+
+    if plan.node(NODE_DASHBOARD) is not None:
+        return plan
+    os.environ.setdefault(TOKEN_VARIABLE, new_token())
+    page = NodePlan(
+        NODE_DASHBOARD,
+        "hc_bringup.dashboard.node",
+        parameters=dashboard.node_parameters(arguments),
+        respawn=True,
+    )
+    return dataclasses.replace(plan, nodes=(*plan.nodes, page))
+
+
+def scenario_name(plan: Any) -> str:
+    """Return the name of the rig's scenario; empty without a rig."""
+    rig = plan.node("indenter")
+    if rig is None:
+        return ""
+    settings = file_parameters(rig) | dict(rig.parameters)
+    return Path(str(settings.get("scenario", "multisine"))).stem
 
 
 def new_bag_folder(given: str | None) -> Path:

@@ -34,8 +34,8 @@ from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.services import add_ready_service
+from hc_msgs_py.topics import NODE_DASHBOARD
 
-NODE_NAME: Final = "dashboard"
 DEFAULT_PORT: Final = 8765
 THIS_MACHINE: Final = "127.0.0.1"
 ANY_ADDRESS: Final = ("0.0.0.0", "::", "")
@@ -53,7 +53,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """
         # Node.__init__ asks for the subscriptions already.
         self._taps: Taps | None = None
-        super().__init__(NODE_NAME)
+        super().__init__(NODE_DASHBOARD)
         port = declare(
             self,
             "port",
