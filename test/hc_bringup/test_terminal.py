@@ -11,11 +11,14 @@ import sys
 import time
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from hc_bringup.dashboard.columns import COLUMNS, INDEX
+from hc_bringup.terminal.ending import Profile, draw_depth, draw_profile, find_lump
 from hc_bringup.terminal.numbers import SteadyDecimals, decimals_of, engineering, file_size
 from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.sparkline import STEPS, sparkline
@@ -216,3 +219,44 @@ def test_keys_in_a_real_terminal(command_line: Any) -> None:
             process.send_signal(signal.SIGKILL)
             process.wait()
         os.close(leader)
+
+
+def scan(factor: float = 3.0, deviation: float = 0.01) -> Profile:
+    x = np.linspace(0.0, 30.0, 61)
+    stiffness = 0.5 * (1.0 + (factor - 1.0) * np.exp(-(((x - 12.0) / 3.5) ** 2)))
+    return Profile(x, stiffness, np.full(61, deviation))
+
+
+def test_a_lump_is_found_and_drawn_where_it_is() -> None:
+    lump = find_lump(scan())
+    assert lump is not None
+    assert lump.x_mm == 12.0
+    assert lump.factor == pytest.approx(3.0, rel=0.02)
+    lines = [line.plain for line in draw_profile(scan(), 60)]
+    tops = lines[1].index("█")
+    assert abs(tops - 2 - 60 * 12.0 / 30.0) < 4
+    assert {len(line) for line in lines[1:]} == {62}
+
+
+@pytest.mark.parametrize("profile", [scan(1.1), scan(2.0, 0.3), scan(3.0, math.inf)])
+def test_no_lump_is_made_up(profile: Profile) -> None:
+    assert find_lump(profile) is None
+
+
+def test_one_stray_estimate_is_no_lump() -> None:
+    profile = scan(1.0)
+    profile.stiffness[20] = 5.0
+    assert find_lump(profile) is None
+
+
+def test_force_over_depth_in_dots() -> None:
+    rows = np.full((400, len(COLUMNS)), np.nan)
+    depth = np.linspace(0.0, 2.0, 400)
+    rows[:, INDEX["displacement"]], rows[:, INDEX["force"]] = depth, depth**2
+    rows[:, INDEX["contact"]] = 1.0
+    lines = [line.plain for line in draw_depth(rows, 40)]
+    assert "4.00 N" in lines[0]
+    assert "2.0 mm" in lines[-1]
+    assert lines[1].rstrip()[-1] != "\u2800"  # the deepest is the strongest: top right
+    assert lines[-2][2] != "\u2800"
+    assert draw_depth(rows[:10], 40) == []

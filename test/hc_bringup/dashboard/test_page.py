@@ -84,7 +84,7 @@ def test_the_lump_is_found_and_said(
     page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
     lump = page.run("return HC.app.map.lump")
     assert lump["x"] == pytest.approx(20.0, abs=0.5)
-    assert lump["factor"] == pytest.approx(2.9, abs=0.2)
+    assert lump["factor"] == pytest.approx(3.0, abs=0.1)
     page.wait(lambda: "hard spot" in page.text("#headline"), "the sentence")
     shown = page.run("return HC.app.map.spots[40].value")
     assert shown == pytest.approx(stiffness[40] * 1.6 * 2.0**0.6, rel=1e-9)

@@ -168,7 +168,7 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
     if lump is not None:
         print(
             f"a hard spot at {lump['x_mm']:.1f}, {lump['y_mm']:.1f} mm: "
-            f"{lump['times_as_stiff']:.1f} times as stiff as the median"
+            f"{lump['times_as_stiff']:.1f} times as stiff as around it"
         )
     for name in summary["written"]:
         print(f"written: {name}")

@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import json
 import os
+import shlex
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -19,6 +20,8 @@ from hc_bringup.options import seconds
 
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
+LONGEST_PICTURED_S = 600.0
+"""Of a longer run no picture is drawn at the end: reading the bag would take too long."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -78,7 +81,37 @@ def run(arguments: argparse.Namespace) -> int:
         state = Runner(plan, display.show).run()
     summary = run_summary(state, str(bag) if bag else None)
     print(to_json(summary) if arguments.json else run_text(summary))
+    if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
+        show_ending(bag)
     return 0
+
+
+def show_ending(bag: Path) -> None:
+    """Print a picture of what was felt, a sentence about it, and how to look closer."""
+    from rich.console import Console
+
+    from hc_bringup.run_data import recorded
+    from hc_bringup.terminal.ending import ending
+    from hc_logger.errors import BagError
+    from hc_logger.recording import read_recording
+
+    console = Console(highlight=False)
+    try:
+        data = recorded(read_recording(bag))
+    except (BagError, UserError) as error:
+        console.print(f"no picture of this run: {error}", soft_wrap=True, markup=False)
+        return
+    if data is None or not (data.contact & data.used).any():
+        return
+    console.print()
+    for line in ending(data, console.width):
+        console.print(line, soft_wrap=True)
+    name = shlex.quote(os.path.relpath(bag))
+    console.print(
+        f"Look closer: hc report {name} -o report.html    touch it yourself: hc run --control",
+        soft_wrap=True,
+        markup=False,
+    )
 
 
 def _wants_page(arguments: argparse.Namespace) -> bool:

@@ -31,6 +31,8 @@ SCAN_MM: Final = 2.0
 """A contact that goes sideways farther than this is felt along its way, not at one place."""
 UNKNOWN_SHARE: Final = 0.8
 """Where the deviation is more than this share of that far from everything, nothing is known."""
+AROUND: Final = 0.25
+"""Quantile of the stiffness that counts as what is around a lump: the lump itself is not in it."""
 USUAL_DEPTH_MM: Final = 2.0
 _COLUMN: Final = {name: place for place, name in enumerate(MAP_COLUMNS)}
 
@@ -66,7 +68,7 @@ class StiffnessMap:
         known: where more is known than far from everything, (ny, nx).
         places: what it is made of.
         length_mm: over which distance the tissue changes, as fitted; along x and y.
-        lump: (x, y, how many times as stiff as the median) where one stands out, or None.
+        lump: (x, y, how many times as stiff as around it) where one stands out, or None.
     """
 
     x_mm: Array
@@ -237,7 +239,7 @@ def _lump(
     """Return the stiffest known place if it stands out by more than its uncertainty allows."""
     if not known.any():
         return None
-    usual = float(np.median(stiffness[known]))
+    usual = float(np.quantile(stiffness[known], AROUND))
     trusted = np.where(known & (log_std < 0.2), stiffness, -np.inf)
     row, column = np.unravel_index(int(np.argmax(trusted)), trusted.shape)
     factor = float(trusted[row, column]) / usual

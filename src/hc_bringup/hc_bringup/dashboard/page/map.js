@@ -233,7 +233,8 @@ HC.distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
 /* The stiffest place, if it stands out of the rest by more than the uncertainty allows. */
 HC.findLump = function (spots) {
   if (spots.length < 6) return null;
-  const usual = HC.median(spots.map((s) => s.value));
+  // The lower quartile is what is around: a lump that takes up half of the way is not in it.
+  const usual = spots.map((s) => s.value).sort((a, b) => a - b)[Math.floor(spots.length / 4)];
   const known = spots.filter((s) => s.deviation < 0.2 * s.value);
   if (!known.length) return null;
   const peak = known.reduce((a, b) => (b.value > a.value ? b : a));
