@@ -8,6 +8,8 @@ leaves much less of the force unexplained has the word.
 
 from __future__ import annotations
 
+import threading
+import time
 from collections import deque
 from typing import Final
 
@@ -18,6 +20,7 @@ from scipy.signal import savgol_filter
 Array = NDArray[np.float64]
 
 SPAN_S: Final = 6.0
+EXPLAIN_PERIOD_S: Final = 5.0
 LEAST_SAMPLES: Final = 150
 MOST_SAMPLES: Final = 700
 DELAYS_S: Final = np.arange(-0.06, 0.0601, 0.004)
@@ -69,6 +72,30 @@ class RecentMotion:
         if len(self._rows) < LEAST_SAMPLES:
             return ""
         return explain(*np.array(self._rows).T)
+
+
+class BackgroundExplainer:
+    """Looks into why the law does not fit, in a thread: what shows it must not wait."""
+
+    def __init__(self) -> None:
+        self._said = ""
+        self._next = 0.0
+        self._thread: threading.Thread | None = None
+
+    def explain(self, motion: RecentMotion, mismatch: bool) -> str:
+        """Return what was found last; empty while the law fits."""
+        if not mismatch:
+            self._said = ""
+            return ""
+        busy = self._thread is not None and self._thread.is_alive()
+        if not busy and time.monotonic() >= self._next:
+            self._next = time.monotonic() + EXPLAIN_PERIOD_S
+            self._thread = threading.Thread(target=self._look, args=(motion.copy(),), daemon=True)
+            self._thread.start()
+        return self._said
+
+    def _look(self, motion: RecentMotion) -> None:
+        self._said = motion.explain()
 
 
 def explain(time_s: Array, depth_mm: Array, force_n: Array) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import threading
 import time
 from collections.abc import Mapping
 from types import TracebackType
@@ -13,7 +12,7 @@ from typing import Final
 from rich.console import Console
 from rich.live import Live
 
-from hc_bringup.explanation import RecentMotion
+from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 from hc_bringup.terminal.keys import Keys
@@ -30,7 +29,6 @@ SYMBOLS: Final = {
     "velocity_exponent": ("p", ""),
 }
 _LINE_PERIOD_S: Final = 1.0
-_EXPLAIN_PERIOD_S: Final = 5.0
 _STALE: Final = 3
 """Level of diagnostic_msgs/DiagnosticStatus."""
 
@@ -63,7 +61,7 @@ class Display:
         self._painter = PanelPainter()
         self._history = PanelHistory()
         self._rate = _RateMeter()
-        self._explainer = _Explainer()
+        self._explainer = BackgroundExplainer()
         self._last_line_at = 0.0
         self._page_told = False
 
@@ -187,30 +185,6 @@ class _RateMeter:
     def silent_s(self) -> float:
         """Time since the counter moved; NaN before it ever did."""
         return time.monotonic() - self._changed if self._before else math.nan
-
-
-class _Explainer:
-    """Looks into why the law does not fit, beside the display: it takes some tenths of a second."""
-
-    def __init__(self) -> None:
-        self._said = ""
-        self._next = 0.0
-        self._thread: threading.Thread | None = None
-
-    def explain(self, motion: RecentMotion, mismatch: bool) -> str:
-        """Return what was found last; empty while the law fits."""
-        if not mismatch:
-            self._said = ""
-            return ""
-        busy = self._thread is not None and self._thread.is_alive()
-        if not busy and time.monotonic() >= self._next:
-            self._next = time.monotonic() + _EXPLAIN_PERIOD_S
-            self._thread = threading.Thread(target=self._look, args=(motion.copy(),), daemon=True)
-            self._thread.start()
-        return self._said
-
-    def _look(self, motion: RecentMotion) -> None:
-        self._said = motion.explain()
 
 
 def _number(values: Mapping[str, str], name: str, missing: float = math.nan) -> float:

@@ -27,6 +27,7 @@ from hc_bringup.dashboard.palpation import PalpationMap
 from hc_bringup.dashboard.parsing import RecordParser
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
+from hc_bringup.explanation import BackgroundExplainer, RecentMotion
 from hc_logger.errors import UnknownTypeError
 from hc_msgs_py.conversion import configuration_from_message
 from hc_msgs_py.topics import (
@@ -52,6 +53,8 @@ FLUSH_S: Final = 0.1
 MOST_EVENTS: Final = 300
 MOST_CONTACTS: Final = 300
 RATE_SPAN_S: Final = 1.0
+MOTION_EVERY: Final = 4
+"""Of so many estimates one is remembered to explain a misfit by."""
 
 _TYPES = {
     ESTIMATE: "hc_msgs/msg/HuntCrossleyEstimate",
@@ -109,6 +112,9 @@ class Feed:
         self._map = PalpationMap()
         self._map_version = self._map.version
         self._latency = LatencyWindow()
+        self._motion = RecentMotion()
+        self._explainer = BackgroundExplainer()
+        self._mismatch = False
         self._counts = _Counts()
         self._parsers = {name: RecordParser(kind) for name, kind in _TYPES.items()}
         self._acquired: dict[str, tuple[str, Any, int]] = {}
@@ -219,6 +225,15 @@ class Feed:
         if len(table):
             self._latency.add(table["latency"], time.monotonic())
             self._counts.rejected += int(np.count_nonzero(table["rejected"]))
+            self._mismatch = bool(table["model_mismatch"][-1])
+            part = slice(None, None, MOTION_EVERY)
+            for stamp, depth, force in zip(
+                stamps[part],
+                table["displacement"][part],
+                table["force_measured"][part],
+                strict=True,
+            ):
+                self._motion.add(float(stamp) * 1e-9, float(depth) * METRE_IN_MM, float(force))
             self._take_in(table, stamps, estimates=True)
 
     def _on_samples(self, arrivals: list[Arrival]) -> None:
@@ -333,6 +348,7 @@ class Feed:
             "rejected": self._counts.rejected,
             "latency": self._latency.counts(now),
             "viewers": self._viewers,
+            "explanation": self._explainer.explain(self._motion, self._mismatch),
             "configuration": self.configuration,
             "nodes": {
                 name: {
