@@ -175,3 +175,43 @@ def page(one_browser: Any) -> Iterator[Any]:
     one_browser.complaints()
     yield one_browser
     one_browser.open("about:blank")
+
+
+@pytest.fixture
+def recorded_bag(tmp_path: Path) -> Path:
+    """A bag of samples and estimates, three seconds at 1 kHz, made without a run."""
+    from hc_bringup.run_data import records_of_series
+    from hc_estimator import create_estimator
+    from hc_logger.layout import encode
+    from hc_logger.writer import BagWriter
+    from hc_sim_rig import Rig
+
+    signals = Rig("multisine", 1).run(3.0)
+    series = create_estimator("ukf").run(signals.time_s, signals.displacement_mm, signals.force_n)
+    sequence = signals.sequence.astype(np.uint64)
+    estimates = records_of_series(series, signals.force_n, sequence)
+    stamps = ORIGIN_NS + np.rint(1e9 * signals.time_s).astype(np.int64)
+    header = {"header__stamp__sec": stamps // 10**9, "header__stamp__nanosec": stamps % 10**9}
+    names = estimates.dtype.names or ()
+    columns = {
+        "/indenter/sample": (
+            "hc_msgs/msg/IndenterSample",
+            {
+                "sequence": sequence,
+                "displacement": 1e-3 * signals.displacement_mm,
+                "force": signals.force_n,
+            },
+        ),
+        "/hc/estimate": (
+            "hc_msgs/msg/HuntCrossleyEstimate",
+            {name: estimates[name] for name in names},
+        ),
+    }
+    path = tmp_path / "recorded"
+    with BagWriter(path) as writer:
+        for topic, (kind, fields) in columns.items():
+            number = writer.add_topic(topic, kind)
+            rows = encode(installed_definition(kind), "indenter_tip", **header, **fields)
+            for stamp, row in zip(stamps.tolist(), rows, strict=True):
+                writer.write(number, stamp, row.tobytes())
+    return path

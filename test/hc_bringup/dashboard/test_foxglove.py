@@ -283,17 +283,15 @@ def test_a_client_that_does_not_read_keeps_the_newest(speak: Any) -> None:
 
 @pytest.mark.process
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize("subprotocol", ["foxglove.websocket.v1", "foxglove.sdk.v1"])
-def test_foxglove_itself_sees_the_bag_that_is_replayed(command_line: Any, subprotocol: str) -> None:
+def test_foxglove_itself_sees_the_bag_that_is_replayed(
+    command_line: Any, recorded_bag: Path
+) -> None:
     """Foxglove's own client, with definitions as the server tells them, decodes every field."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node on this machine")
     if not (NODE_FOLDER / "node_modules").is_dir():
         pytest.skip(f"the npm packages are not there: run npm ci in {NODE_FOLDER}")
-    example = str(ROOT / "bags" / "example")
-    made = command_line.run("replay", example, "--estimator", "--bag", "made", "--headless")
-    assert made.returncode == 0, made.stderr
     command_line.environment["HC_DASHBOARD_TOKEN"] = TOKEN
     dashboard = command_line.start("dashboard", "--port", "0")
     said = [dashboard.stdout.readline() for _ in range(2)]
@@ -303,11 +301,11 @@ def test_foxglove_itself_sees_the_bag_that_is_replayed(command_line: Any, subpro
     output = command_line.folder / "client.jsonl"  # a pipe would be full after 31 messages
     with output.open("w") as file:
         client = subprocess.Popen(
-            [node, script, address, subprotocol, "/hc/estimate"],
+            [node, script, address, "foxglove.sdk.v1", "/hc/estimate"],
             stdin=subprocess.PIPE,
             stdout=file,
         )
-    replay = command_line.run("replay", "made", "--headless")
+    replay = command_line.run("replay", str(recorded_bag), "--headless")
     assert replay.returncode == 0, replay.stderr
     client.communicate(timeout=60)  # closes its input
     dashboard.send_signal(signal.SIGINT)
@@ -318,7 +316,7 @@ def test_foxglove_itself_sees_the_bag_that_is_replayed(command_line: Any, subpro
     got = [line["message"] for line in lines if "message" in line]
     # It subscribes once the topic is advertised, a second after the player has come.
     assert len(got) > 1000
-    estimates = read_recording(command_line.folder / "made").estimates
+    estimates = read_recording(recorded_bag).estimates
     by_sequence = {int(row["sequence"]): row for row in estimates}
     for message in got:
         row = by_sequence[int(message["sequence"])]
