@@ -23,7 +23,12 @@ FRAME_STAGE = "stage"
 
 
 class Outputs:
-    """Publishes samples; what nobody listens to is not even made."""
+    """Publishes samples; what nobody listens to is not even made.
+
+    Attributes:
+        published: samples published.
+        first_sequence: sequence of the rig's first sample; not 0 once the scenario was changed.
+    """
 
     def __init__(self, node: Node, with_sensors: bool) -> None:
         """Make the publishers and declare whom ~/ready waits for.
@@ -63,6 +68,7 @@ class Outputs:
                 maximum=1000,
             )
         self.published = 0
+        self.first_sequence = 0
 
     def missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
@@ -89,7 +95,7 @@ class Outputs:
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read, and the truth behind it."""
-        sequence = sample.sequence
+        sequence = self.first_sequence + sample.sequence
         self._sample.publish(
             self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
         )
