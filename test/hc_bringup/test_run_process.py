@@ -53,7 +53,8 @@ def assert_clean(command_line) -> None:
 
 
 def test_the_main_job(command_line) -> None:
-    done = command_line.run("run", "--duration", "6", "--json", "--headless", timeout=240)
+    words = ["run", "--scenario", "multisine", "--duration", "6", "--json", "--headless"]
+    done = command_line.run(*words, timeout=240)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     summary = json.loads(done.stdout)

@@ -20,7 +20,7 @@ def estimate(sequence: int, **fields: Any) -> Any:
     values |= {f"{name}_std": 0.1 for name in PARAMETERS}
     values |= {f"{name}_identifiability": 0.5 for name in PARAMETERS}
     flags = {"contact": True, "change_detected": False, "model_mismatch": False, "rejected": 0}
-    numbers = {"latency": 1e-3, "innovation_force": 0.0}
+    numbers = {"latency": 1e-3, "innovation_force": 0.0, "displacement": 0.0, "force_measured": 0.0}
     stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
     header = SimpleNamespace(stamp=stamp)
     content = values | flags | numbers | {"header": header} | fields

@@ -26,6 +26,9 @@ COMMANDS: Final = (
     "reproduce",
     "bench",
     "report",
+    "compare",
+    "contacts",
+    "dashboard",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""

@@ -41,6 +41,11 @@ class RunState:
         samples: how many samples the source says that it has published; None if it did not say.
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
+        diagnostics: what each node said last of itself, by name.
+        truth: the rig's true K, B, n, p; None where nobody tells.
+        page: address of the live page with its token, once it is served.
+        requests: what was asked for by keys; the runner takes them out.
+        answer: what became of the last of them.
     """
 
     statistics: EstimateStatistics
@@ -52,6 +57,11 @@ class RunState:
     respawns: int = 0
     problems: dict[str, str] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
+    diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
+    truth: list[float] | None = None
+    page: str = ""
+    requests: list[str] = field(default_factory=list)
+    answer: str = ""
 
 
 class Runner:
@@ -84,7 +94,11 @@ class Runner:
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
             with Monitor() as monitor:
-                state = RunState(monitor.statistics, self._plan.duration_s)
+                state = RunState(
+                    monitor.statistics,
+                    self._plan.duration_s,
+                    diagnostics=monitor.diagnostics,
+                )
                 try:
                     self._start(folder, monitor, state)
                     if self._signal is not None:
@@ -177,7 +191,12 @@ class Runner:
                 used = process.cpu_s() - cpu_before[process.name]
                 state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
             state.problems = monitor.problems()
+            state.truth = monitor.truth()
+            state.page = monitor.page()
             self._show(state)
+            while state.requests:
+                monitor.ask(state.requests.pop(0))
+            state.answer = monitor.answer
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
             if self._source_has_ended(state):

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hc_bringup.live import SYMBOLS
+from hc_bringup.plain_json import finite
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 
@@ -73,17 +74,7 @@ def _share(part: int, whole: int) -> float:
 
 def to_json(summary: dict[str, Any]) -> str:
     """Return a summary as JSON; numbers that are not finite become null."""
-    return json.dumps(_finite(summary), indent=2)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return json.dumps(finite(summary), indent=2)
 
 
 def parameter_lines(

@@ -83,15 +83,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     from hc_logger.errors import BagError
     from hc_logger.verify import verify
 
-    if any(
-        (
-            arguments.filter,
-            arguments.state_space,
-            arguments.contact_model,
-            arguments.param,
-            recording_input.is_given(arguments),
-        )
-    ):
+    if is_asked_for(arguments):
         raise UserError(
             "--verify takes filter, settings and zeros from the bag: leave the others away",
             WRONG_USE,
@@ -115,6 +107,19 @@ def _verify(arguments: argparse.Namespace) -> int:
     else:
         print("\n".join(report.lines()))
     return 0 if report.equal else FAILURE
+
+
+def is_asked_for(arguments: argparse.Namespace) -> bool:
+    """Whether options ask for estimates made anew, rather than those recorded."""
+    return any(
+        (
+            arguments.filter,
+            arguments.state_space,
+            arguments.contact_model,
+            arguments.param,
+            recording_input.is_given(arguments),
+        )
+    )
 
 
 def make_estimator(arguments: argparse.Namespace) -> Any:
