@@ -56,7 +56,6 @@ def copy_with(source: Path, target: Path, change: Callable[[Any], Any]) -> Path:
     return target
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(300)  # where the filters have to be compiled first
 def test_a_live_run_is_recomputed_to_the_last_bit(
     start_node: Callable[..., Any], graph: Any, tmp_path: Path

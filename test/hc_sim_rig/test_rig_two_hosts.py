@@ -16,7 +16,7 @@ import pytest
 
 from hc_sim_rig.scenario import SCENARIO_FOLDER
 
-pytestmark = [pytest.mark.process, pytest.mark.slow]
+pytestmark = pytest.mark.process
 HERE = Path(__file__).resolve().parent
 DELAY_S = 0.06
 SECONDS = 5.0

@@ -24,7 +24,7 @@ from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
 from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
 from hc_estimator.ros.event_log import EventLog
-from hc_estimator.ros.inputs import Input, SampleInput
+from hc_estimator.ros.inputs import Input, SampleInput, SubscriptionError
 from hc_estimator.ros.lifecycle import answer_impossible_transitions
 from hc_estimator.ros.node_settings import CHOICE_NAMES, NEEDS_OTHER_SUBSCRIPTIONS, session_settings
 from hc_estimator.ros.outputs import Outputs
@@ -34,6 +34,7 @@ from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zeroing import ZEROS, Zeroing
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
@@ -46,8 +47,12 @@ CONFIRMATIONS_IN_CONFLICT = 500
 """With two publishers on one topic the first keeps the floor until it is silent."""
 
 
-class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no types
-    """Estimates contact parameters from a stream of samples."""
+class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+    """Estimates contact parameters from a stream of samples.
+
+    Publishers and services live as long as the node, through every change of its lifecycle;
+    subscriptions come and go with the input and are destroyed late (hc_msgs_py.late_destruction).
+    """
 
     def __init__(self) -> None:
         """Declare parameters, and configure and activate unless told to wait.
@@ -62,10 +67,13 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._settings = Settings(self)
         self._keeper = StateKeeper(self._settings.values["state.folder"])
         self._log = EventLog(self.get_logger())
-        self._outputs: Outputs | None = None
+        self._outputs = Outputs(self)
+        self._revision = 0  # of the configuration, counted over all lives of the session
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
         self._input: Input | None = None
+        self._wants_input = False
+        self._cannot_listen = ""  # why there is no input although there should be one
         self._zeroing = Zeroing()
         self._crowded = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
@@ -105,8 +113,8 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the samples."""
-        session, _outputs = self._parts()
-        if session.revision.number == 0:
+        session = self._configured()
+        if not session.started:
             session.start()
         self._listen()
         return super().on_activate(state)
@@ -120,9 +128,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         """Forget everything."""
         self._stop_listening()
         self._keeper.forget_kept()
-        if self._outputs is not None:
-            self._outputs.close()
-        self._outputs = self._session = self._status = None
+        self._session = self._status = None
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -135,9 +141,12 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         # All filters, so that a change of filter under a running stream has nothing to compile.
         for name in available_filters():
             create_estimator(name).warm_up()
-        estimator = self._new_estimator()
-        self._outputs = Outputs(self)
-        self._session = EstimationSession(estimator, self, session_settings(self._settings.values))
+        self._session = EstimationSession(
+            self._new_estimator(),
+            self,
+            session_settings(self._settings.values),
+            revisions_before=self._revision,
+        )
         self._status = StatusReporter(self._session)
         self._go_on_from_kept()
 
@@ -165,7 +174,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         )
         if not answer.successful:
             raise NotPossibleError(f"the saved state does not fit: {answer.reason}")
-        self._parts()[0].load(state.estimator, state.time_origin_ns, revision)
+        self._configured().load(state.estimator, state.time_origin_ns, revision)
 
     def _new_estimator(self) -> Estimator:
         kind = self._settings.kind
@@ -176,17 +185,23 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             **self._settings.estimator_values(),
         )
 
-    def _parts(self) -> tuple[EstimationSession, Outputs]:
+    def _configured(self) -> EstimationSession:
         assert self._session is not None
-        assert self._outputs is not None
-        return self._session, self._outputs
+        return self._session
 
     def _listen(self) -> None:
+        """Make the input that the settings ask for; where that cannot be, `_watch` tries again."""
+        self._wants_input = True
         values = self._settings.values
         kind = SampleInput if values["input.source"] == "sample" else SensorInput
-        self._input = kind(self, self, values)
+        try:
+            self._input = kind(self, self, values)
+            self._cannot_listen = ""
+        except SubscriptionError as error:
+            self._cannot_listen = str(error)
 
     def _stop_listening(self) -> None:
+        self._wants_input = False
         self._zeroing.cancel()
         if self._input is not None:
             self._input.close()
@@ -209,11 +224,11 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
-        self._parts()[0].skip(number)
+        self._configured().skip(number)
 
     def on_frame(self, frame_id: str) -> None:
         """Name the frame in what is published."""
-        self._parts()[1].set_frame(frame_id)
+        self._outputs.set_frame(frame_id)
 
     # What the session says.
 
@@ -221,35 +236,32 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
     ) -> None:
         """Publish an estimate."""
-        session, outputs = self._parts()
         assert self._status is not None
-        latency_ns = outputs.publish_estimate(
-            stamp_ns, sequence, force_n, estimate, computation_ns, session.revision.number
+        latency_ns = self._outputs.publish_estimate(
+            stamp_ns, sequence, force_n, estimate, computation_ns, self._revision
         )
         self._status.latency.add(latency_ns)
 
     def on_event(self, event: Event) -> None:
         """Publish an event and write it to the log."""
-        session, outputs = self._parts()
-        outputs.publish_event(event, session.revision.number)
+        self._outputs.publish_event(event, self._revision)
         self._log.write(event)
-        contact = session.contacts.current
+        contact = self._configured().contacts.current
         position = self._input.position if self._input is not None else None
         if event.kind is EventKind.CONTACT_MADE and contact is not None and position is not None:
             contact.position_m, contact.position_frame_id = position
 
     def on_contact(self, summary: ContactSummary) -> None:
         """Publish the summary of a contact."""
-        session, outputs = self._parts()
-        outputs.publish_contact(summary, session.revision.number)
+        self._outputs.publish_contact(summary, self._revision)
 
     def on_revision(self, revision: Revision) -> None:
         """Publish the configuration in force."""
-        session, outputs = self._parts()
+        self._revision = revision.number
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
         zeros = {n: values[n] for n in ZEROS} if values["input.source"] == "sample" else {}
-        outputs.publish_configuration(revision, session.estimator, zeros)
+        self._outputs.publish_configuration(revision, self._configured().estimator, zeros)
 
     # What clients ask for.
 
@@ -266,7 +278,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._apply_to_input(change)
 
     def _change_kind(self) -> None:
-        session, _outputs = self._parts()
+        session = self._configured()
         kind = self._settings.kind
         estimator = self._new_estimator()
         known = session.time_origin_ns is not None
@@ -281,20 +293,24 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _apply_to_input(self, change: Change) -> None:
         changed = sorted(name for name in change.node if name.startswith("input."))
-        if self._input is None or not changed:
+        if not self._wants_input or not changed:
             return
-        if NEEDS_OTHER_SUBSCRIPTIONS.isdisjoint(changed):
+        if self._input is not None and NEEDS_OTHER_SUBSCRIPTIONS.isdisjoint(changed):
             self._input.configure(self._settings.values)
         else:
-            self._input.close()
+            if self._input is not None:
+                self._input.close()
+                self._input = None
             self._listen()
         if change.kind is None and not change.estimator:
             text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
-            self._parts()[0].announce_reconfiguration(text)
+            self._configured().announce_reconfiguration(text)
 
     def _active_session(self) -> EstimationSession:
-        if self._session is None or self._input is None:
+        if self._session is None or not self._wants_input:
             raise NotPossibleError("the estimator is not active")
+        if self._input is None:
+            raise NotPossibleError(self._cannot_listen)
         return self._session
 
     def _reset(self) -> str:
@@ -333,8 +349,8 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
-        if self._input is None or self._outputs is None:
-            return ["the estimator is not active"]
+        if self._input is None:
+            return [self._cannot_listen or "the estimator is not active"]
         missing = []
         expected = self._settings.values["expected_sample_publishers"]
         for topic, found in self._input.publishers.items():
@@ -349,8 +365,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     # Watching.
 
     def _watch(self) -> None:
-        if self._outputs is not None:
-            self._outputs.look_who_listens()
+        self.destroy_retired()
+        self._outputs.look_who_listens()
+        if self._wants_input and self._input is None:
+            self._listen()
         if self._session is None or self._input is None:
             return
         self._session.check_silence(time.perf_counter_ns())
@@ -377,9 +395,12 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             self._session.time_jumped(f"the clock jumped by {jump.delta.nanoseconds * 1e-9:+.3f} s")
 
     def _collect_status(self) -> Status:
-        if self._status is None or self._input is None:
-            what = "not configured" if self._status is None else "not active"
-            return Status(Level.OK, what, {})
+        if self._status is None:
+            return Status(Level.OK, "not configured", {})
+        if self._input is None:
+            if self._cannot_listen and self._wants_input:
+                return Status(Level.ERROR, self._cannot_listen, {})
+            return Status(Level.OK, "not active", {})
         return self._status.collect(self._input.publishers, self._input.counters)
 
     def finished(self) -> bool:
@@ -390,12 +411,15 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         """Report the contact that still goes on and a last status."""
         self._diagnostics.publish()
         self._stop_listening()
+
+    def forget_kept(self) -> None:
+        """Remove the state that is kept for a restart: the node ends as it should."""
         self._keeper.forget_kept()
 
 
 def main() -> int:
     """Run the node; returns the exit status."""
-    return run_node(EstimatorNode)
+    return run_node(EstimatorNode, at_clean_end=EstimatorNode.forget_kept)
 
 
 if __name__ == "__main__":

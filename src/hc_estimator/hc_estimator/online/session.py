@@ -36,18 +36,33 @@ class EstimationSession:
         contacts: the contact that goes on and the number of contacts.
         computation: wall times of the estimation steps since `computation.clear()`.
         revision: the revision in force.
+        started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
     """
 
     def __init__(
-        self, estimator: Estimator, listener: Listener, settings: SessionSettings | None = None
+        self,
+        estimator: Estimator,
+        listener: Listener,
+        settings: SessionSettings | None = None,
+        *,
+        revisions_before: int = 0,
     ) -> None:
+        """Make a session that has not begun.
+
+        Args:
+            estimator: to be fed.
+            listener: hears what comes of it.
+            settings: how to judge the stream.
+            revisions_before: revisions of the sessions before this one, to count on from.
+        """
         self.estimator = estimator
         self.counters = Counters()
         self.guard = StreamGuard(maximum_gap_ns=1)
         self.contacts = ContactTracker()
         self.computation = DurationHistogram()
-        self.revision = Revision(0, 0, 0, Cause.STARTED)
+        self.revision = Revision(revisions_before, 0, 0, Cause.STARTED)
+        self.started = False
         self.last_estimate: Estimate | None = None
         self._listener = listener
         self._origin_ns: int | None = None
@@ -320,4 +335,5 @@ class EstimationSession:
         first = self.guard.last_stamp_ns is None
         valid_from = 0 if first else self.guard.last_sequence + 1
         self.revision = Revision(number, valid_from, time_origin_ns or 0, cause)
+        self.started = True
         self._listener.on_revision(self.revision)

@@ -11,11 +11,34 @@ from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from hc_msgs.msg import IndenterSample
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.node import Node
 
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.wire import SampleDecoder
+
+
+class SubscriptionError(Exception):
+    """Why a topic cannot be subscribed to, in one line."""
+
+
+def subscribe(
+    node: Node, message_type: Any, topic: str, callback: Callable[..., None], *, raw: bool = False
+) -> Any:
+    """Subscribe to a stream of samples.
+
+    Raises:
+        SubscriptionError: if the middleware refuses; it has one type for each topic of a process,
+            and a subscription of another type that was just given up still has the topic.
+    """
+    try:
+        return node.create_subscription(message_type, topic, callback, SAMPLE_QOS, raw=raw)
+    except RCLError as error:
+        name = message_type.__name__
+        raise SubscriptionError(
+            f"cannot subscribe to {topic} as {name}: this node has it with another type"
+        ) from error
 
 
 class Receiver(Protocol):
@@ -54,7 +77,7 @@ class Input(Protocol):
         """Take other settings that do not need other subscriptions."""
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening; a message that was on its way is not handed on."""
 
 
 class Drain:
@@ -104,6 +127,11 @@ class SampleInput:
     """Subscribes to indenter/sample and hands every sample on, less the zeros."""
 
     def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        """Start listening.
+
+        Raises:
+            SubscriptionError: if the topic cannot be subscribed to.
+        """
         self.position: tuple[tuple[float, float, float], str] | None = None
         self._node = node
         self._receiver = receiver
@@ -112,9 +140,8 @@ class SampleInput:
         self._undecodable = 0
         self.configure(values)
         self._frame_id = ""
-        self._subscription = node.create_subscription(
-            IndenterSample, SAMPLE, self._on_message, SAMPLE_QOS, raw=True
-        )
+        self._closed = False
+        self._subscription = subscribe(node, IndenterSample, SAMPLE, self._on_message, raw=True)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other zeros and another limit of the backlog."""
@@ -134,9 +161,12 @@ class SampleInput:
 
     def close(self) -> None:
         """Stop listening."""
+        self._closed = True
         self._node.destroy_subscription(self._subscription)
 
     def _on_message(self, data: bytes) -> None:
+        if self._closed:  # an event of the executor's that was on its way
+            return
         waiting = self._drain.take(self._subscription, IndenterSample, data, raw=True)
         while waiting:
             self._take(waiting.popleft())

@@ -13,9 +13,22 @@ from rclpy.validate_topic_name import validate_topic_name
 from hc_estimator.input.mapping import AXES, make_mapping
 from hc_estimator.input.mapping import Mapping as AxisMapping
 from hc_estimator.online.vocabulary import SessionSettings
+from hc_msgs_py import topics
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
 
+OWN_TOPICS = frozenset(
+    name.strip("/")
+    for name in (
+        topics.SAMPLE,
+        topics.ESTIMATE,
+        topics.RECONSTRUCTED_WRENCH,
+        topics.CONFIGURATION,
+        topics.EVENTS,
+        topics.CONTACTS,
+        topics.DIAGNOSTICS,
+    )
+)
 
 NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
     (
@@ -319,6 +332,16 @@ def check_together(values: Mapping[str, Any]) -> None:
         except InvalidTopicNameException as error:
             line = " ".join(str(error).split())
             raise ValueError(f"parameter input.{sensor}.topic = {topic!r}: {line}") from error
+        if topic.strip("/") in OWN_TOPICS:
+            raise ValueError(
+                f"parameter input.{sensor}.topic = {topic!r} is a topic of this node: name that of "
+                "the sensor"
+            )
+    if values["input.force.topic"].strip("/") == values["input.position.topic"].strip("/"):
+        raise ValueError(
+            f"parameter input.position.topic = {values['input.position.topic']!r} is that of the "
+            "force too: two sensors have two topics"
+        )
 
 
 def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:

@@ -39,7 +39,7 @@ from hc_msgs_py.wire import EstimateEncoder
 
 
 class Outputs:
-    """The node's publishers.
+    """The node's publishers, which live as long as the node.
 
     Attributes:
         frame_id: frame of the samples.
@@ -47,7 +47,6 @@ class Outputs:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node = node
         self._estimate = node.create_publisher(HuntCrossleyEstimate, ESTIMATE, ESTIMATE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, RECONSTRUCTED_WRENCH, ESTIMATE_QOS)
         self._configuration = node.create_publisher(
@@ -61,17 +60,6 @@ class Outputs:
         self.wrench_wanted = False
         self.frame_id = ""
         self.set_frame(FRAME_INDENTER_TIP)
-
-    def close(self) -> None:
-        """Destroy the publishers."""
-        for publisher in (
-            self._estimate,
-            self._wrench,
-            self._configuration,
-            self._events,
-            self._contacts,
-        ):
-            self._node.destroy_publisher(publisher)
 
     def set_frame(self, frame_id: str) -> None:
         """Name the frame of the samples in what is published from now on."""

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from hc_estimator.input.pairing import Paired, Pairer
-from hc_estimator.ros.inputs import Drain, Receiver
+from hc_estimator.ros.inputs import Drain, Receiver, SubscriptionError, subscribe
 from hc_estimator.ros.node_settings import sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
@@ -30,19 +30,22 @@ class SensorInput:
     """Subscribes to two sensors and hands on the samples that they make together."""
 
     def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        """Start listening.
+
+        Raises:
+            SubscriptionError: if a topic cannot be subscribed to.
+        """
         self.position: tuple[tuple[float, float, float], str] | None = None
         self._node = node
         self._receiver = receiver
         self._missing_joint = 0
         self._skipped_positions = 0
         self._frame_id = ""
+        self._closed = False
         self._pairer = Pairer(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
         self._drain = Drain(self._on_skip)
         self._position_drain = Drain(self._on_skipped_positions)
         self.configure(values)
-        self._samples = None
-        if values["input.publish_samples"]:
-            self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
         self._encoder = SampleEncoder()
         kind = values["input.position.type"]
         self._position_type = _POSITION_TYPES[kind]
@@ -51,12 +54,17 @@ class SensorInput:
             "pose": self._on_pose,
             "transform": self._on_transform,
         }[kind]
-        self._force = node.create_subscription(
-            WrenchStamped, values["input.force.topic"], self._on_force, SAMPLE_QOS
-        )
-        self._positions = node.create_subscription(
-            self._position_type, values["input.position.topic"], self._take_position, SAMPLE_QOS
-        )
+        self._force = subscribe(node, WrenchStamped, values["input.force.topic"], self._on_force)
+        try:
+            self._positions = subscribe(
+                node, self._position_type, values["input.position.topic"], self._take_position
+            )
+        except SubscriptionError:
+            node.destroy_subscription(self._force)
+            raise
+        self._samples = None
+        if values["input.publish_samples"]:
+            self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other settings that do not need other subscriptions."""
@@ -94,6 +102,7 @@ class SensorInput:
 
     def close(self) -> None:
         """Stop listening."""
+        self._closed = True
         self._node.destroy_subscription(self._force)
         self._node.destroy_subscription(self._positions)
         if self._samples is not None:
@@ -107,6 +116,8 @@ class SensorInput:
         self._skipped_positions += number
 
     def _on_force(self, message: Any) -> None:
+        if self._closed:  # an event of the executor's that was on its way
+            return
         # Positions that wait come first: a force must not be given up for want of one that is
         # here already.
         positions = self._position_drain.take(self._positions, self._position_type)
@@ -153,6 +164,8 @@ class SensorInput:
         self._add_position(header.stamp, value)
 
     def _add_position(self, stamp: Any, displacement_mm: float) -> None:
+        if self._closed:
+            return
         stamp_ns = nanoseconds_from_stamp(stamp) + self._position_offset_ns
         self._hand_on(self._pairer.add_position(stamp_ns, displacement_mm))
 
