@@ -308,9 +308,10 @@ class Probe:
             due = begin + (number - first) / rate_hz
             while (left := due - time.monotonic()) > 0:
                 self.executor.spin_once(timeout_sec=left)
-            if in_step and (number - first) % 50 == 0:
+            if (number - first) % 50 == 0:
                 self.executor.spin_once(timeout_sec=0)
-                self.keep_up(known + number - first - 200)
+                if in_step:
+                    self.keep_up(known + number - first - 200)
             publish(start_ns + round((time_s - t0) * 1e9), number, displacement, force)
         return number + 1
 

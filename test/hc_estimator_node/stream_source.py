@@ -1,4 +1,4 @@
-"""A process that publishes samples, and the same readings as two sensors, at 1 kHz until it is ended.
+"""A process that publishes samples, and the same readings as two sensors, at 1 kHz until its end.
 
 A test that answers and asks a lot cannot keep a rate as well. Usage: stream_source.py FIRST_NUMBER
 """

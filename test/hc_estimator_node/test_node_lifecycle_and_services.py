@@ -124,6 +124,7 @@ def test_the_surface_is_found_while_the_tool_presses(start_process, end_process,
     zeros = probe.get("input.force.zero", "input.position.zero")
     assert zeros[0] == pytest.approx(0.7, abs=0.005)
     assert zeros[1] == pytest.approx(6.0, abs=0.1)
+    probe.wait(lambda: len(probe.estimates) == 3000, what="all estimates")
     last = probe.estimates[-1]
     assert last.displacement == pytest.approx(0.010, abs=2e-4)  # 10 mm deep, told in metres
     assert end_process(process)[0] == 0

@@ -1,6 +1,8 @@
-"""Two clients that set parameters at random, a manager that walks the node through its life and
-back, services called meanwhile, all under a stream of 1 kHz: nothing kills the node, no revision
-of its configuration is lost, and its estimates are right afterwards.
+"""A storm of requests under a stream of 1 kHz kills nothing, loses nothing, and spoils nothing.
+
+Two clients set parameters at random, a manager walks the node through its life and back, and
+services are called meanwhile. No revision of the configuration is lost, and the estimates are right
+afterwards.
 """
 
 import random
@@ -108,9 +110,7 @@ class Client:
         return time.monotonic() - self.asked if self.left > 0 else 0.0
 
 
-def storm(
-    start_process, start_script, end_process, probe, plant, tmp_path, *, sets, transitions
-):
+def storm(start_process, start_script, end_process, probe, plant, tmp_path, *, sets, transitions):
     options = {"state__folder": tmp_path / "state", "state__autosave_period": 0.1}
     stream = start_script("stream_source.py", "0")
     # Nobody reads its standard error meanwhile: warnings would fill the pipe and hold the node up.

@@ -23,10 +23,16 @@ from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
 from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
+from hc_estimator.ros.channel import SubscriptionError
 from hc_estimator.ros.event_log import EventLog
-from hc_estimator.ros.inputs import Input, SampleInput, SubscriptionError
+from hc_estimator.ros.inputs import Input, SampleInput
 from hc_estimator.ros.lifecycle import answer_impossible_transitions
-from hc_estimator.ros.node_settings import CHOICE_NAMES, NEEDS_OTHER_SUBSCRIPTIONS, session_settings
+from hc_estimator.ros.node_settings import (
+    CHOICE_NAMES,
+    NEEDS_OTHER_SUBSCRIPTIONS,
+    READING,
+    session_settings,
+)
 from hc_estimator.ros.outputs import Outputs
 from hc_estimator.ros.sensors import SensorInput
 from hc_estimator.ros.services import NotPossibleError, StateKeeper, add_service
@@ -41,10 +47,6 @@ from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
-
-CONFIRMATIONS = 5
-CONFIRMATIONS_IN_CONFLICT = 500
-"""With two publishers on one topic the first keeps the floor until it is silent."""
 
 
 class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
@@ -72,10 +74,11 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
         self._input: Input | None = None
+        self._failure: Exception | None = None
         self._wants_input = False
         self._cannot_listen = ""  # why there is no input although there should be one
         self._zeroing = Zeroing()
-        self._crowded = False
+        self._crowded = self._silent = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
         self.add_on_set_parameters_callback(self._settings.check)
         self.add_post_set_parameters_callback(self._apply)
@@ -215,12 +218,12 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
     ) -> None:
         """Hand a sample to the session, and to a tare that is under way."""
+        self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
+        # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
         if self._zeroing.active:
             found = self._zeroing.add(displacement_mm, force_n)
             if found is not None:
                 self._take_zeros(found)
-        if self._session is not None:
-            self._session.process(stamp_ns, sequence, displacement_mm, force_n)
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
@@ -229,6 +232,10 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
     def on_frame(self, frame_id: str) -> None:
         """Name the frame in what is published."""
         self._outputs.set_frame(frame_id)
+
+    def on_failure(self, error: Exception) -> None:
+        """Let the node fail where `run_node` sees it."""
+        self._failure = error
 
     # What the session says.
 
@@ -302,8 +309,13 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
                 self._input.close()
                 self._input = None
             self._listen()
-        if change.kind is None and not change.estimator:
-            text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
+        text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
+        sensors = self._settings.values["input.source"] == "sensors"
+        ways = READING if sensors else {"input.source", *ZEROS}
+        if not ways.isdisjoint(changed):
+            self._zeroing.cancel()
+            self._configured().reset(Cause.RESET, self._new_estimator(), text)
+        elif change.kind is None and not change.estimator:
             self._configured().announce_reconfiguration(text)
 
     def _active_session(self) -> EstimationSession:
@@ -334,8 +346,6 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         if not answer.successful:
             session.report(EventKind.TARED, f"tare refused: {answer.reason}")
             return
-        # What was learnt with other zeros belongs to another displacement.
-        session.reset(Cause.RESET, self._new_estimator())
         session.report(EventKind.TARED, self._zeroing.describe(found, zeros))
 
     def _load(self) -> str:
@@ -353,9 +363,10 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             return [self._cannot_listen or "the estimator is not active"]
         missing = []
         expected = self._settings.values["expected_sample_publishers"]
-        for topic, found in self._input.publishers.items():
+        for channel in self._input.channels:
+            found = channel.publishers
             if found < expected:
-                missing.append(f"{topic} has {found} of {expected} publishers")
+                missing.append(f"{channel.topic} has {found} of {expected} publishers")
         expected = self._settings.values["expected_estimate_subscribers"]
         found = self._outputs.estimate_subscribers
         if found < expected:
@@ -371,7 +382,10 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._listen()
         if self._session is None or self._input is None:
             return
-        self._session.check_silence(time.perf_counter_ns())
+        if self._session.check_silence(time.perf_counter_ns()) and not self._silent:
+            self._silent = True
+            self._diagnostics.publish()  # not up to a second later
+        self._silent = self._session.silent
         self._watch_publishers(self._session, self._input)
         period_s = self._settings.values["state.autosave_period"]
         try:
@@ -382,11 +396,16 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             )
 
     def _watch_publishers(self, session: EstimationSession, source: Input) -> None:
-        crowded = [topic for topic, number in source.publishers.items() if number > 1]
-        session.guard.confirmations = CONFIRMATIONS_IN_CONFLICT if crowded else CONFIRMATIONS
+        """Tell of a second publisher on a topic once it is there."""
+        crowded = [channel for channel in source.channels if channel.publishers > 1]
         if crowded and not self._crowded:
             session.report(
-                EventKind.SOURCE_CONFLICT, f"more than one publisher on {', '.join(crowded)}"
+                EventKind.SOURCE_CONFLICT,
+                "; ".join(
+                    f"{channel.publishers} publishers on {channel.topic} "
+                    f"({', '.join(channel.publisher_names)}): follows the one that was first"
+                    for channel in crowded
+                ),
             )
         self._crowded = bool(crowded)
 
@@ -401,10 +420,16 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             if self._cannot_listen and self._wants_input:
                 return Status(Level.ERROR, self._cannot_listen, {})
             return Status(Level.OK, "not active", {})
-        return self._status.collect(self._input.publishers, self._input.counters)
+        return self._status.collect(self._input)
 
     def finished(self) -> bool:
-        """Whether the node wants to end by itself: never."""
+        """Whether the node wants to end by itself: never.
+
+        Raises:
+            Exception: what went wrong where the executor could not tell.
+        """
+        if self._failure is not None:
+            raise self._failure
         return False
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Subscriptions and publishers that a running node gives up are destroyed only once nobody has them.
+"""What a running node gives up, subscriptions and publishers, is destroyed once nobody has it.
 
 rclpy destroys a subscription at once, while its executor still has events for it in its queue: the
 next one ends the node with "InvalidHandle: cannot use Destroyable because destruction was

@@ -36,6 +36,7 @@ class EstimationSession:
         contacts: the contact that goes on and the number of contacts.
         computation: wall times of the estimation steps since `computation.clear()`.
         revision: the revision in force.
+        silent_s: for how long no sample came, when it was looked at last.
         started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
     """
@@ -63,6 +64,7 @@ class EstimationSession:
         self.computation = DurationHistogram()
         self.revision = Revision(revisions_before, 0, 0, Cause.STARTED)
         self.started = False
+        self.silent_s = 0.0
         self.last_estimate: Estimate | None = None
         self._listener = listener
         self._origin_ns: int | None = None
@@ -92,12 +94,15 @@ class EstimationSession:
         """Announce the first revision."""
         self._revise(Cause.STARTED, None)
 
-    def reset(self, cause: Cause = Cause.RESET, estimator: Estimator | None = None) -> None:
+    def reset(
+        self, cause: Cause = Cause.RESET, estimator: Estimator | None = None, reason: str = ""
+    ) -> None:
         """Start afresh with the same parameters, or with a fresh estimator; time starts anew.
 
         Args:
             cause: why, for the revision.
             estimator: replaces the present one, whose samples are forgotten otherwise.
+            reason: why, for the event.
         """
         self._finish_contact()
         if estimator is None:
@@ -109,7 +114,8 @@ class EstimationSession:
         self.last_estimate = None
         self._revise(cause, None)
         if cause is Cause.RESET:
-            self.report(EventKind.RESET, "the estimator was started afresh")
+            why = f": {reason}" if reason else ""
+            self.report(EventKind.RESET, f"the estimator was started afresh{why}")
 
     def reconfigure(self, parameters: Mapping[str, Any]) -> None:
         """Change parameters of the estimator from the next sample on.
@@ -206,10 +212,15 @@ class EstimationSession:
         """
         if self._arrival_ns is None:
             return False
-        silent_s = (now_ns - self._arrival_ns) * 1e-9
+        silent_s = self.silent_s = (now_ns - self._arrival_ns) * 1e-9
         if not self._silent and silent_s > self.settings.silence_timeout_s:
             self._silent = True
             self.report(EventKind.INPUT_SILENT, f"no sample for {silent_s:.2f} s")
+        return self._silent
+
+    @property
+    def silent(self) -> bool:
+        """Whether the input counted as silent when it was looked at last."""
         return self._silent
 
     @property

@@ -41,6 +41,22 @@ NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
 )
 
 
+READING = frozenset(
+    (
+        "input.source",
+        "input.position.type",
+        "input.position.joint",
+        "input.position.child_frame",
+        *(
+            f"input.{sensor}.{name}"
+            for sensor in ("force", "position")
+            for name in ("topic", "axis", "direction", "sign", "scale", "zero", "time_offset")
+        ),
+    )
+)
+"""Settings that say how a sensor is read: what was learnt with others belongs to other readings."""
+
+
 @dataclasses.dataclass(frozen=True)
 class NodeSetting:
     """One setting of the node; its type is that of the default."""
@@ -345,7 +361,7 @@ def check_together(values: Mapping[str, Any]) -> None:
 
 
 def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
-    """Return the mapping of one of the two sensors, "force" or "position".
+    """Return the mapping of one of the two sensors, "force" or "position", without its zero.
 
     Raises:
         ValueError: if axis, direction, sign or scale cannot be.
@@ -359,7 +375,7 @@ def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
         values[f"input.{sensor}.direction"],
         values[f"input.{sensor}.sign"],
         values[f"input.{sensor}.scale"],
-        values[f"input.{sensor}.zero"],
+        0.0,
     )
 
 
