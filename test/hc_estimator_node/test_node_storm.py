@@ -120,6 +120,9 @@ def storm(start_process, start_script, end_process, probe, plant, tmp_path, *, s
     request = DescribeParameters.Request(names=names)
     descriptors = probe.call("describe_parameters", DescribeParameters, request).descriptors
 
+    settable = [d.name for d in descriptors if not d.read_only]
+    untouched = dict(zip(settable, probe.get(*settable), strict=True)) | {"filter": "ukf"}
+
     def setter(seed):
         source = Storm(descriptors, seed)
 
@@ -174,16 +177,7 @@ def storm(start_process, start_script, end_process, probe, plant, tmp_path, *, s
         message = ChangeState.Request()
         message.transition.id = name
         probe.call("change_state", ChangeState, message)
-    wanted = {
-        d.name: v
-        for d, v in zip(descriptors, probe.get(*[d.name for d in descriptors]), strict=True)
-        if not d.read_only
-    }
-    defaults = {"use_sim_time": False, "filter": "ukf", "state_space": "kinematic"}
-    defaults |= {"contact_model": "hunt_crossley", "input.source": "sample"}
-    assert set(defaults) <= set(wanted)
-    restart = start_values(probe, start_process, wanted)
-    answer = probe.set(atomically=True, **(restart | defaults))
+    answer = probe.set(atomically=True, **untouched)
     assert answer.successful, answer.reason
     message = ChangeState.Request()
     message.transition.id = Transition.TRANSITION_ACTIVATE
@@ -205,21 +199,6 @@ def storm(start_process, start_script, end_process, probe, plant, tmp_path, *, s
     assert used == sorted(used)
     status, _output, errors = end_process(process)
     assert (status, "Traceback" in errors) == (0, False), errors
-
-
-def start_values(probe, start_process, wanted):
-    """The values of a node that nobody touched."""
-    start_process("hc_estimator.node", "-r", "__node:=untouched", autostart=False)
-    from rcl_interfaces.srv import GetParameters
-    from rclpy.parameter import parameter_value_to_python
-
-    client = probe.node.create_client(GetParameters, "/untouched/get_parameters")
-    probe.wait(client.service_is_ready, 90.0, "the untouched node")
-    names = list(wanted)
-    future = client.call_async(GetParameters.Request(names=names))
-    probe.wait(future.done, what="its parameters")
-    values = [parameter_value_to_python(v) for v in future.result().values]
-    return {n: list(v) if hasattr(v, "tolist") else v for n, v in zip(names, values, strict=True)}
 
 
 def test_a_storm_of_parameters_and_transitions_kills_nothing(
