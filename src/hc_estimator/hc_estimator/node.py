@@ -35,8 +35,9 @@ from hc_estimator.ros.node_settings import (
 )
 from hc_estimator.ros.outputs import Outputs
 from hc_estimator.ros.sensors import SensorInput
-from hc_estimator.ros.services import NotPossibleError, StateKeeper, add_service
+from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
+from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zeroing import ZEROS, Zeroing
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
@@ -154,14 +155,22 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._go_on_from_kept()
 
     def _go_on_from_kept(self) -> None:
-        """Continue what a node that died a short time ago had learnt."""
+        """Continue what a node that died a short time ago had learnt.
+
+        A broken state must not keep a node from starting again and again.
+        """
+        logger = self.get_logger()
         try:
+            aside = self._keeper.set_aside()
+            if aside is not None:
+                logger.warning(f"a state that ended a node that went on from it is now {aside}")
             kept = self._keeper.kept(self._settings.values["state.maximum_age"])
             if kept is not None:
                 self._adopt(kept, kept.revision)
+                self._keeper.wait_for_samples()
         except (NotPossibleError, ValueError, OSError) as error:
-            # A broken file must not keep a node from starting again and again.
-            self.get_logger().warning(f"the kept state is not gone on from: {error}")
+            logger.warning(f"the kept state is not gone on from: {error}")
+            self._keeper.set_aside()
 
     def _adopt(self, state: SavedState, revision: int | None = None) -> None:
         """Take over a saved state with its kind of estimator and its settings.
@@ -218,6 +227,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
     ) -> None:
         """Hand a sample to the session, and to a tare that is under way."""
+        if self._keeper.on_trial:
+            self._keeper.on_sample()
         self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
         if self._zeroing.active:
@@ -436,6 +447,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         """Report the contact that still goes on and a last status."""
         self._diagnostics.publish()
         self._stop_listening()
+        self._keeper.finish()
 
     def forget_kept(self) -> None:
         """Remove the state that is kept for a restart: the node ends as it should."""
