@@ -39,7 +39,7 @@ from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
-from hc_estimator.ros.zeroing import ZEROS, Zeroing
+from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -214,7 +214,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _stop_listening(self) -> None:
         self._wants_input = False
-        self._zeroing.cancel()
+        self._give_up_zeroing("the node is not active any more")
         if self._input is not None:
             self._input.close()
             self._input = None
@@ -231,10 +231,13 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._keeper.on_sample()
         self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
+        self._zeroing.watch.add(displacement_mm, force_n)
         if self._zeroing.active:
-            found = self._zeroing.add(displacement_mm, force_n)
-            if found is not None:
-                self._take_zeros(found)
+            outcome = self._zeroing.add(displacement_mm, force_n)
+            if isinstance(outcome, Refusal):
+                self._configured().report(EventKind.TARE_REFUSED, outcome.reason)
+            elif outcome is not None:
+                self._take_zeros(outcome)
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
@@ -324,7 +327,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         sensors = self._settings.values["input.source"] == "sensors"
         ways = READING if sensors else {"input.source", *ZEROS}
         if not ways.isdisjoint(changed):
-            self._zeroing.cancel()
+            self._give_up_zeroing("a sensor is read otherwise from now on")
+            self._zeroing.watch.forget()
             self._configured().reset(Cause.RESET, self._new_estimator(), text)
         elif change.kind is None and not change.estimator:
             self._configured().announce_reconfiguration(text)
@@ -337,17 +341,21 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         return self._session
 
     def _reset(self) -> str:
+        self._give_up_zeroing("a reset came between")
         # A new estimator, so that settings that wait for a reset take effect.
         self._active_session().reset(Cause.RESET, self._new_estimator())
         return "started afresh"
 
     def _start_tare(self) -> str:
         self._active_session()
-        return self._zeroing.tare(self._settings.values["tare.samples"])
+        values = self._settings.values
+        return self._zeroing.tare(
+            values["tare.samples"], time.monotonic(), forced=values["tare.force"]
+        )
 
     def _start_finding_surface(self) -> str:
         self._active_session()
-        return self._zeroing.find_surface()
+        return self._zeroing.find_surface(forced=self._settings.values["tare.force"])
 
     def _take_zeros(self, found: TareResult) -> None:
         """Subtract what a tare found from now on, and start afresh."""
@@ -355,9 +363,13 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         answer = self.set_parameters_atomically(zeros)
         session = self._active_session()
         if not answer.successful:
-            session.report(EventKind.TARED, f"tare refused: {answer.reason}")
+            session.report(EventKind.TARE_REFUSED, answer.reason)
             return
         session.report(EventKind.TARED, self._zeroing.describe(found, zeros))
+
+    def _give_up_zeroing(self, reason: str) -> None:
+        if self._zeroing.cancel() and self._session is not None:
+            self._session.report(EventKind.TARE_REFUSED, f"given up: {reason}")
 
     def _load(self) -> str:
         self._active_session()
@@ -397,6 +409,9 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._silent = True
             self._diagnostics.publish()  # not up to a second later
         self._silent = self._session.silent
+        overdue = self._zeroing.overdue(time.monotonic())
+        if overdue:
+            self._session.report(EventKind.TARE_REFUSED, overdue)
         self._watch_publishers(self._session, self._input)
         period_s = self._settings.values["state.autosave_period"]
         try:

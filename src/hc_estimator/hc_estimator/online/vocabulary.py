@@ -30,6 +30,8 @@ class EventKind(IntEnum):
     TARED = 15
     STATE_LOADED = 16
     MODEL_MISMATCH = 17
+    TARE_REFUSED = 18
+    INPUT_SUSPECT = 19
 
 
 class Cause(IntEnum):

@@ -290,6 +290,12 @@ NODE_SETTINGS = _table(
         maximum=1000000,
     ),
     NodeSetting(
+        "tare.force",
+        False,
+        "Take zeros although the tool presses or moves: ~/tare and ~/find_surface refuse it "
+        "otherwise.",
+    ),
+    NodeSetting(
         "state.folder",
         "",
         "Folder for ~/save, ~/load and the state kept for a restart; empty switches these off.",
