@@ -31,8 +31,10 @@ def test_a_loaded_session_goes_on_as_if_it_had_never_stopped(tmp_path, session, 
     folder = StateFolder(tmp_path / "new" / "folder")
     folder.save(SAVED, session)
     saved = folder.load(SAVED)
-    other = EstimationSession(create_estimator("ukf"), type(recorder)())
-    other.load(saved.estimator, saved.time_origin_ns, saved.revision)
+    other = EstimationSession(
+        create_estimator("ukf"), type(recorder)(), revisions_before=saved.revision
+    )
+    other.load(saved.estimator, saved.time_origin_ns)
     assert other.revision.cause == Cause.STATE_LOADED
     assert other.revision.number == session.revision.number + 1
     samples = list(plant.samples(200, start=500))

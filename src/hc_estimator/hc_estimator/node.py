@@ -37,7 +37,7 @@ from hc_estimator.ros.outputs import Outputs
 from hc_estimator.ros.sensors import SensorInput
 from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
-from hc_estimator.ros.state_keeper import StateKeeper
+from hc_estimator.ros.state_keeper import StateKeeper, try_out
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
@@ -145,17 +145,20 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         # All filters, so that a change of filter under a running stream has nothing to compile.
         for name in available_filters():
             create_estimator(name).warm_up()
+        kept = self._kept_state()
         self._session = EstimationSession(
             self._new_estimator(),
             self,
             session_settings(self._settings.values),
-            revisions_before=self._revision,
+            revisions_before=self._revision if kept is None else kept.revision,
         )
         self._status = StatusReporter(self._session)
-        self._go_on_from_kept()
+        if kept is not None:
+            self._session.load(kept.estimator, kept.time_origin_ns)
+            self._keeper.wait_for_samples()
 
-    def _go_on_from_kept(self) -> None:
-        """Continue what a node that died a short time ago had learnt.
+    def _kept_state(self) -> SavedState | None:
+        """Return what a node that died a short time ago had learnt, its settings taken over.
 
         A broken state must not keep a node from starting again and again.
         """
@@ -166,18 +169,18 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
                 logger.warning(f"a state that ended a node that went on from it is now {aside}")
             kept = self._keeper.kept(self._settings.values["state.maximum_age"])
             if kept is not None:
-                self._adopt(kept, kept.revision)
-                self._keeper.wait_for_samples()
+                self._take_settings(kept)
+            return kept
         except (NotPossibleError, ValueError, OSError) as error:
             logger.warning(f"the kept state is not gone on from: {error}")
             self._keeper.set_aside()
+            return None
 
-    def _adopt(self, state: SavedState, revision: int | None = None) -> None:
-        """Take over a saved state with its kind of estimator and its settings.
+    def _take_settings(self, state: SavedState) -> None:
+        """Take over the kind of estimator and the settings of a saved state.
 
         Raises:
             NotPossibleError: if the node cannot have these settings.
-            ValueError: if the state is damaged.
         """
         wanted = {name: state.estimator[name] for name in CHOICE_NAMES}
         wanted |= state.estimator["configuration"]
@@ -186,7 +189,6 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         )
         if not answer.successful:
             raise NotPossibleError(f"the saved state does not fit: {answer.reason}")
-        self._configured().load(state.estimator, state.time_origin_ns, revision)
 
     def _new_estimator(self) -> Estimator:
         kind = self._settings.kind
@@ -282,7 +284,10 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
         zeros = {n: values[n] for n in ZEROS} if values["input.source"] == "sample" else {}
-        self._outputs.publish_configuration(revision, self._configured().estimator, zeros)
+        session = self._configured()
+        loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
+        self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)
+        self._keeper.hasten()
 
     # What clients ask for.
 
@@ -372,10 +377,12 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._session.report(EventKind.TARE_REFUSED, f"given up: {reason}")
 
     def _load(self) -> str:
-        self._active_session()
+        session = self._active_session()
         state = self._keeper.load()
         try:
-            self._adopt(state)
+            try_out(state)
+            self._take_settings(state)
+            session.load(state.estimator, state.time_origin_ns)
         except ValueError as error:
             raise NotPossibleError(str(error)) from error
         return f"goes on from a state saved {state.age_s:.0f} s ago"

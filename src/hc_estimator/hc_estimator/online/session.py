@@ -36,6 +36,7 @@ class EstimationSession:
         contacts: the contact that goes on and the number of contacts.
         computation: wall times of the estimation steps since `computation.clear()`.
         revision: the revision in force.
+        loaded: the state that was gone on from last; None if there was none.
         silent_s: for how long no sample came, when it was looked at last.
         started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
@@ -64,6 +65,7 @@ class EstimationSession:
         self.computation = DurationHistogram()
         self.revision = Revision(revisions_before, 0, 0, Cause.STARTED)
         self.started = False
+        self.loaded: Mapping[str, Any] | None = None
         self.silent_s = 0.0
         self.last_estimate: Estimate | None = None
         self._listener = listener
@@ -136,16 +138,12 @@ class EstimationSession:
         self._revise(Cause.RECONFIGURED, self._origin_ns)
         self.report(EventKind.RECONFIGURED, what)
 
-    def load(
-        self, state: Mapping[str, Any], time_origin_ns: int, revision: int | None = None
-    ) -> None:
+    def load(self, state: Mapping[str, Any], time_origin_ns: int) -> None:
         """Go on from a saved state of an estimator of the same kind.
 
         Args:
             state: what `save` returned.
             time_origin_ns: its time origin, so that the gap since then is seen as one.
-            revision: number of the revision that it was saved under, to count on from; None
-                counts on from the present one.
 
         Raises:
             ValueError: see Estimator.restore; nothing has changed then.
@@ -153,8 +151,7 @@ class EstimationSession:
         self.estimator.restore(state)
         self._finish_contact()
         self._origin_ns = time_origin_ns
-        if revision is not None:
-            self.revision = self.revision._replace(number=revision)
+        self.loaded = state
         self._revise(Cause.STATE_LOADED, time_origin_ns)
         self.report(EventKind.STATE_LOADED, "a saved state was loaded")
 
