@@ -1,6 +1,7 @@
 """A process that publishes samples, and the same readings as two sensors, at 1 kHz until its end.
 
 A test that answers and asks a lot cannot keep a rate as well. Usage: stream_source.py FIRST_NUMBER
+[rest]; with "rest" the tool rests at 0.25 mm and 0.5 N until the process gets SIGUSR1.
 """
 
 import signal
@@ -23,8 +24,10 @@ RATE_HZ = 1000.0
 PARAMETERS = (0.2, 0.05, 1.8, 1.05)
 
 
-def main(number):
+def main(number, rests):
     stopped = []
+    moves = [] if rests else [True]
+    signal.signal(signal.SIGUSR1, lambda *_: moves.append(True))
     for number_of_signal in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number_of_signal, lambda *_: stopped.append(True))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
@@ -42,6 +45,8 @@ def main(number):
             time.sleep(delay)
         displacement = 3.0 + 2.4 * np.sin(4.4 * time_s)
         newton = hunt_crossley_force(displacement, 2.4 * 4.4 * np.cos(4.4 * time_s), *PARAMETERS)
+        if not moves:
+            displacement, newton = 0.25, 0.5
         displacement += generator.normal(0.0, 0.002)
         newton = float(newton + generator.normal(0.0, 0.01))
         stamp_ns = time.time_ns()
@@ -58,4 +63,4 @@ def main(number):
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(int(sys.argv[1]), "rest" in sys.argv[2:])

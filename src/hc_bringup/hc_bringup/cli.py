@@ -7,7 +7,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from hc_bringup.errors import WRONG_USE, UserError
 
@@ -20,6 +20,12 @@ COMMANDS: Final = (
     "node",
     "topic",
     "param",
+    "service",
+    "tare",
+    "find-surface",
+    "reset",
+    "save",
+    "load",
     "reproduce",
     "bench",
     "report",
@@ -44,11 +50,15 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        module = importlib.import_module(f"hc_bringup.commands.{name}")
+        module = _module(name)
         sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
         if command is None or name == command:
             module.configure(sub)
     return parser
+
+
+def _module(command: str) -> Any:
+    return importlib.import_module(f"hc_bringup.commands.{command.replace('-', '_')}")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,7 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
-    module = importlib.import_module(f"hc_bringup.commands.{parsed.command}")
+    module = _module(parsed.command)
     try:
         return int(module.run(parsed))
     except UserError as error:
