@@ -22,10 +22,13 @@ def test_silence_is_stale_and_samples_that_come_again_recover(start_process, pro
     process = start_process(input__silence_timeout=0.2)
     probe.wait_ready()
     number = probe.stream(plant.samples(500))
-    probe.wait(lambda: EstimatorEvent.INPUT_SILENT in probe.kinds(), what="silence")
     probe.wait(
-        lambda: probe.statuses and probe.statuses[-1].level == b"\x03", what="a stale status"
+        lambda: probe.statuses and probe.statuses[-1].level == b"\x03", 2.0, "a stale status"
     )
+    assert "no usable sample for " in probe.statuses[-1].message
+    assert "no message on indenter/sample from /probe" in probe.statuses[-1].message
+    assert float(counters(probe)["silent_s"]) > 0.1
+    probe.wait(lambda: EstimatorEvent.INPUT_SILENT in probe.kinds(), what="silence")
     # The source comes back, numbers anew, and has a few bad readings.
     samples = [
         (t, float("nan") if i % 50 == 7 else d, f)
@@ -250,3 +253,14 @@ def test_a_topic_that_nobody_publishes_or_with_another_type_is_named(start_proce
         what="the two reasons",
     )
     probe.wait(lambda: probe.statuses[-1].level == b"\x01", what="a warning")
+
+
+def test_a_force_that_pulls_for_push_is_told_in_status_and_events(start_process, probe, plant):
+    start_process(filter="ukf")
+    probe.wait_ready()
+    samples = [(t, d, -f) for t, d, f in plant.samples(6000)]
+    probe.stream(samples)
+    probe.wait(lambda: EstimatorEvent.INPUT_SUSPECT in probe.kinds(), what="the suspicion")
+    (event,) = [e for e in probe.events if e.kind == EstimatorEvent.INPUT_SUSPECT]
+    assert "turn its sign (force.sign)" in event.reason
+    assert any("turn its sign (force.sign)" in s.message for s in probe.statuses)

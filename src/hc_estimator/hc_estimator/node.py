@@ -22,6 +22,7 @@ from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
+from hc_estimator.online.suspicion_watch import SuspicionWatch
 from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
 from hc_estimator.ros.channel import SubscriptionError
 from hc_estimator.ros.event_log import EventLog
@@ -79,6 +80,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._wants_input = False
         self._cannot_listen = ""  # why there is no input although there should be one
         self._zeroing = Zeroing()
+        self._suspicions = SuspicionWatch()
         self._crowded = self._silent = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
         self.add_on_set_parameters_callback(self._settings.check)
@@ -233,6 +235,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._keeper.on_sample()
         self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
+        self._suspicions.add(stamp_ns, displacement_mm, force_n)
         self._zeroing.watch.add(displacement_mm, force_n)
         if self._zeroing.active:
             outcome = self._zeroing.add(displacement_mm, force_n)
@@ -334,6 +337,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         if not ways.isdisjoint(changed):
             self._give_up_zeroing("a sensor is read otherwise from now on")
             self._zeroing.watch.forget()
+            self._suspicions.forget()
             self._configured().reset(Cause.RESET, self._new_estimator(), text)
         elif change.kind is None and not change.estimator:
             self._configured().announce_reconfiguration(text)
@@ -416,6 +420,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._silent = True
             self._diagnostics.publish()  # not up to a second later
         self._silent = self._session.silent
+        for suspicion in self._suspicions.look(time.monotonic()):
+            self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
         overdue = self._zeroing.overdue(time.monotonic())
         if overdue:
             self._session.report(EventKind.TARE_REFUSED, overdue)
@@ -453,7 +459,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             if self._cannot_listen and self._wants_input:
                 return Status(Level.ERROR, self._cannot_listen, {})
             return Status(Level.OK, "not active", {})
-        return self._status.collect(self._input)
+        return self._status.collect(self._input, self._suspicions.suspicions)
 
     def finished(self) -> bool:
         """Whether the node wants to end by itself: never.

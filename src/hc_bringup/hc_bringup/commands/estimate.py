@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.summary import to_json
+    from hc_estimator.input.sanity import check_samples
 
     if arguments.verify:
         return _verify(arguments)
@@ -56,7 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     estimator = make_estimator(arguments)
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
-    for line in recording.findings.lines():
+    suspicions = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
+    for line in (*recording.findings.lines(), *(s.sentence for s in suspicions)):
         print(f"{arguments.input}: {line}", file=sys.stderr)
     estimator.warm_up()
     start = time.perf_counter()
@@ -65,6 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         _write(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
+    summary["suspicions"] = [
+        {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
+    ]
     print(to_json(summary) if arguments.json else _text(summary))
     return 0
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hc_estimator import PARAMETER_NAMES, Rejection
+from hc_estimator.input.readings import Suspicion
 from hc_estimator.online.histogram import DurationHistogram
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.ros.channel import Channel
@@ -41,11 +42,12 @@ class StatusReporter:
         self._before: dict[str, float] = {}
         self._before_s = self._started_s = time.perf_counter()
 
-    def collect(self, source: Input) -> Status:
+    def collect(self, source: Input, suspicions: Sequence[Suspicion]) -> Status:
         """Return the status of the time since the last call.
 
         Args:
             source: the input of the session.
+            suspicions: what is suspicious about its readings.
         """
         session = self._session
         now_s = time.perf_counter()
@@ -64,6 +66,7 @@ class StatusReporter:
             "time_jumps": session.counters.time_jumps,
             "tissue_changes": session.counters.changes,
             "contacts": session.contacts.contacts,
+            "silent_s": session.silent_s if session.silent else 0.0,
         }
         for reason in Rejection:
             if reason is not Rejection.ACCEPTED:
@@ -77,7 +80,7 @@ class StatusReporter:
             values[f"publishers of {channel.topic}"] = channel.publishers
             values[f"messages of other publishers on {channel.topic}"] = channel.lines.foreign
             values[f"messages lost on {channel.topic}"] = channel.lines.lost
-        level, message = self._judge(since, source)
+        level, message = self._judge(since, source, suspicions)
         return Status(level, message, values)
 
     def _counts(self, source: Input) -> dict[str, float]:
@@ -119,7 +122,9 @@ class StatusReporter:
                 values[f"{name}_std"] = float(deviations[i])
         return values
 
-    def _judge(self, since: Mapping[str, float], source: Input) -> tuple[Level, str]:
+    def _judge(
+        self, since: Mapping[str, float], source: Input, suspicions: Sequence[Suspicion]
+    ) -> tuple[Level, str]:
         """Return the worst that there is to say, and all of it."""
         session = self._session
         level = Level.OK
@@ -143,6 +148,7 @@ class StatusReporter:
             problems.append(f"{start}: {'; '.join(reasons)}" if reasons else start)
             return level, "; ".join(problems)
         problems += session.alarms
+        problems += [suspicion.sentence for suspicion in suspicions]
         if not session.guard.counted:
             problems.append("the numbers of the samples are no count: losses cannot be told")
         problems += _refusals(since)
