@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from functools import partial
 from typing import Any
 
 from rclpy.clock import Clock, ClockType, JumpThreshold
@@ -41,6 +42,7 @@ from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.state_keeper import StateKeeper, try_out
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
+from hc_msgs_py.background import STARTING, BackgroundWork
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -49,6 +51,8 @@ from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
+LONG_S = 3.0
+"""Longer than it takes to load the compiled filters from the cache."""
 
 
 class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
@@ -59,11 +63,11 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
     """
 
     def __init__(self) -> None:
-        """Declare parameters, and configure and activate unless told to wait.
+        """Declare parameters and begin to compile; `_watch` activates unless told to wait.
 
         Raises:
-            NodeStartError: for a parameter that does not exist, or if activation fails.
-            ValueError: for a parameter's value that is not allowed, or a kept state that is broken.
+            NodeStartError: for a parameter that does not exist.
+            ValueError: for a parameter's value that is not allowed.
             OSError: if the folder for the state cannot be made.
         """
         super().__init__(NODE_ESTIMATOR)
@@ -103,11 +107,12 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             ),
             post_callback=self._on_clock_jump,
         )
-        if self._settings.values["autostart"]:
-            self._prepare()  # here, where what goes wrong is told
-            for trigger in (self.trigger_configure, self.trigger_activate):
-                if trigger() != TransitionCallbackReturn.SUCCESS:
-                    raise NodeStartError("the node cannot be activated")
+        self._starts_by_itself = bool(self._settings.values["autostart"])
+        self._says_compiling = False
+        # All filters, so that a change of filter under a running stream has nothing to compile.
+        self._compilation = BackgroundWork(
+            "compiling the filters", [partial(_compile, name) for name in available_filters()]
+        )
 
     # Lifecycle.
 
@@ -143,10 +148,26 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._keeper.forget_kept()
         return super().on_shutdown(state)
 
+    def _start(self) -> None:
+        """Configure and activate as soon as the filters are compiled."""
+        work = self._compilation
+        if not work.done:
+            if work.seconds > LONG_S and not self._says_compiling:
+                self._says_compiling = True
+                self.get_logger().info(
+                    f"{work.progress}: this takes some minutes, once after an installation"
+                )
+            return
+        self._starts_by_itself = False
+        if self._says_compiling:
+            self.get_logger().info(f"compiled the filters in {work.seconds:.0f} s")
+        self._prepare()  # here, where what goes wrong is told
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                raise NodeStartError("the node cannot be activated")
+
     def _prepare(self) -> None:
-        # All filters, so that a change of filter under a running stream has nothing to compile.
-        for name in available_filters():
-            create_estimator(name).warm_up()
+        self._compilation.wait()
         kept = self._kept_state()
         self._session = EstimationSession(
             self._new_estimator(),
@@ -344,10 +365,16 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _active_session(self) -> EstimationSession:
         if self._session is None or not self._wants_input:
-            raise NotPossibleError("the estimator is not active")
+            raise NotPossibleError(self._inactive())
         if self._input is None:
             raise NotPossibleError(self._cannot_listen)
         return self._session
+
+    def _inactive(self) -> str:
+        """Say why there is no input."""
+        if self._starts_by_itself:
+            return f"{STARTING}{self._compilation.progress}"
+        return self._cannot_listen or "the estimator is not active"
 
     def _reset(self) -> str:
         self._give_up_zeroing("a reset came between")
@@ -394,7 +421,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
         if self._input is None:
-            return [self._cannot_listen or "the estimator is not active"]
+            return [self._inactive()]
         missing = []
         expected = self._settings.values["expected_sample_publishers"]
         for channel in self._input.channels:
@@ -411,6 +438,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _watch(self) -> None:
         self.destroy_retired()
+        if self._starts_by_itself:
+            self._start()
         self._outputs.look_who_listens()
         if self._wants_input and self._input is None:
             self._listen()
@@ -453,6 +482,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._session.time_jumped(f"the clock jumped by {jump.delta.nanoseconds * 1e-9:+.3f} s")
 
     def _collect_status(self) -> Status:
+        if self._starts_by_itself:
+            return Status(Level.OK, self._inactive(), {})
         if self._status is None:
             return Status(Level.OK, "not configured", {})
         if self._input is None:
@@ -480,6 +511,10 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
     def forget_kept(self) -> None:
         """Remove the state that is kept for a restart: the node ends as it should."""
         self._keeper.forget_kept()
+
+
+def _compile(name: str) -> None:
+    create_estimator(name).warm_up()
 
 
 def main() -> int:
