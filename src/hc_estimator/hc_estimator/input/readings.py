@@ -30,11 +30,20 @@ class Check(Enum):
 
 
 class Suspicion(NamedTuple):
-    """A reading that cannot be right, and a sentence about it."""
+    """A reading that cannot be right.
+
+    Attributes:
+        check: what is doubted.
+        channel: displacement or force.
+        sentence: what is seen, and what to do about it.
+        remedy: what would put it right: the factor of a sign or a unit, the zero to take off [N] or
+            [mm]; NaN where no number would.
+    """
 
     check: Check
     channel: str
     sentence: str
+    remedy: float = math.nan
 
 
 class Readings(NamedTuple):

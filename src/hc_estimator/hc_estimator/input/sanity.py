@@ -9,6 +9,7 @@ passes them may still be wrong, what does not is worth a look.
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 
@@ -126,12 +127,8 @@ def _check_together(displacement: Readings, force: Readings, *, fine: bool) -> l
         return []
     related = float(np.corrcoef(depth, newtons)[0, 1])
     result: list[Suspicion] = []
-    for check, channel, sentence in (
-        _units(depth, newtons, related),
-        _sign(depth, newtons, related),
-    ):
-        if sentence:
-            result.append(Suspicion(check, channel, sentence))
+    result += _units(depth, newtons, related)
+    result += _sign(depth, newtons, related)
     if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
         result += _zeros(depth, newtons, related)
     return result
@@ -154,37 +151,34 @@ def _far_from_zero(low: float, high: float) -> Suspicion:
     )
 
 
-def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> tuple[Check, str, str]:
+def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
     low, high = robust_range(newtons)
     shallow, deep = robust_range(depth)
-    sentence, channel = "", ""
+    if related < -RELATED and abs(low) > abs(high):
+        sentence = (
+            f"the force falls to {low:.3g} N as the displacement grows: it reads a push as a "
+            "pull; turn its sign (force.sign)"
+        )
+        return [Suspicion(Check.SIGN, "force", sentence, -1.0)]
     if related < -RELATED:
-        if abs(low) > abs(high):
-            channel = "force"
-            sentence = (
-                f"the force falls to {low:.3g} N as the displacement grows: it reads a push as a "
-                "pull; turn its sign (force.sign)"
-            )
-        else:
-            channel = "displacement"
-            sentence = (
-                f"the force grows to {high:.3g} N as the displacement falls to {shallow:.3g} mm: "
-                "turn the sign of the displacement (position.sign)"
-            )
-    elif related > RELATED and -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0):
-        channel = "force"
+        sentence = (
+            f"the force grows to {high:.3g} N as the displacement falls to {shallow:.3g} mm: "
+            "turn the sign of the displacement (position.sign)"
+        )
+        return [Suspicion(Check.SIGN, "displacement", sentence, -1.0)]
+    if related > RELATED and -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0):
         sentence = (
             f"force and displacement go down together, to {low:.3g} N and {shallow:.3g} mm: turn "
             "the signs of both (force.sign, position.sign)"
         )
-    return Check.SIGN, channel, sentence
+        return [Suspicion(Check.SIGN, "both", sentence, -1.0)]
+    return []
 
 
-def _units(depth: FloatArray, newtons: FloatArray, related: float) -> tuple[Check, str, str]:
+def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
     """A unit that was mistaken makes the stiffness a thousand times too large or too small."""
-    nothing = Check.UNITS, "", ""
     if abs(related) < RELATED:
-        return nothing
+        return []
     low, high = robust_range(depth)
     stroke = high - low
     low, high = robust_range(newtons)
@@ -201,33 +195,34 @@ def _units(depth: FloatArray, newtons: FloatArray, related: float) -> tuple[Chec
         )
 
     if possible(stroke, peak):
-        return nothing
+        return []
     readings = f"{peak:.3g} N over {stroke:.3g} mm ({peak / stroke:.3g} N/mm)"
     guesses = [
         (channel, unit, factor)
-        for channel, unit, factor, of_stroke, of_peak in (
-            ("displacement", "metres", "1000", 1e3, 1.0),
-            ("displacement", "micrometres", "0.001", 1e-3, 1.0),
-            ("force", "millinewtons", "0.001", 1.0, 1e-3),
+        for channel, unit, factor in (
+            ("displacement", "metres", 1e3),
+            ("displacement", "micrometres", 1e-3),
+            ("force", "millinewtons", 1e-3),
         )
-        if possible(stroke * of_stroke, peak * of_peak)
+        if possible(
+            stroke * (factor if channel == "displacement" else 1.0),
+            peak * (factor if channel == "force" else 1.0),
+        )
     ]
     if len(guesses) == 1:
         channel, unit, factor = guesses[0]
         name = "position" if channel == "displacement" else "force"
-        return (
-            Check.UNITS,
-            channel,
+        sentence = (
             f"{readings} is no soft tissue, but would be if the {channel} were in {unit}: scale it "
-            f"by {factor} ({name}.scale)",
+            f"by {factor:g} ({name}.scale)"
         )
+        return [Suspicion(Check.UNITS, channel, sentence, factor)]
     if not STIFFNESS[0] <= peak / stroke <= STIFFNESS[1]:
-        return (
-            Check.UNITS,
-            "force",
-            f"{readings} is no soft tissue: check the units of both (force.scale, position.scale)",
+        sentence = (
+            f"{readings} is no soft tissue: check the units of both (force.scale, position.scale)"
         )
-    return nothing
+        return [Suspicion(Check.UNITS, "both", sentence)]
+    return []
 
 
 def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
@@ -240,7 +235,8 @@ def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
     if free is not None:
         level, surface = free
         if abs(level) > _ZERO_SHARE * span:
-            result.append(_force_zero(f"the force reads {level:.3g} N free of contact"))
+            what = f"the force reads {level:.3g} N free of contact"
+            result.append(_force_zero(what, level))
         if abs(surface) > _SURFACE_SHARE * (high - surface):
             result.append(
                 Suspicion(
@@ -248,6 +244,7 @@ def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
                     "displacement",
                     f"contact begins near {surface:.2g} mm, not at 0: tare at the surface, or find "
                     "the surface in an approach (position.zero)",
+                    surface,
                 )
             )
         return result
@@ -271,9 +268,9 @@ def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
     return result
 
 
-def _force_zero(what: str) -> Suspicion:
+def _force_zero(what: str, level: float = math.nan) -> Suspicion:
     return Suspicion(
-        Check.FORCE_ZERO, "force", f"{what}: tare the tool free of contact (force.zero)"
+        Check.FORCE_ZERO, "force", f"{what}: tare the tool free of contact (force.zero)", level
     )
 
 
