@@ -144,6 +144,16 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     )
 
 
+def test_a_sign_is_told_from_a_zero_that_is_off_as_well():
+    time_s, displacement, force = press()
+    (found,) = check_samples(time_s, displacement, 8.4 - force)
+    assert (found.check, found.channel) == (Check.SIGN, "force")
+    (found,) = check_samples(time_s, 3.0 - displacement, force - 9.0)
+    assert (found.check, found.channel) == (Check.SIGN, "displacement")
+    (found,) = check_samples(time_s, 8.0 - displacement, 9.0 - force)
+    assert (found.check, found.channel) == (Check.SIGN, "both")
+
+
 def test_a_stream_is_looked_at_in_a_thread_and_told_once_until_it_is_right():
     watch = SuspicionWatch()
     time_s, displacement, force = press(rate_hz=1000.0)

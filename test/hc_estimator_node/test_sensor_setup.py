@@ -75,6 +75,15 @@ def test_a_sensor_that_sits_askew_gets_a_direction():
         np.testing.assert_allclose(found.displacement_mm, depth[: len(found.time_s)], atol=0.4)
 
 
+def test_far_from_the_origin_the_surface_is_still_found():
+    """A direction that was off by a tenth of a degree put the surface half a millimetre off."""
+    push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, -1.0])
+    force, position, *_rest = presses(push, move)
+    far = position._replace(values=position.values + np.array([4000.0, 1000.0, 0.0]))
+    found = propose(force, far)
+    assert found.position.zero == pytest.approx(SURFACE, abs=0.15)
+
+
 def test_a_tool_that_slides_meanwhile_is_read_along_its_press():
     push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
     force, position, *_rest = presses(push, move, slide=1.5)
@@ -92,6 +101,17 @@ def test_the_joint_that_moves_with_the_force_is_found():
     found = propose(force, VectorReadings(position.time_s, joints, ("a", "plunger", "b")))
     assert (found.position.joint, found.position.sign, found.position.axis) == ("plunger", -1, "")
     assert found.position.zero == pytest.approx(SURFACE, abs=0.15)
+
+
+def test_pieces_of_presses_without_a_whole_approach_give_the_zeros_too():
+    push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, -1.0])
+    force, position, depth, _newtons = presses(push, move)
+    # Of every approach the part in which the tool touches is missing.
+    near = (depth > -0.3) & (depth < 2.5) & (np.gradient(depth) > 0.0)
+    holes = force._replace(time_s=force.time_s[~near], values=force.values[~near])
+    found = propose(holes, position)
+    assert found.force.zero == pytest.approx(-BIAS[2], abs=0.05)
+    assert found.position.zero == pytest.approx(SURFACE, abs=0.6)
 
 
 def test_a_tool_that_never_leaves_the_tissue_has_no_zeros_but_a_sign():

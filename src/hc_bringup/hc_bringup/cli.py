@@ -26,6 +26,8 @@ COMMANDS: Final = (
     "reset",
     "save",
     "load",
+    "setup",
+    "doctor",
     "reproduce",
     "bench",
     "report",

@@ -113,7 +113,7 @@ def forecast(
     known = covariance / np.outer(scale, scale)
     deviations = np.sqrt(np.diagonal(known))
     # A parameter that the data said nothing about may have any deviation: a wide prior instead.
-    prior = np.linalg.inv(known + 1e-12 * np.eye(4))
+    prior = np.asarray(np.linalg.inv(known + 1e-12 * np.eye(4)), np.float64)
     speeds = [speed for speed in SPEEDS_MM_S if speed <= fastest_mm_s]
     plans: list[tuple[float, ...]] = [(speed,) for speed in speeds]
     plans += [(slow, fast) for fast in speeds for slow in speeds if 4.0 * slow <= fast]

@@ -154,7 +154,7 @@ def _far_from_zero(low: float, high: float) -> Suspicion:
 def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
     low, high = robust_range(newtons)
     shallow, deep = robust_range(depth)
-    if related < -RELATED and abs(low) > abs(high):
+    if related < -RELATED and _pulls(depth, newtons):
         sentence = (
             f"the force falls to {low:.3g} N as the displacement grows: it reads a push as a "
             "pull; turn its sign (force.sign)"
@@ -166,13 +166,39 @@ def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspic
             "turn the sign of the displacement (position.sign)"
         )
         return [Suspicion(Check.SIGN, "displacement", sentence, -1.0)]
-    if related > RELATED and -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0):
+    below = -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0)
+    if related > RELATED and pressed_way(depth, newtons, 1.0 if below else 0.0) > 0.0:
         sentence = (
             f"force and displacement go down together, to {low:.3g} N and {shallow:.3g} mm: turn "
             "the signs of both (force.sign, position.sign)"
         )
         return [Suspicion(Check.SIGN, "both", sentence, -1.0)]
     return []
+
+
+def _pulls(depth: FloatArray, newtons: FloatArray) -> bool:
+    """Whether, of two channels that go against each other, it is the force that is turned."""
+    low, high = robust_range(newtons)
+    return pressed_way(-depth, newtons, float(abs(low) > abs(high)) - 0.5) > 0.0
+
+
+def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> float:
+    """Say whether two channels that go together are both turned round.
+
+    A force that is flat at one end of the motion is free there, whatever its zero.
+
+    Args:
+        depth: penetration or its negative [mm], shape (n,).
+        newtons: force or its negative, turned so that it grows with the depth, shape (n,).
+        unknown: what to return if no end is flat, or both are.
+
+    Returns:
+        -1 if neither is turned, 1 if both are.
+    """
+    right, turned = free_motion(depth, newtons), free_motion(-depth, -newtons)
+    if (right is None) == (turned is None):
+        return unknown
+    return 1.0 if right is None else -1.0
 
 
 def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
@@ -231,7 +257,7 @@ def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
     least, most = robust_range(newtons)
     span = most - least
     result = []
-    free = _free_motion(depth, newtons)
+    free = free_motion(depth, newtons)
     if free is not None:
         level, surface = free
         if abs(level) > _ZERO_SHARE * span:
@@ -274,7 +300,7 @@ def _force_zero(what: str, level: float = math.nan) -> Suspicion:
     )
 
 
-def _free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] | None:
+def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] | None:
     """Find the flat part of force over depth before it rises, on the way down where there is one.
 
     On the way up a damped tissue lets go of the tool early, and the force is zero in the tissue.

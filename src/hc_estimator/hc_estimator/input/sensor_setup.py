@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.input.readings import CLEAR, LEAST_SAMPLES, FloatArray, noise, robust_range
-from hc_estimator.input.surface import SurfaceFinder
+from hc_estimator.input.sanity import free_motion, pressed_way
+from hc_estimator.input.surface import find_surface
 
 AXIS_ALIGNED = math.cos(math.radians(10.0))
 """A direction that is so near to an axis is taken for that axis."""
@@ -86,6 +87,15 @@ class SetupProposal(NamedTuple):
     force_n: FloatArray
     notes: tuple[str, ...]
 
+    def corrected(self, force_n: float, displacement_mm: float) -> SetupProposal:
+        """Return the proposal with zeros that were found to be off by so much."""
+        return self._replace(
+            force=self.force._replace(zero=self.force.zero + force_n),
+            position=self.position._replace(zero=self.position.zero + displacement_mm),
+            force_n=self.force_n - force_n,
+            displacement_mm=self.displacement_mm - displacement_mm,
+        )
+
 
 def propose(
     force: VectorReadings, position: VectorReadings, *, rest_s: float | None = None
@@ -133,7 +143,10 @@ def propose(
             "tool that presses?"
         )
     if _presses_backwards(moved, pushed, inside, resting):
-        push, move, pushed, moved = -push, -move, -pushed, -moved
+        push, move = -push, -move
+    # From here on along the directions that are told: far from the frame's origin a degree matters.
+    push, move = _snapped(push), _snapped(move)
+    pushed, moved = force.values @ push, places @ move
     zero_n, surface_mm, surface_std, notes = _zeros(moved, pushed, inside, resting)
     return SetupProposal(
         _described(push, force, zero_n, noise_n / math.sqrt(LEAST_SAMPLES), noise_n),
@@ -171,6 +184,16 @@ def _towards(places: FloatArray, pushed: FloatArray) -> FloatArray:
     return direction / float(np.linalg.norm(direction))
 
 
+def _snapped(direction: FloatArray) -> FloatArray:
+    """Return the axis that a direction is near to, or else the direction."""
+    largest = int(np.argmax(np.abs(direction)))
+    if abs(direction[largest]) < AXIS_ALIGNED:
+        return direction
+    axis = np.zeros_like(direction)
+    axis[largest] = math.copysign(1.0, direction[largest])
+    return axis
+
+
 def _joint(places: FloatArray, pushed: FloatArray) -> FloatArray:
     """Return a vector with 1 or -1 at the joint that moves with the force."""
     spread = places.std(axis=0)
@@ -201,7 +224,8 @@ def _presses_backwards(
     scale = max(float(np.ptp(moved)), 1e-12)
     centred = (moved - moved.mean()) / scale
     curvature = float(np.polyfit(centred, pushed[inside], 2)[0])
-    return curvature < 0.0
+    sense = 1.0 if np.corrcoef(moved, pushed[inside])[0, 1] > 0.0 else -1.0
+    return pressed_way(moved, sense * pushed[inside], -curvature) > 0.0
 
 
 def _zeros(
@@ -211,11 +235,13 @@ def _zeros(
     resting: NDArray[np.bool_] | None,
 ) -> tuple[float, float, float, list[str]]:
     """Return force zero, surface and its deviation, NaN where they are not shown, and notes."""
-    finder = SurfaceFinder()
-    for displacement, newtons in zip(moved.tolist(), pushed[inside].tolist(), strict=True):
-        found = finder.add(displacement, newtons)
-        if found is not None:
-            return found.force_n, found.displacement_mm, found.displacement_std_mm, []
+    coarse = 0.05 * float(np.ptp(moved))
+    found = find_surface(moved, pushed[inside])
+    if found is not None and found.displacement_std_mm <= coarse:
+        return found.force_n, found.displacement_mm, found.displacement_std_mm, []
+    free = free_motion(moved, pushed[inside])
+    if free is not None:  # pieces of approaches, none of them whole
+        return free[0], free[1], coarse, []
     notes = [
         "no approach from free motion into the tissue was seen, so that nobody knows where the "
         "surface is: hc find-surface while it runs"
@@ -242,7 +268,7 @@ def _described(
     if readings.names != tuple(_AXES):
         joint = readings.names[largest]
         return SensorProposal("", (), sign, joint, zero, zero_std, noise_level, rate)
-    if abs(direction[largest]) >= AXIS_ALIGNED:
+    if abs(direction[largest]) == 1.0:
         unit = tuple(float(i == largest) for i in range(3))
         return SensorProposal(_AXES[largest], unit, sign, "", zero, zero_std, noise_level, rate)
     return SensorProposal(
