@@ -95,3 +95,15 @@ def test_a_search_that_begins_in_a_press_starts_over_when_the_tool_leaves():
     assert found is not None
     assert found.displacement_mm == pytest.approx(6.2, abs=0.05)
     assert found.force_n == pytest.approx(FORCE_ZERO, abs=0.02)
+
+
+def test_a_search_that_begins_while_the_tool_sinks_in_takes_the_next_approach():
+    """The rise of the force was taken for noise, and no contact stood out of it ever after."""
+    displacement, force = approach(*CASES[0], np.random.default_rng(6))
+    sinking = slice(np.argmax(displacement > 7.0), np.argmax(displacement > 9.0))
+    found = find_surface(
+        np.concatenate((displacement[sinking], displacement[sinking][::-4], displacement)),
+        np.concatenate((force[sinking], force[sinking][::-4], force)),
+    )
+    assert found is not None
+    assert found.displacement_mm == pytest.approx(6.2, abs=0.05)

@@ -6,11 +6,12 @@ of contact for `rest_s`, then presses again and again into a tissue of known par
 
 import heapq
 import json
+import math
+import random
 import signal
 import sys
 import time
 
-import numpy as np
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -19,9 +20,16 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_estimator.input.contact_frame import (
+    inverse,
+    product,
+    rotated,
+    unit_quaternion,
+    unit_vector,
+)
 from hc_msgs_py.units import set_stamp
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
+GRAVITY = (0.0, 0.0, -9.81)
 
 DEFAULTS = {
     "tissue": [0.5, 0.05, 1.5, 1.0],
@@ -32,6 +40,7 @@ DEFAULTS = {
     "normal": [0.0, 0.0, 1.0],  # of the surface, out of the tissue
     "attitude": [0.0, 0.0, 0.0, 1.0],  # of the tool in the base frame, quaternion
     "rocking_deg": 0.0,  # the tool turns to and fro by so much about its y axis
+    "attitudes": [],  # if given: the tool goes from one to the next and rests 1.5 s in each
     "tip": [0.0, 0.0, 0.0],  # m, of the tool in the frame of the pose
     "reliable": True,
     "force": {
@@ -73,52 +82,72 @@ def merged(given, defaults):
 
 
 class Robot:
-    """Where the tool is and what it feels at any time."""
+    """Where the tool is and what it feels at any time.
+
+    Turns vectors as the node does, which is fast; test_contact_frame compares it with scipy.
+    """
 
     def __init__(self, specification):
         self.s = specification
-        self.normal = np.array(self.s["normal"]) / np.linalg.norm(self.s["normal"])
-        self.attitude = Rotation.from_quat(self.s["attitude"])
-        self.mounting = Rotation.from_quat(self.s["force"]["mounting"])
-        self.random = np.random.default_rng(1)
+        self.normal = unit_vector(self.s["normal"])
+        self.attitude = unit_quaternion(self.s["attitude"])
+        self.mounting = unit_quaternion(self.s["force"]["mounting"])
+        self.random = random.Random(1)
 
     def depth(self, time_s):
         """Penetration [mm] and its rate [mm/s]."""
         after = max(time_s - self.s["rest_s"], 0.0)
         moving = float(after > 0.0)
         swing = 0.5 * (self.s["depth_mm"] + self.s["lift_mm"])
-        depth = -self.s["lift_mm"] + swing * (1.0 - np.cos(2.2 * after)) + 0.2 * np.sin(11 * after)
-        return depth, moving * (2.2 * swing * np.sin(2.2 * after) + 2.2 * np.cos(11 * after))
+        slow, fast = 2.2 * after, 11.0 * after
+        depth = -self.s["lift_mm"] + swing * (1.0 - math.cos(slow)) + 0.2 * math.sin(fast)
+        return depth, moving * (2.2 * swing * math.sin(slow) + 2.2 * math.cos(fast))
 
     def turned(self, time_s):
-        """The tool's attitude."""
-        rocking = np.radians(self.s["rocking_deg"]) * np.sin(0.7 * time_s)
-        return self.attitude * Rotation.from_euler("y", rocking)
+        """The tool's attitude, a quaternion."""
+        if self.s["attitudes"]:
+            part, fraction = divmod(time_s / 2.0, 1.0)
+            known = Rotation.from_quat(self.s["attitudes"])
+            here, after = known[int(part) % len(known)], known[(int(part) + 1) % len(known)]
+            way = (here.inv() * after).as_rotvec() * max(0.0, fraction - 0.75) / 0.25
+            return unit_quaternion((here * Rotation.from_rotvec(way)).as_quat())
+        half = 0.5 * math.radians(self.s["rocking_deg"]) * math.sin(0.7 * time_s)
+        return product(self.attitude, (0.0, math.sin(half), 0.0, math.cos(half)))
 
     def wrench(self, time_s):
         """Force and torque as the sensor reads them."""
         depth, rate = self.depth(time_s)
         newtons = hunt_crossley_force(depth, rate, *self.s["tissue"]) if depth > 0.0 else 0.0
         told = self.s["force"]
-        sensor = self.turned(time_s) * self.mounting
-        weight = self.s["payload"]["mass"] * sensor.inv().apply(GRAVITY)
-        force = told["reaction"] * sensor.inv().apply(newtons * self.normal) + weight
-        torque = np.cross(self.s["payload"]["center"], weight)
-        force = force + told["bias"] + told["noise"] * self.random.standard_normal(3)
-        torque = torque + 0.001 * self.random.standard_normal(3)
+        sensor = product(self.turned(time_s), self.mounting)
+        back = inverse(sensor)
+        mass, center = self.s["payload"]["mass"], self.s["payload"]["center"]
+        weight = rotated(back, tuple(mass * g for g in GRAVITY))
+        push = rotated(back, tuple(told["reaction"] * newtons * n for n in self.normal))
+        noisy = [self.random.gauss(0.0, told["noise"]) for _ in range(3)]
+        force = tuple(map(sum, zip(push, weight, told["bias"], noisy, strict=True)))
+        torque = tuple(
+            center[i - 2] * weight[i - 1]
+            - center[i - 1] * weight[i - 2]
+            + self.random.gauss(0.0, 0.001)
+            for i in range(3)
+        )
         if told["in_base"]:
-            force, torque = sensor.apply(force), sensor.apply(torque)
-        return told["scale"] * force, told["scale"] * torque
+            force, torque = rotated(sensor, force), rotated(sensor, torque)
+        scale = told["scale"]
+        return tuple(scale * f for f in force), tuple(scale * t for t in torque)
 
     def pose(self, time_s):
-        """Where the frame of the pose is [m]."""
+        """Where the frame of the pose is [m], and its attitude."""
         depth, _rate = self.depth(time_s)
         turned = self.turned(time_s)
-        tip = np.array(self.s["surface"]) - 1e-3 * depth * self.normal
-        place = tip - turned.apply(self.s["tip"])
-        return place + 1e-3 * self.s["position"]["noise_mm"] * self.random.standard_normal(
-            3
-        ), turned
+        offset = rotated(turned, tuple(self.s["tip"]))
+        noise = 1e-3 * self.s["position"]["noise_mm"]
+        place = tuple(
+            p - 1e-3 * depth * n - o + self.random.gauss(0.0, noise)
+            for p, n, o in zip(self.s["surface"], self.normal, offset, strict=True)
+        )
+        return place, turned
 
 
 class Publisher:
@@ -150,13 +179,15 @@ class Publisher:
             w.torque.x, w.torque.y, w.torque.z = map(float, torque)
         elif told["type"] == "joint":
             depth, _rate = self.robot.depth(time_s)
-            wander = {name: 0.3 * np.sin(0.4 * time_s + i) for i, name in enumerate(told["joints"])}
-            noisy = depth + told["noise_mm"] * self.robot.random.standard_normal()
+            wander = {
+                name: 0.3 * math.sin(0.4 * time_s + i) for i, name in enumerate(told["joints"])
+            }
+            noisy = depth + told["noise_mm"] * self.robot.random.gauss(0.0, 1.0)
             wander[told["moving"]] = (0.25 + 1e-3 * noisy) * told["unit_per_m"]
             message = JointState(name=list(wander), position=list(map(float, wander.values())))
         else:
             place, turned = self.robot.pose(time_s)
-            q = dict(zip("xyzw", map(float, turned.as_quat()), strict=True))
+            q = dict(zip("xyzw", turned, strict=True))
             if told["type"] == "pose":
                 message = PoseStamped()
                 point, attitude = message.pose.position, message.pose.orientation

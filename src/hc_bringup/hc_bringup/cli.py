@@ -28,6 +28,7 @@ COMMANDS: Final = (
     "load",
     "setup",
     "doctor",
+    "payload",
     "reproduce",
     "bench",
     "report",

@@ -52,7 +52,7 @@ def listen(node: str, seconds: float) -> Heard:
     with Graph() as graph:
         name = graph.require_node(node)
         namespace = name.rpartition("/")[0]
-        heard.settings = _settings(graph, name)
+        heard.settings = input_settings(graph, name)
         graph.node.create_subscription(
             IndenterSample,
             f"{namespace}/{SAMPLE}",
@@ -97,7 +97,8 @@ def listen(node: str, seconds: float) -> Heard:
     return heard
 
 
-def _settings(graph: Any, name: str) -> dict[str, Any]:
+def input_settings(graph: Any, name: str) -> dict[str, Any]:
+    """Return the input settings of an estimator node, by name below `input.`."""
     from rclpy.parameter import parameter_value_to_python
 
     client = graph.parameter_client(name)

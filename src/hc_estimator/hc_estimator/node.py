@@ -18,6 +18,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimate, Estimator, available_filters, create_estimator
+from hc_estimator.input.contact_frame import NormalFinder, raised
 from hc_estimator.input.tare import TareResult
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
@@ -33,6 +34,7 @@ from hc_estimator.ros.node_settings import (
     CHOICE_NAMES,
     NEEDS_OTHER_SUBSCRIPTIONS,
     READING,
+    contact_frame,
     session_settings,
 )
 from hc_estimator.ros.outputs import Outputs
@@ -263,7 +265,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             if isinstance(outcome, Refusal):
                 self._configured().report(EventKind.TARE_REFUSED, outcome.reason)
             elif outcome is not None:
-                self._take_zeros(outcome)
+                self._take_zeros(outcome, displacement_mm)
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
@@ -391,17 +393,54 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _start_finding_surface(self) -> str:
         self._active_session()
-        return self._zeroing.find_surface(forced=self._settings.values["tare.force"])
+        told = self._zeroing.find_surface(forced=self._settings.values["tare.force"])
+        if self._input is not None and self._finds_normal:
+            self._input.normal_finder = NormalFinder()
+        return told
 
-    def _take_zeros(self, found: TareResult) -> None:
-        """Subtract what a tare found from now on, and start afresh."""
+    @property
+    def _finds_normal(self) -> bool:
+        values = self._settings.values
+        wanted = values["input.contact.frame"], values["input.contact.normal_from"]
+        return bool(wanted == ("surface", "find_surface"))
+
+    def _take_zeros(self, found: TareResult, displacement_mm: float) -> None:
+        """Subtract what a tare found from now on, and start afresh.
+
+        Args:
+            found: the zeros, in readings that came with the present ones taken off.
+            displacement_mm: the newest of these readings.
+        """
         zeros = self._zeroing.parameters(found, self._settings.values)
-        answer = self.set_parameters_atomically(zeros)
+        also = self._surface_parameters(found, displacement_mm - found.displacement_mm)
+        if also:  # the surface's point takes the place of the zero
+            zeros = [zeros[0], Parameter(ZEROS[1], value=0.0)]
+        answer = self.set_parameters_atomically([*zeros, *also])
         session = self._active_session()
         if not answer.successful:
             session.report(EventKind.TARE_REFUSED, answer.reason)
             return
         session.report(EventKind.TARED, self._zeroing.describe(found, zeros))
+
+    def _surface_parameters(self, found: TareResult, penetration_mm: float) -> list[Parameter]:
+        """Return point and normal of the surface, if ~/find_surface looked for them."""
+        source = self._input
+        finder = None if source is None else source.normal_finder
+        if source is None or finder is None or source.position is None:
+            return []
+        source.normal_finder = None
+        normal = finder.normal(found.force_n, found.force_std_n)
+        if normal is None:
+            return []
+        values = self._settings.values
+        frame = contact_frame(values)
+        sign = float(values["input.force.sign"])
+        factor = values["input.position.sign"] * values["input.position.scale"]
+        point = raised(source.position[0], frame.normal, penetration_mm / factor)
+        return [
+            Parameter("input.contact.normal", value=[sign * c for c in normal]),
+            Parameter("input.contact.point", value=list(point)),
+        ]
 
     def _give_up_zeroing(self, reason: str) -> None:
         if self._zeroing.cancel() and self._session is not None:

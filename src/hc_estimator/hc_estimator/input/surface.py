@@ -80,15 +80,15 @@ class SurfaceFinder:
         return self._fit(deviation)
 
     def _begin(self, force_n: float) -> None:
-        """Collect the first readings; while the force falls the tool is leaving a contact."""
+        """Collect the first readings; while the force falls or rises the tool is in contact."""
         self._first.append(force_n)
         if len(self._first) < FREE_SAMPLES:
             return
         force = np.array(self._first)
         half = FREE_SAMPLES // 2
         noise = float(np.std(np.diff(force))) / math.sqrt(2.0)
-        fall = float(np.mean(force[:half]) - np.mean(force[half:]))
-        if fall > CLEAR * noise * math.sqrt(2.0 / half):
+        change = float(np.mean(force[:half]) - np.mean(force[half:]))
+        if abs(change) > CLEAR * noise * math.sqrt(2.0 / half):
             del self._first[:half]
             return
         self._free = FREE_SAMPLES

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 
+from hc_estimator.input.contact_frame import NormalFinder
 from hc_estimator.ros.channel import Channel
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.wire import SampleDecoder
@@ -37,10 +38,13 @@ class Input(Protocol):
     Attributes:
         position: newest position of the tip [m] and its frame; None when no pose is received.
         undecodable: messages that were none.
+        normal_finder: gets the force vectors while it is there; None if nobody looks for a normal,
+            or the input has no such vectors.
     """
 
     position: tuple[tuple[float, float, float], str] | None
     undecodable: int
+    normal_finder: NormalFinder | None
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -68,6 +72,7 @@ class SampleInput:
         """
         self.position: tuple[tuple[float, float, float], str] | None = None
         self.undecodable = 0
+        self.normal_finder: NormalFinder | None = None
         self._receiver = receiver
         self._decoder = SampleDecoder()
         self._frame_id = ""

@@ -15,10 +15,16 @@ from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from hc_estimator.input.contact_frame import (
+    NormalFinder,
+    Quaternion,
+    rotated,
+    unit_quaternion,
+)
 from hc_estimator.input.pairing import Paired, Pairer
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
-from hc_estimator.ros.node_settings import sensor_mapping
+from hc_estimator.ros.node_settings import contact_frame, sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
@@ -29,6 +35,9 @@ _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": Transf
 
 class SensorInput:
     """Subscribes to two sensors and hands on the samples that they make together.
+
+    With the contact frame `surface`, depth and force are those along the surface's normal: the
+    wrench is turned by the newest attitude of the tool.
 
     Zeros are taken off whole samples, at the moment when they are handed on: a zero that changes
     while readings wait for their partner applies to the samples that come after it.
@@ -75,11 +84,30 @@ class SensorInput:
         except SubscriptionError:
             self._positions.close()
             raise
-        self.channels = (self._forces, self._positions)
+        self.channels = [self._forces, self._positions]
+        self._surface = values["input.contact.frame"] == "surface"
+        if self._surface and values["input.contact.normal_from"] == "topic":
+            try:
+                surface = Channel(
+                    node,
+                    PoseStamped,
+                    values["input.contact.topic"],
+                    self._take_surface,
+                    skip=lambda _number: None,
+                    fail=receiver.on_failure,
+                )
+            except SubscriptionError:
+                self._forces.close()
+                self._positions.close()
+                raise
+            self.channels.append(surface)
         self._samples = None
         if values["input.publish_samples"]:
             self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
         self._reading: tuple[Any, ...] = ()
+        self._attitude: Quaternion | None = None
+        self._without_attitude = 0
+        self.normal_finder: NormalFinder | None = None
         self.configure(values)
 
     def configure(self, values: Mapping[str, Any]) -> None:
@@ -88,6 +116,9 @@ class SensorInput:
         self._position_zero = values["input.position.zero"]
         self._force_mapping = sensor_mapping(values, "force")
         self._position_mapping = sensor_mapping(values, "position")
+        self._frame = contact_frame(values)
+        self._force_factor = values["input.force.sign"] * values["input.force.scale"]
+        self._position_factor = values["input.position.sign"] * values["input.position.scale"]
         self._force_offset_ns = round(values["input.force.time_offset"] * 1e9)
         self._position_offset_ns = round(values["input.position.time_offset"] * 1e9)
         self._joint = values["input.position.joint"]
@@ -104,6 +135,9 @@ class SensorInput:
             self._position_offset_ns,
             self._joint,
             self._child_frame,
+            self._frame,
+            self._force_factor,
+            self._position_factor,
         )
         if self._reading and reading != self._reading:
             self._pairer.clear()  # readings of before and after do not belong together
@@ -119,6 +153,7 @@ class SensorInput:
             "pairing_resets": counters.resets,
             "positions_skipped": self._skipped_positions,
             "joint_missing": self._missing_joint,
+            "attitude_missing": self._without_attitude,
         }
 
     def close(self) -> None:
@@ -144,7 +179,16 @@ class SensorInput:
             self._encoder.set_frame(self._frame_id)
             self._receiver.on_frame(self._frame_id)
         force = message.wrench.force
-        value = self._force_mapping.of_vector(force.x, force.y, force.z)
+        if self._surface:
+            if self._attitude is None:
+                self._without_attitude += 1
+                return
+            felt = self._frame.contact_force((force.x, force.y, force.z), self._attitude)
+            value = self._force_factor * self._frame.along_normal(felt)
+            if self.normal_finder is not None:
+                self.normal_finder.add(felt, value - self._force_zero)
+        else:
+            value = self._force_mapping.of_vector(force.x, force.y, force.z)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
         self._hand_on(self._pairer.add_force(stamp_ns, value))
 
@@ -163,13 +207,36 @@ class SensorInput:
         self._add_position(message.header.stamp, value)
 
     def _take_pose(self, message: Any) -> None:
-        self._add_point(message.header, message.pose.position)
+        self._add_point(message.header, message.pose.position, message.pose.orientation)
 
     def _take_transform(self, message: Any) -> None:
         if self._child_frame in ("", message.child_frame_id):
-            self._add_point(message.header, message.transform.translation)
+            moved = message.transform
+            self._add_point(message.header, moved.translation, moved.rotation)
 
-    def _add_point(self, header: Any, point: Any) -> None:
+    def _take_surface(self, message: Any) -> None:
+        """Take point and normal of the surface from now on."""
+        q, point = message.pose.orientation, message.pose.position
+        try:
+            normal = rotated(unit_quaternion((q.x, q.y, q.z, q.w)), (0.0, 0.0, 1.0))
+        except ValueError:
+            self.undecodable += 1
+            return
+        self._frame = self._frame._replace(point=(point.x, point.y, point.z), normal=normal)
+
+    def _add_point(self, header: Any, point: Any, attitude: Any) -> None:
+        if self._surface:
+            try:
+                turned = unit_quaternion((attitude.x, attitude.y, attitude.z, attitude.w))
+            except ValueError:
+                self.undecodable += 1
+                return
+            self._attitude = turned
+            tip = self._frame.tip_at((point.x, point.y, point.z), turned)
+            self.position = (tip, header.frame_id)
+            depth_mm = self._position_factor * self._frame.depth_mm(tip)
+            self._add_position(header.stamp, depth_mm)
+            return
         self.position = ((point.x, point.y, point.z), header.frame_id)
         value = self._position_mapping.of_vector(
             point.x * METRE_IN_MM, point.y * METRE_IN_MM, point.z * METRE_IN_MM
