@@ -18,6 +18,7 @@ from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
 from hc_bringup.statistics import EstimateStatistics
 from hc_logger.session import INCOMPLETE
+from hc_msgs_py.background import STARTING
 
 POLL_S = 0.1
 START_TIMEOUT_S = 240.0
@@ -153,12 +154,18 @@ class Runner:
                 return
             now = time.monotonic()
             waiting = [name for name, problem in missing.items() if problem == NOT_STARTED]
+            busy = {
+                n: p.removeprefix(STARTING) for n, p in missing.items() if p.startswith(STARTING)
+            }
             if waiting:
                 state.phase = f"starting {', '.join(waiting)}"
                 if now - started > START_TIMEOUT_S:
                     raise UserError(
                         f"node {waiting[0]} offers no ~/ready service after {START_TIMEOUT_S:.0f} s"
                     )
+            elif busy:  # it says what it does, and whether it lives is looked at above
+                all_started_at = None
+                state.phase = "; ".join(f"{name}: {progress}" for name, progress in busy.items())
             else:
                 all_started_at = all_started_at or now
                 name, problem = next(iter(missing.items()))

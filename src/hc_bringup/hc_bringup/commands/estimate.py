@@ -54,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.summary import to_json
+    from hc_estimator.input.sanity import check_samples
 
     if arguments.verify:
         return _verify(arguments)
@@ -61,7 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     estimator = make_estimator(arguments)
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
-    for line in recording.findings.lines():
+    suspicions = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
+    for line in (*recording.findings.lines(), *(s.sentence for s in suspicions)):
         print(f"{arguments.input}: {line}", file=sys.stderr)
     estimator.warm_up()
     start = time.perf_counter()
@@ -73,6 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     reason = why_no_result(summary)
     if reason:
         raise UserError(f"{arguments.input}: {reason}")
+    summary["suspicions"] = [
+        {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
+    ]
     print(to_json(summary) if arguments.json else _text(summary))
     return 0
 
