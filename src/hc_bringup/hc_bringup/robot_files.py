@@ -10,6 +10,8 @@ from typing import Any
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.robot_streams import Stream
 from hc_estimator.input.sensor_setup import SensorProposal, SetupProposal
+from hc_logger.errors import BagError
+from hc_logger.new_file import write_new_text
 
 _RUN = """\
 # A run with {name}.yaml, written by `hc setup` on {day}: start it with `hc run {run}`.
@@ -68,13 +70,12 @@ def write_files(
     """
     run = check_free(parameters)
     day = date.today().isoformat()
+    text = _parameters(parameters.stem, day, force, position, found, offsets)
     try:
-        with parameters.open("x", encoding="utf-8") as file:
-            file.write(_parameters(parameters.stem, day, force, position, found, offsets))
-        with run.open("x", encoding="utf-8") as file:
-            file.write(_RUN.format(name=parameters.stem, run=run, day=day))
-    except OSError as error:
-        raise UserError(f"cannot write {error.filename}: {error.strerror}") from error
+        write_new_text(parameters, [text])
+        write_new_text(run, [_RUN.format(name=parameters.stem, run=run, day=day)])
+    except BagError as error:
+        raise UserError(str(error)) from error
     return run
 
 

@@ -243,9 +243,7 @@ class Estimator:
         """
         return dict(self._values)
 
-    def step(
-        self, time_s: float, displacement_mm: float | None, force_n: float | None
-    ) -> Estimate:
+    def step(self, time_s: float, displacement_mm: float | None, force_n: float | None) -> Estimate:
         """Use one sample.
 
         Never raises on data: `rejected` of the estimate says why a sample was not used.

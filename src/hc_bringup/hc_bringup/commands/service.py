@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-import yaml
-
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
+from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
 
 HELP = "list services and call one"
 
@@ -93,8 +92,8 @@ def _split(words: list[str]) -> tuple[str | None, dict[str, Any]]:
         raise UserError(f"{type_name} is not a service type", WRONG_USE)
     text = words[0] if words else "{}"
     try:
-        values = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+        values = load_plain_yaml(text)
+    except PlainYamlError as error:
         raise UserError(f"{text} is not YAML: {error}", WRONG_USE) from error
     if values is None:
         values = {}

@@ -15,8 +15,10 @@ from hc_bringup.report.verdict import settled
 from hc_bringup.run_data import RunData, estimated, recorded
 from hc_estimator import Estimator, create_estimator
 from hc_evaluation.channels import evenly_spaced
-from hc_evaluation.metrics import hold_forward_errors, nees, smooth_motion
+from hc_evaluation.hold_forward import Frozen, hold_forward_errors, smooth_motion
+from hc_evaluation.metrics import nees
 from hc_logger.recording import Recording
+from hc_msgs_py.units import METRE_IN_MM
 
 Array = NDArray[np.float64]
 
@@ -178,9 +180,13 @@ def _ahead(data: RunData) -> float:
         step = float(np.median(np.diff(time_s)))
         depth, speed = smooth_motion(displacement, 1.0 / step)
         at = np.clip(np.searchsorted(data.time_s, time_s), 0, len(data.time_s) - 1)
-        _, errors = hold_forward_errors(
-            time_s, depth, speed, force, data.parameters[at], horizon_s=HORIZON_S
+        frozen = Frozen(
+            data.parameters[at],
+            channel_delay=np.nan_to_num(data.estimates["channel_delay"][at]),
+            contact_position=METRE_IN_MM * np.nan_to_num(data.estimates["contact_position"][at]),
+            force_zero=np.nan_to_num(data.estimates["force_zero"][at]),
         )
+        _, errors = hold_forward_errors(time_s, depth, speed, force, frozen, horizon_s=HORIZON_S)
     except ValueError:
         return math.nan  # too short, or not evenly spaced at all
     return _rms(errors)
