@@ -140,6 +140,29 @@ def estimator(command_line, tmp_path):
     return patient
 
 
+def test_a_parameter_that_is_a_word_or_a_number(estimator, tmp_path) -> None:
+    def value(*words: str) -> str:
+        return estimator.run("param", "get", "estimator", "channel_delay", *words).stdout
+
+    assert value() == "String value is: auto\n"
+    automatic = estimator.run("param", "dump", "estimator").stdout
+    for given, expected in (("0.02", "0.02"), ("0", "0.0"), ("auto", "auto"), ("-0.01", "-0.01")):
+        done = estimator.run("param", "set", "estimator", "channel_delay", given)
+        assert done.returncode == 0, done.stderr
+        assert value("--hide-type") == f"{expected}\n"
+    assert value() == "Double value is: -0.01\n"
+    number = estimator.run("param", "dump", "estimator").stdout
+    for given in ("0.5", "soon", "true", "[0.01]"):
+        done = estimator.run("param", "set", "estimator", "channel_delay", given)
+        assert done.returncode == 1, given
+        assert "is not 'auto' or a number from -0.06 to 0.06 s" in done.stderr
+    for dumped, expected in ((automatic, "auto"), (number, "-0.01")):
+        file = tmp_path / "dump.yaml"
+        file.write_text(dumped)
+        assert estimator.run("param", "load", "estimator", str(file)).returncode == 0
+        assert value("--hide-type") == f"{expected}\n"
+
+
 def test_services_of_a_running_node(rig) -> None:
     listed = rig.run("service", "list", "-t").stdout
     assert "/indenter/run [std_srvs/srv/SetBool]\n" in listed

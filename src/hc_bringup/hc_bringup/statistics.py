@@ -153,6 +153,11 @@ class EstimateStatistics:
             return math.nan
         return math.sqrt(sum(self._recent_square_errors) / len(self._recent_square_errors))
 
+    @property
+    def channel_delay(self) -> tuple[float, float]:
+        """By how much the force is late, and the standard deviation of that [s]; NaN: unknown."""
+        return _field(self.latest, "channel_delay"), _field(self.latest, "channel_delay_std")
+
     def parameters(self) -> dict[str, float]:
         """Return the latest K, B, n, p by name."""
         return {name: _field(self.latest, name) for name in PARAMETERS}

@@ -54,6 +54,8 @@ def run_summary(
         "parameters": statistics.parameters(),
         "parameters_std": statistics.parameters_std(),
         "identifiability": statistics.identifiability(),
+        "channel_delay": statistics.channel_delay[0],
+        "channel_delay_std": statistics.channel_delay[1],
         "force_rmse_n": statistics.force_rmse_n,
         "bag": bag,
         "further_bags": list(further_bags),
@@ -91,6 +93,15 @@ def parameter_lines(
     return lines
 
 
+def delay_lines(summary: dict[str, Any]) -> list[str]:
+    """Return a line about the delay between the channels, none where it is not known."""
+    delay, deviation = summary["channel_delay"], summary["channel_delay_std"]
+    if not (math.isfinite(delay) and math.isfinite(deviation)):
+        return []
+    late = "force" if delay >= 0.0 else "displacement"
+    return [f"the {late} is late by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"]
+
+
 def _millinewton(force_n: float) -> str:
     return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
 
@@ -120,6 +131,7 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += parameter_lines(
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         )
+        lines += delay_lines(summary)
         lines += [
             "force one step ahead, after the first second of contact: RMS error "
             + _millinewton(summary["force_rmse_n"]),

@@ -188,6 +188,8 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "parameters": named(last.parameters),
         "parameters_std": named(last.parameters_std),
         "identifiability": named(last.identifiability),
+        "channel_delay": float(last.channel_delay),
+        "channel_delay_std": float(last.channel_delay_std),
         "changes_detected": int(np.count_nonzero(series.change_detected)),
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
         "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
@@ -216,7 +218,7 @@ def why_no_result(summary: dict[str, Any]) -> str:
 
 
 def _text(summary: dict[str, Any]) -> str:
-    from hc_bringup.summary import parameter_lines
+    from hc_bringup.summary import delay_lines, parameter_lines
 
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     return "\n".join(
@@ -227,6 +229,7 @@ def _text(summary: dict[str, Any]) -> str:
             *parameter_lines(
                 summary["parameters"], summary["parameters_std"], summary["identifiability"]
             ),
+            *delay_lines(summary),
             "after the first second of contact: force error "
             f"{1e3 * summary['force_predicted_rmse_n']:.1f} mN one step ahead, "
             f"{1e3 * summary['force_reconstructed_rmse_n']:.1f} mN after the update; "

@@ -297,6 +297,8 @@ def _entry(name: str, value: Any, descriptor: Any) -> dict[str, Any]:
         "about": descriptor.description,
         "read_only": bool(descriptor.read_only),
     }
+    if descriptor.dynamic_typing:  # a word or a number: the node finds out which
+        entry |= {"value": str(entry["value"]), "type": "text"}
     for ranges in (descriptor.integer_range, descriptor.floating_point_range):
         for limits in ranges:
             entry["from"], entry["to"] = limits.from_value, limits.to_value
@@ -338,6 +340,8 @@ def _converted(name: str, value: Any, old: Any) -> Any:
         return float(value)
     if kind == ParameterType.PARAMETER_STRING and isinstance(value, str):
         return value
+    if kind == ParameterType.PARAMETER_DOUBLE and isinstance(value, str):
+        return value  # the node refuses it, unless the parameter may be a word too
     if kind == ParameterType.PARAMETER_DOUBLE_ARRAY and isinstance(value, list):
         return [float(item) for item in value]
     if kind == ParameterType.PARAMETER_STRING_ARRAY and isinstance(value, list):
