@@ -24,7 +24,7 @@ from hc_estimator.input.contact_frame import (
 from hc_estimator.input.pairing import Paired, Pairer
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
-from hc_estimator.ros.node_settings import contact_frame, sensor_mapping
+from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm

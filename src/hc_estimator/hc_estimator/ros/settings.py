@@ -23,7 +23,8 @@ from hc_estimator import (
     available_state_spaces,
     parameter_specifications,
 )
-from hc_estimator.ros.node_settings import CHOICE_NAMES, NODE_SETTINGS, NodeSetting, check_together
+from hc_estimator.ros.node_settings import CHOICE_NAMES, NODE_SETTINGS, NodeSetting
+from hc_estimator.ros.settings_meaning import check_together
 from hc_msgs_py.node_main import NodeStartError
 from hc_msgs_py.parameters import declare
 
