@@ -33,7 +33,7 @@ def recording(tmp_path: Path) -> Path:
     time = np.arange(1000) / 500.0
     displacement = 3.0 + 1.5 * np.sin(2 * np.pi * 1.3 * time)
     velocity = 1.5 * 2 * np.pi * 1.3 * np.cos(2 * np.pi * 1.3 * time)
-    force = 0.4 * displacement**1.6 * (1.0 + 0.1 * velocity)
+    force = 0.4 * displacement**1.6 * (1.0 + 0.05 * velocity)  # which never pulls
     noise = np.random.default_rng(1).normal(0.0, 0.01, len(time))
     path = tmp_path / "recording.csv"
     rows = np.column_stack([time, displacement, force + noise])
