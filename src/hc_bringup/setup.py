@@ -8,11 +8,12 @@ setup(
     name="hc_bringup",
     version="0.1.0",
     packages=find_packages(include=["hc_bringup", "hc_bringup.*"]),
-    package_data={"hc_bringup": ["py.typed"]},
+    package_data={"hc_bringup": ["py.typed", "dashboard/page/*", "report/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/hc_bringup"]),
         ("share/hc_bringup", ["package.xml"]),
         ("share/hc_bringup/config", glob("../../config/*.yaml")),
+        ("share/hc_bringup/config/layouts", glob("../../config/layouts/*")),
     ],
     entry_points={"console_scripts": ["hc = hc_bringup.entry:main"]},
     zip_safe=False,

@@ -29,3 +29,5 @@ endif()
 
 file(GLOB _hc_configurations "${CMAKE_CURRENT_LIST_DIR}/../../config/*.yaml")
 install(FILES ${_hc_configurations} DESTINATION share/hc_bringup/config)
+file(GLOB _hc_layouts "${CMAKE_CURRENT_LIST_DIR}/../../config/layouts/*")
+install(FILES ${_hc_layouts} DESTINATION share/hc_bringup/config/layouts)

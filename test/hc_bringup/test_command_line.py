@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ def recording(tmp_path: Path) -> Path:
     time = np.arange(1000) / 500.0
     displacement = 3.0 + 1.5 * np.sin(2 * np.pi * 1.3 * time)
     velocity = 1.5 * 2 * np.pi * 1.3 * np.cos(2 * np.pi * 1.3 * time)
-    force = 0.4 * displacement**1.6 * (1.0 + 0.1 * velocity)
+    force = 0.4 * displacement**1.6 * (1.0 + 0.05 * velocity)  # which never pulls
     noise = np.random.default_rng(1).normal(0.0, 0.01, len(time))
     path = tmp_path / "recording.csv"
     rows = np.column_stack([time, displacement, force + noise])
@@ -108,6 +109,8 @@ def test_estimate_prints_the_summary_of_the_design_as_json(
         "state_space",
         "parameters",
         "parameters_std",
+        "channel_delay",
+        "channel_delay_std",
         "force_predicted_rmse_n",
         "force_reconstructed_rmse_n",
         "nis_mean",
@@ -116,6 +119,26 @@ def test_estimate_prints_the_summary_of_the_design_as_json(
         assert key in summary
     assert summary["samples"] == summary["used"] == 1000
     assert summary["parameters"]["stiffness"] == pytest.approx(0.4, rel=0.1)
+
+
+def test_estimate_takes_a_delay_of_the_force_or_finds_it(
+    capsys: pytest.CaptureFixture[str], recording: Path
+) -> None:
+    def summary(*words: str) -> Any:
+        options = (word for text in words for word in ("--param", text))
+        status, out, err = run(capsys, "estimate", str(recording), "--json", *options)
+        assert status == 0, err
+        return json.loads(out)
+
+    given = summary("channel_delay=0.02")
+    assert (given["channel_delay"], given["channel_delay_std"]) == (0.02, 0.0)
+    found = summary("channel_delay=auto")
+    assert found["channel_delay"] == pytest.approx(0.0, abs=0.002)
+    assert found["parameters"] == summary()["parameters"]
+    status, _, err = run(capsys, "estimate", str(recording), "--param", "channel_delay=soon")
+    assert status == 2
+    assert one_line(err)
+    assert "channel_delay = 'soon' is not 'auto' or a number from -0.06 to 0.06 s" in err
 
 
 def test_estimate_writes_the_columns_of_the_design_and_never_overwrites(

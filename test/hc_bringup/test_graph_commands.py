@@ -1,6 +1,11 @@
 """hc node, topic and param against a real node: as ros2cli, and in plain words."""
 
+import re
+import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 import yaml
@@ -22,7 +27,10 @@ class Patient:
         deadline = time.monotonic() + 30.0
         while True:
             done = self._command_line.run(*words)
-            unseen = "there is no node" in done.stderr or "nobody publishes" in done.stderr
+            unseen = any(
+                words in done.stderr
+                for words in ("there is no node", "nobody publishes", "there is no service")
+            )
             if not unseen or time.monotonic() > deadline:
                 return done
 
@@ -115,3 +123,100 @@ def test_parameters_of_a_running_node(rig, tmp_path) -> None:
     refused = rig.run("param", "load", "indenter", str(file))
     assert refused.returncode == 1
     assert rig.run("param", "get", "indenter", "speed", "--hide-type").stdout == "2.0\n"  # none
+
+
+@pytest.fixture
+def estimator(command_line, tmp_path):
+    """A running estimator with samples of a tool at rest at 0.25 mm and 0.5 N, then a press."""
+    file = tmp_path / "estimator.yaml"
+    file.write_text(
+        f"estimator: {{ros__parameters: {{filter: ukf, tare: {{samples: 50}}, "
+        f"state: {{folder: {tmp_path / 'state'}}}}}}}"
+    )
+    arguments = ("--ros-args", "--params-file", str(file))
+    process = command_line.start(*arguments, module="hc_estimator.node")
+    patient = Patient(command_line)
+    patient.run_until("/estimator\n", "node", "list")
+    assert process.poll() is None, process.stderr.read()
+    return patient
+
+
+def test_a_parameter_that_is_a_word_or_a_number(estimator, tmp_path) -> None:
+    def value(*words: str) -> str:
+        return estimator.run("param", "get", "estimator", "channel_delay", *words).stdout
+
+    assert value() == "String value is: auto\n"
+    automatic = estimator.run("param", "dump", "estimator").stdout
+    for given, expected in (("0.02", "0.02"), ("0", "0.0"), ("auto", "auto"), ("-0.01", "-0.01")):
+        done = estimator.run("param", "set", "estimator", "channel_delay", given)
+        assert done.returncode == 0, done.stderr
+        assert value("--hide-type") == f"{expected}\n"
+    assert value() == "Double value is: -0.01\n"
+    number = estimator.run("param", "dump", "estimator").stdout
+    for given in ("0.5", "soon", "true", "[0.01]"):
+        done = estimator.run("param", "set", "estimator", "channel_delay", given)
+        assert done.returncode == 1, given
+        assert "is not 'auto' or a number from -0.06 to 0.06 s" in done.stderr
+    for dumped, expected in ((automatic, "auto"), (number, "-0.01")):
+        file = tmp_path / "dump.yaml"
+        file.write_text(dumped)
+        assert estimator.run("param", "load", "estimator", str(file)).returncode == 0
+        assert value("--hide-type") == f"{expected}\n"
+
+
+def test_services_of_a_running_node(rig) -> None:
+    listed = rig.run("service", "list", "-t").stdout
+    assert "/indenter/run [std_srvs/srv/SetBool]\n" in listed
+    assert rig.run("service", "type", "indenter/run").stdout == "std_srvs/srv/SetBool\n"
+    for words in ((), ("std_srvs/srv/SetBool",)):
+        done = rig.run("service", "call", "/indenter/run", *words, "{data: false}")
+        assert done.returncode == 0, done.stderr
+        assert yaml.safe_load(done.stdout)["success"] is True
+    done = rig.run("service", "call", "indenter/ready")
+    assert yaml.safe_load(done.stdout)["success"] == (done.returncode == 0)
+    for words, status, expected in (
+        (("indenter/run", "{date: true}"), 2, "there is no field date; fields there: data"),
+        (("indenter/run", "{data: 3}"), 2, "data: 3 is no boolean"),
+        (("indenter/run", "[1]"), 2, "no fields with values"),
+        (("indenter/run", "std_srvs/srv/Trigger", "{}"), 2, "is a std_srvs/srv/SetBool"),
+        (("indenter/fly",), 1, "there is no service /indenter/fly"),
+    ):
+        done = rig.run("service", "call", *words)
+        assert (done.returncode, done.stderr.count("\n")) == (status, 1), done.stderr
+        assert expected in done.stderr
+
+
+def test_the_estimators_services_in_plain_words(estimator, command_line) -> None:
+    done = estimator.run("save")
+    assert (done.returncode, done.stderr) == (1, "hc save: nothing to save: no sample came yet\n")
+    done = estimator.run("tare", "--timeout", "1")
+    assert done.returncode == 1
+    assert "no zeros were found within 1 s" in done.stderr
+
+    script = Path(__file__).parents[1] / "hc_estimator_node" / "stream_source.py"
+    source = subprocess.Popen(
+        [sys.executable, str(script), "0", "rest"], env=command_line.environment
+    )
+    try:
+        done = estimator.run("tare")
+        lines = done.stdout.splitlines()
+        assert lines[0].startswith("takes the mean of the next 50 samples"), done.stderr
+        zeros = re.match(r"force zero (\S+) N .*, contact at (\S+) mm", lines[1])
+        assert [float(zero) for zero in zeros.groups()] == pytest.approx([0.5, 0.25], abs=0.01)
+        assert estimator.run("reset").stdout == "started afresh\n"
+        time.sleep(0.5)
+        assert estimator.run("save").stdout.startswith("saved to ")
+        assert estimator.run("load").stdout.startswith("goes on from a state saved ")
+        source.send_signal(signal.SIGUSR1)  # it moves from now on
+        done = estimator.run("tare")
+        assert done.returncode == 1
+        assert "hc tare: refused: the tool moved by " in done.stderr
+        done = estimator.run("tare", "--force")
+        assert done.returncode == 0, done.stderr
+        assert estimator.run("param", "get", "estimator", "tare.force").stdout.endswith("False\n")
+    finally:
+        source.terminate()
+        source.wait(20)
+    done = estimator.run("find-surface", "--node", "nobody")
+    assert done.returncode == 1
+    assert "there is no node /nobody" in done.stderr

@@ -20,7 +20,8 @@ def estimate(sequence: int, **fields: Any) -> Any:
     values |= {f"{name}_std": 0.1 for name in PARAMETERS}
     values |= {f"{name}_identifiability": 0.5 for name in PARAMETERS}
     flags = {"contact": True, "change_detected": False, "model_mismatch": False, "rejected": 0}
-    numbers = {"latency": 1e-3, "innovation_force": 0.0}
+    numbers = {"latency": 1e-3, "innovation_force": 0.0, "displacement": 0.0, "force_measured": 0.0}
+    numbers |= {"channel_delay": 0.002, "channel_delay_std": 0.0001}
     stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
     header = SimpleNamespace(stamp=stamp)
     content = values | flags | numbers | {"header": header} | fields
@@ -122,6 +123,19 @@ def test_summary_has_the_keys_of_the_design() -> None:
     assert set(summary["parameters"]) == set(PARAMETERS)
     assert set(summary["parameters_std"]) == set(PARAMETERS)
     assert summary["latency_us"]["p50"] == pytest.approx(1000.0, rel=0.02)
+
+
+def test_the_delay_of_the_last_estimate_is_told_in_seconds_and_in_words() -> None:
+    state = state_after([0, 1], samples=2)
+    summary = json.loads(to_json(run_summary(state, None)))
+    assert (summary["channel_delay"], summary["channel_delay_std"]) == (0.002, 0.0001)
+    assert "the force is late by 2.00 ± 0.10 ms" in run_text(run_summary(state, None))
+    state.statistics.add(estimate(2, channel_delay=-0.003))
+    assert "the displacement is late by 3.00 ± 0.10 ms" in run_text(run_summary(state, None))
+    state.statistics.add(estimate(3, channel_delay=0.0, channel_delay_std=math.nan))
+    summary = json.loads(to_json(run_summary(state, None)))
+    assert (summary["channel_delay"], summary["channel_delay_std"]) == (0.0, None)
+    assert " is late by " not in run_text(run_summary(state, None))
 
 
 def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
 
-TRUE_PARAMETERS = (0.2, 0.05, 1.8, 1.05)
+TRUE_PARAMETERS = (0.2, 0.008, 1.8, 1.05)  # with which the tissue never pulls
 
 
 class Plant:
@@ -106,27 +107,51 @@ def compiled():
 
 
 @pytest.fixture
-def start_process(domain_id, compiled):
+def start_process(processes, compiled):
     """Start `python -m MODULE` with ROS arguments in the test's domain; killed at the end."""
-    processes = []
 
     def start(module="hc_estimator.node", *arguments, **parameters):
-        command = [sys.executable, "-m", module, "--ros-args", *arguments]
+        command = ["-m", module, "--ros-args", *arguments]
         for name, value in parameters.items():
             text = str(value).lower() if isinstance(value, bool) else str(value)
             command += ["-p", f"{name.replace('__', '.')}:={text}"]
+        return processes(*command)
+
+    return start
+
+
+@pytest.fixture
+def start_script(processes):
+    """Start one of the scripts beside this file in the test's domain; ended with the test."""
+
+    def start(name, *arguments):
+        return processes(str(Path(__file__).parent / name), *arguments)
+
+    return start
+
+
+@pytest.fixture
+def processes(domain_id):
+    """Start Python processes in the test's domain; ended with the test."""
+    started = []
+
+    def start(*arguments):
         environment = os.environ | {
             "ROS_DOMAIN_ID": str(domain_id),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         }
         process = subprocess.Popen(
-            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, *arguments],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
-        processes.append(process)
+        started.append(process)
         return process
 
     yield start
-    for process in processes:
+    for process in started:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)  # a killed one leaves shared memory behind
         try:
@@ -283,9 +308,10 @@ class Probe:
             due = begin + (number - first) / rate_hz
             while (left := due - time.monotonic()) > 0:
                 self.executor.spin_once(timeout_sec=left)
-            if in_step and (number - first) % 50 == 0:
+            if (number - first) % 50 == 0:
                 self.executor.spin_once(timeout_sec=0)
-                self.keep_up(known + number - first - 200)
+                if in_step:
+                    self.keep_up(known + number - first - 200)
             publish(start_ns + round((time_s - t0) * 1e9), number, displacement, force)
         return number + 1
 

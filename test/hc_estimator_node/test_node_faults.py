@@ -1,5 +1,6 @@
 """Faults as a running node meets them."""
 
+import random
 import signal
 import time
 
@@ -21,10 +22,13 @@ def test_silence_is_stale_and_samples_that_come_again_recover(start_process, pro
     process = start_process(input__silence_timeout=0.2)
     probe.wait_ready()
     number = probe.stream(plant.samples(500))
-    probe.wait(lambda: EstimatorEvent.INPUT_SILENT in probe.kinds(), what="silence")
     probe.wait(
-        lambda: probe.statuses and probe.statuses[-1].level == b"\x03", what="a stale status"
+        lambda: probe.statuses and probe.statuses[-1].level == b"\x03", 2.0, "a stale status"
     )
+    assert "no usable sample for " in probe.statuses[-1].message
+    assert "no message on indenter/sample from /probe" in probe.statuses[-1].message
+    assert float(counters(probe)["silent_s"]) > 0.1
+    probe.wait(lambda: EstimatorEvent.INPUT_SILENT in probe.kinds(), what="silence")
     # The source comes back, numbers anew, and has a few bad readings.
     samples = [
         (t, float("nan") if i % 50 == 7 else d, f)
@@ -138,3 +142,125 @@ def test_rates_from_100_hz_to_4_khz_in_one_run(start_process, probe, make_plant)
         start_ns += round(duration_s * 1e9)
     probe.wait(lambda: len(probe.estimates) >= 0.99 * number, what="estimates")
     assert all(m.stiffness_std < 10.0 for m in probe.estimates[-100:])
+
+
+def test_two_rigs_in_one_domain_are_told_apart_though_their_samples_look_alike(
+    start_process, probe, plant
+):
+    """Numbers and stamps of the two interleave as those of two `hc run` do."""
+    process = start_process()
+    probe.wait_ready()
+    number = probe.stream(plant.samples(300))
+    intruder = probe.node.create_publisher(IndenterSample, "indenter/sample", SAMPLE_QOS)
+    probe.wait(lambda: intruder.get_subscription_count() > 0, what="the second match")
+    message = new_sample_message()
+
+    def publish_both(stamp_ns, sequence, displacement, force):
+        probe.publish(stamp_ns, sequence, displacement, force)
+        fill_sample(message, stamp_ns + 300_000, sequence + 3, 1.0, 99.0)
+        intruder.publish(message)
+
+    number = probe.stream(plant.samples(1500, start=300), first=number, publish=publish_both)
+    probe.wait(lambda: len(probe.estimates) >= 1800, what="estimates")
+    assert [m.sequence for m in probe.estimates] == list(range(1800))
+    assert all(m.force_measured < 90.0 for m in probe.estimates)
+    probe.wait(lambda: probe.statuses[-1].level == b"\x02", what="an error status")
+    text = probe.statuses[-1].message
+    assert (
+        "2 publishers on indenter/sample (/probe, /probe): follows the one that was first" in text
+    )
+    assert "ROS_DOMAIN_ID" in text
+    foreign = "messages of other publishers on indenter/sample"
+    probe.wait(lambda: counters(probe)[foreign] == "1500", what="the count of the other's messages")
+    assert counters(probe)["lost"] == counters(probe)["strays"] == "0"
+
+    # The first one falls silent but stays: the other has the floor from then on.
+    probe.spin(0.4)
+
+    def publish_other(stamp_ns, sequence, displacement, force):
+        fill_sample(message, stamp_ns, sequence + 3, displacement, force)
+        intruder.publish(message)
+
+    probe.stream(plant.samples(300, start=2200), first=number, publish=publish_other)
+    probe.wait(lambda: len(probe.estimates) >= 2100, what="estimates of the other")
+    assert process.poll() is None
+
+
+def test_what_is_wrong_with_stamps_numbers_and_bytes_is_said(start_process, probe, plant):
+    process = start_process(input__silence_timeout=0.2)
+    probe.wait_ready()
+    generator = random.Random(2)
+
+    def told(words, publish, rounds=400):
+        """Publish at 1 kHz until the status says the words."""
+        known = len(probe.statuses)
+        end = time.monotonic() + 10.0
+        number = 0
+        while not any(words in s.message for s in probe.statuses[known + 1 :]):
+            assert time.monotonic() < end, (words, [s.message for s in probe.statuses[known:]])
+            samples = plant.samples(rounds, start=number)
+            number = probe.stream(samples, first=number, publish=publish, in_step=False)
+        return next(s for s in probe.statuses[known + 1 :] if words in s.message)
+
+    def undecodable(*_sample):
+        probe.samples.publish(b"\0\1\0\0 this is no sample")
+
+    def without_stamp(_stamp_ns, sequence, displacement, force):
+        probe.publish(0, sequence, displacement, force)
+
+    def random_stamp(_stamp_ns, sequence, displacement, force):
+        probe.publish(generator.randrange(2**60), sequence, displacement, force)
+
+    def one_stamp(_stamp_ns, sequence, displacement, force):
+        probe.publish(1_700_000_000_000_000_000, sequence, displacement, force)
+
+    def random_number(stamp_ns, _sequence, displacement, force):
+        probe.publish(stamp_ns, generator.getrandbits(64), displacement, force)
+
+    assert told("messages that cannot be decoded", undecodable).message.startswith(
+        "waits for the first sample: "
+    )
+    probe.stream(plant.samples(300))
+    status = told("messages that cannot be decoded", undecodable)
+    assert (status.level, status.message[:20]) == (b"\x02", "no usable sample for")
+    status = told("with stamp zero: let the source fill header.stamp", without_stamp)
+    assert status.level == b"\x02"
+    status = told("samples whose stamps jump (by up to ", random_stamp)
+    assert status.level == b"\x02"
+    told("samples with one and the same stamp", one_stamp)
+    made = len(probe.estimates)
+    status = told("the numbers of the samples are no count: losses cannot be told", random_number)
+    assert status.level == b"\x01"
+    assert int({v.key: v.value for v in status.values}["lost"]) < 5000
+    assert len(probe.estimates) > made + 300
+    assert process.poll() is None
+
+
+def test_a_topic_that_nobody_publishes_or_with_another_type_is_named(start_process, probe):
+    start_process(
+        input__source="sensors",
+        input__force__topic="wrist",
+        input__position__topic="arm",
+        input__position__type="pose",
+    )
+    probe.wait(lambda: probe.statuses, what="a status")
+    probe.node.create_publisher(IndenterSample, "arm", SAMPLE_QOS)
+    probe.wait(
+        lambda: (
+            "nobody publishes wrist; arm is geometry_msgs/msg/PoseStamped here, but is "
+            "published by /probe (hc_msgs/msg/IndenterSample)" in probe.statuses[-1].message
+        ),
+        what="the two reasons",
+    )
+    probe.wait(lambda: probe.statuses[-1].level == b"\x01", what="a warning")
+
+
+def test_a_force_that_pulls_for_push_is_told_in_status_and_events(start_process, probe, plant):
+    start_process(filter="ukf")
+    probe.wait_ready()
+    samples = [(t, d, -f) for t, d, f in plant.samples(6000)]
+    probe.stream(samples)
+    probe.wait(lambda: EstimatorEvent.INPUT_SUSPECT in probe.kinds(), what="the suspicion")
+    (event,) = [e for e in probe.events if e.kind == EstimatorEvent.INPUT_SUSPECT]
+    assert "turn its sign (force.sign)" in event.reason
+    assert any("turn its sign (force.sign)" in s.message for s in probe.statuses)

@@ -2,11 +2,14 @@
 
 import json
 import signal
+import time
 
 import numpy as np
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+
+from hc_estimator import DEFAULT_FILTER, create_estimator
 
 pytestmark = pytest.mark.process
 
@@ -124,6 +127,7 @@ def test_the_surface_is_found_while_the_tool_presses(start_process, end_process,
     zeros = probe.get("input.force.zero", "input.position.zero")
     assert zeros[0] == pytest.approx(0.7, abs=0.005)
     assert zeros[1] == pytest.approx(6.0, abs=0.1)
+    probe.wait(lambda: len(probe.estimates) == 3000, what="all estimates")
     last = probe.estimates[-1]
     assert last.displacement == pytest.approx(0.010, abs=2e-4)  # 10 mm deep, told in metres
     assert end_process(process)[0] == 0
@@ -161,3 +165,65 @@ def test_a_node_that_was_killed_goes_on_where_it_was(
     assert probe.estimates[-1].configuration_revision > revision
     assert end_process(process)[0] == 0
     assert not list(tmp_path.iterdir())  # a clean end leaves nothing to go on from
+
+
+def test_a_state_that_kills_does_so_once_at_most(
+    start_process, end_process, probe, plant, tmp_path
+):
+    """An index far out of range made compiled code write anywhere: exit 139 at every start."""
+    estimator = create_estimator(DEFAULT_FILTER)
+    for time_s, displacement, force in plant.samples(100):
+        estimator.step(time_s, displacement, force)
+    state = estimator.state()
+    numbers = [n for n, v in state["memory"].items() if isinstance(v, int) and "member" in n]
+    state["memory"] |= dict.fromkeys(numbers or ["outlier_count"], -1_000_000_000)
+    (tmp_path / "running_state.json").write_text(
+        json.dumps(
+            {
+                "format": 1,
+                "time_origin_ns": time.time_ns(),
+                "revision": 7,
+                "saved_at_s": time.time(),
+                "estimator": state,
+            }
+        )
+    )
+    first = start_process(state__folder=tmp_path)
+    deadline = time.monotonic() + 60.0
+    while first.poll() is None and not (tmp_path / "set_aside_state.json").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    if first.poll() is None:  # refused at once
+        assert end_process(first)[0] == 0
+    second = start_process(state__folder=tmp_path, state__autosave_period=0.1)
+    probe.wait_ready()
+    probe.stream(plant.samples(300))
+    probe.wait(lambda: len(probe.estimates) == 300, what="estimates")
+    assert (tmp_path / "set_aside_state.json").exists()
+    assert end_process(second)[0] == 0
+    assert [p.name for p in tmp_path.iterdir()] == ["set_aside_state.json"]
+
+
+def test_what_was_learnt_survives_a_failure_of_the_node(processes, probe, plant, tmp_path):
+    """It was removed in a finally clause, so that a respawn began from nothing."""
+    script = (
+        "import sys, hc_estimator.node as node\n"
+        "class Failing(node.EstimatorNode):\n"
+        "    def on_contact(self, summary):\n"
+        "        raise KeyError('a slip')\n"
+        "node.EstimatorNode = Failing\n"
+        "sys.exit(node.main())"
+    )
+    process = processes(
+        "-c", script, "--ros-args", "-p", f"state.folder:={tmp_path}", "-p",
+        "state.autosave_period:=0.1",
+    )  # fmt: skip
+    probe.wait_ready()
+    number = probe.stream(plant.samples(500))
+    probe.wait(lambda: len(probe.estimates) == 500, what="estimates")
+    probe.spin(0.3)
+    probe.stream([(i * 1e-3, -1.0, 0.0) for i in range(100)], first=number, in_step=False)
+    _output, errors = process.communicate(timeout=20)
+    assert process.returncode == 1
+    assert "the node failed: KeyError: 'a slip'" in errors
+    assert [p.name for p in tmp_path.iterdir()] == ["running_state.json"]

@@ -101,7 +101,49 @@ def test_the_configuration_files_of_the_project_are_taken(start_process, end_pro
 
     folder = Path(__file__).parents[2] / "config"
     process = start_process("hc_estimator.node", "--params-file", str(folder / "robot_arm.yaml"))
-    answer = probe.call("ready")
-    assert "publishers" in answer.message  # it runs and waits for the robot's sensors
+    # It runs and waits for the robot's sensors.
+    probe.wait(lambda: "publishers" in probe.call("ready").message, what="the missing sensors")
     assert probe.get("input.source") == ["sensors"]
     assert end_process(process)[0] == 0
+
+
+def test_it_answers_before_it_has_compiled(processes, probe, plant):
+    """With an empty cache it once answered no parameter for two minutes."""
+    script = (
+        "import sys, time, hc_estimator.node as node, hc_estimator.ros.compilation as work\n"
+        "compile = work._compile\n"
+        "work._compile = lambda name: (time.sleep(0.7), compile(name))\n"
+        "sys.exit(node.main())"
+    )
+    process = processes("-c", script, "--ros-args", "-p", "filter:=ukf")
+    assert probe.get("filter") == ["ukf"]
+    answer = probe.call("ready")
+    assert not answer.success
+    assert answer.message.startswith("starting: compiling the filters, ")
+    assert " of 9 done" in answer.message
+    assert probe.call("reset").message.startswith("starting: compiling the filters, ")
+    assert probe.set(filter="ekf")[0].successful
+    probe.wait(lambda: probe.statuses, what="a status")
+    assert probe.statuses[-1].message.startswith("starting: compiling the filters, ")
+    probe.wait_ready()
+    probe.stream(plant.samples(100))
+    probe.wait(lambda: len(probe.estimates) == 100, what="estimates")
+    assert probe.configurations[0].filter == "ekf"
+    process.send_signal(2)
+    _output, errors = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert "compiling the filters, " in errors
+    assert "compiled the filters in " in errors
+
+
+def test_it_ends_at_once_though_it_still_compiles(processes, probe, tmp_path):
+    process = processes("-c", (
+        "import os, sys\n"
+        f"os.environ['NUMBA_CACHE_DIR'] = {str(tmp_path)!r}\n"
+        "import hc_estimator.node as node\n"
+        "sys.exit(node.main())"
+    ))  # fmt: skip
+    assert not probe.call("ready").success
+    process.send_signal(2)
+    _output, errors = process.communicate(timeout=5)
+    assert (process.returncode, "Traceback" in errors) == (0, False), errors

@@ -81,6 +81,33 @@ def test_every_parameter_describes_itself_and_a_dump_loads_back(node, probe):
     assert dict(zip(settable, probe.get(*settable), strict=True)) == dumped
 
 
+@pytest.mark.parametrize("given", ["auto", 0.02, 0])
+def test_the_delay_is_a_word_or_a_number_from_the_start_and_while_it_runs(
+    start_process, probe, plant, given
+):
+    start_process(channel_delay=given)
+    probe.wait_ready()
+    assert probe.get("channel_delay") == [given]
+    number = probe.stream(plant.samples(300))
+    probe.wait(lambda: len(probe.estimates) == 300, what="all estimates")
+    values = {p.name: p.value for p in probe.configurations[-1].parameters}["channel_delay"]
+    if given == "auto":
+        assert values.string_value == "auto"
+    else:
+        assert values.double_value == given
+        assert probe.estimates[-1].channel_delay == given
+    (answer,) = probe.set(channel_delay=-0.004)
+    assert answer.successful
+    probe.stream(plant.samples(300, start=300), first=number)
+    probe.wait(lambda: len(probe.estimates) == 600, what="the new estimates")
+    assert probe.estimates[-1].channel_delay == -0.004
+    (answer,) = probe.set(channel_delay="soon")
+    assert not answer.successful
+    assert "channel_delay = 'soon' is not 'auto' or a number" in answer.reason
+    (answer,) = probe.set(channel_delay="auto")
+    assert answer.successful
+
+
 def test_a_setting_that_nobody_gave_follows_the_default_of_the_filter(node, probe):
     from hc_estimator import parameter_specifications
 

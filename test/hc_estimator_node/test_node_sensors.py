@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from hc_msgs.msg import IndenterSample
 from sensor_msgs.msg import JointState
 
 from hc_msgs_py.qos import SAMPLE_QOS
@@ -102,8 +103,6 @@ def play(probe, plant, make_position, position_type, duration_s, latency_s=0.004
 def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     start_process, end_process, probe, plant, kind, make_position, message, options
 ):
-    from hc_msgs.msg import IndenterSample
-
     process = start_process(
         input__source="sensors",
         input__force__topic="wrist",
@@ -124,8 +123,8 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     probe.node.create_subscription(IndenterSample, "indenter/sample", samples.append, SAMPLE_QOS)
     probe.call("ready")
     probe.wait(lambda: probe.node.count_publishers("indenter/sample") == 2, what="the samples")
-    readings = play(probe, plant, make_position, message, 1.5)
-    assert len(probe.estimates) >= 1200  # a busy machine may lose some on the way
+    readings = play(probe, plant, make_position, message, 3.0)
+    assert len(probe.estimates) >= 2400  # a busy machine may lose some on the way
     for estimate in probe.estimates[:200]:
         stamp_ns = estimate.header.stamp.sec * 10**9 + estimate.header.stamp.nanosec
         assert estimate.force_measured == pytest.approx(readings[stamp_ns], abs=1e-9)
@@ -182,3 +181,85 @@ def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
     assert int(values["pairing_unpaired"]) > 500
     assert len(probe.estimates) < made + 100
     assert process.poll() is None
+
+
+def test_a_tare_with_sensors_applies_to_whole_samples_and_is_refused_in_mid_press(
+    start_process, end_process, probe
+):
+    """Poses that waited with the old zero were interpolated with the new one: 122 mm, 145 kN."""
+    process = start_process(
+        filter="ukf",
+        input__source="sensors",
+        input__force__topic="wrist",
+        input__force__axis="direction",
+        input__force__direction=[0.0, 3.0, 4.0],
+        input__force__sign=-1,
+        input__position__topic="arm",
+        input__position__type="pose",
+        input__position__sign=-1,
+        tare__samples=100,
+    )
+    samples = []
+    probe.node.create_subscription(IndenterSample, "indenter/sample", samples.append, SAMPLE_QOS)
+    forces = probe.node.create_publisher(WrenchStamped, "wrist", SAMPLE_QOS)
+    poses = probe.node.create_publisher(PoseStamped, "arm", SAMPLE_QOS)
+    probe.wait(lambda: forces.get_subscription_count() and poses.get_subscription_count())
+    probe.wait(lambda: probe.call("ready").success, what="~/ready")
+    generator = np.random.default_rng(1)
+
+    def move(depth_of, duration_s):
+        """Publish poses at 125 Hz, 20 ms late, and forces at 500 Hz."""
+        begin_ns = time.time_ns()
+        late = []
+        for i in range(int(duration_s * 500)):
+            while (left := begin_ns + i * 2_000_000 - time.time_ns()) > 0:
+                probe.executor.spin_once(timeout_sec=left * 1e-9)
+            depth = depth_of(i / 500.0)
+            stamp_ns = begin_ns + i * 2_000_000
+            force = 0.5 * max(depth, 0.0) ** 1.5 + generator.normal(0.0, 0.01)
+            forces.publish(wrench(stamp_ns, force))
+            if i % 4 == 0:
+                late.append(pose(stamp_ns, depth + generator.normal(0.0, 0.002)))
+            if len(late) > 2:
+                poses.publish(late.pop(0))
+        probe.spin(0.2)
+
+    def reasons(kind):
+        return [event.reason for event in probe.events if event.kind == kind]
+
+    probe.call("tare")
+    move(lambda t: -0.1, 1.0)
+    probe.wait(lambda: 15 in probe.kinds(), what="the tare's event")
+    tared = samples[-1].sequence
+    assert probe.get("input.position.zero")[0] == pytest.approx(-SURFACE - 0.1, abs=0.01)
+    # Every sample before the tare is wholly of the old zero, every one after it of the new one.
+    depths = [m.displacement * 1000.0 for m in samples]
+    assert all(abs(d) < 1.0 or abs(d + SURFACE) < 1.0 for d in depths)
+    pressed = [s.force for s in samples]
+    assert all(abs(f) < 0.2 or abs(f + FORCE_BIAS) < 0.2 for f in pressed)
+    assert {e.configuration_revision for e in probe.estimates if e.sequence == tared} == {
+        probe.configurations[-1].revision
+    }
+
+    move(lambda t: 6.0 * t - 1.0, 0.5)  # from free motion into the tissue, and it stays there
+    answer = probe.call("tare")
+    assert not answer.success
+    assert "the tool presses with " in answer.message
+    assert "tare.force: true" in answer.message
+    assert not probe.call("find_surface").success
+    probe.set(tare__force=True)
+    assert probe.call("tare").success
+    move(lambda t: 2.0, 0.5)
+    probe.wait(lambda: probe.kinds().count(15) == 2, what="the forced tare")
+    assert probe.get("input.position.zero")[0] == pytest.approx(-SURFACE + 2.0, abs=0.05)
+
+    probe.set(tare__force=False)
+    assert probe.call("tare").success
+    move(lambda t: 2.0 + 8.0 * t, 0.5)
+    probe.wait(lambda: reasons(18), what="the refusal")
+    assert "the tool moved by " in reasons(18)[-1]
+    move(lambda t: 1.0, 0.1)
+    assert probe.call("tare").success
+    assert probe.call("reset").success
+    probe.wait(lambda: "given up: a reset came between" in reasons(18), what="the end of the tare")
+    assert end_process(process)[0] == 0

@@ -1,14 +1,16 @@
 """Saving a state and going on from it, in one folder and nowhere else."""
 
 import json
+import os
 
 import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
 from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.state_file import RUNNING, SAVED, StateFolder
+from hc_estimator.online.state_file import ON_TRIAL, RUNNING, SAVED, SET_ASIDE, StateFolder
 from hc_estimator.online.vocabulary import Cause, EventKind
+from hc_estimator.ros.state_keeper import StateKeeper
 
 START = 1_700_000_000_000_000_000
 
@@ -29,8 +31,10 @@ def test_a_loaded_session_goes_on_as_if_it_had_never_stopped(tmp_path, session, 
     folder = StateFolder(tmp_path / "new" / "folder")
     folder.save(SAVED, session)
     saved = folder.load(SAVED)
-    other = EstimationSession(create_estimator("ukf"), type(recorder)())
-    other.load(saved.estimator, saved.time_origin_ns, saved.revision)
+    other = EstimationSession(
+        create_estimator("ukf"), type(recorder)(), revisions_before=saved.revision
+    )
+    other.load(saved.estimator, saved.time_origin_ns)
     assert other.revision.cause == Cause.STATE_LOADED
     assert other.revision.number == session.revision.number + 1
     samples = list(plant.samples(200, start=500))
@@ -47,7 +51,19 @@ def test_nothing_to_save_is_said(tmp_path, recorder):
         StateFolder(tmp_path).save(SAVED, session)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": 1}', '{"format": 99}', "\x00"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        '{"format": 1}',
+        '{"format": 99}',
+        "\x00",
+        "[" * 100_000,
+        '"' + "9" * 5000 + '"',
+    ],
+)
 def test_a_damaged_file_is_named_and_changes_nothing(tmp_path, text):
     (tmp_path / SAVED).write_text(text)
     with pytest.raises(ValueError, match=SAVED):
@@ -69,6 +85,82 @@ def test_a_state_with_damaged_numbers_is_refused_and_changes_nothing(tmp_path, s
 def test_no_other_name_than_the_two_is_a_state_file(tmp_path, session):
     with pytest.raises(ValueError, match="no state file"):
         StateFolder(tmp_path).save("../elsewhere.json", session)
+
+
+def test_a_link_is_neither_followed_nor_kept(tmp_path, session):
+    """Where somebody else may write into the folder, a prepared link must not lead elsewhere."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.write_text("untouched")
+    folder = StateFolder(tmp_path / "states")
+    for name in (SAVED, "saved_state.tmp"):
+        (tmp_path / "states" / name).symlink_to(elsewhere)
+    with pytest.raises(OSError, match="symbolic links"):
+        folder.load(SAVED)
+    folder.save(SAVED, session)
+    assert elsewhere.read_text() == "untouched"
+    assert not (tmp_path / "states" / SAVED).is_symlink()
+    assert (tmp_path / "states" / SAVED).stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_failed_write_leaves_the_old_state_and_nothing_else(
+    tmp_path, session, monkeypatch, call, plant
+):
+    folder = StateFolder(tmp_path)
+    path = folder.save(RUNNING, session)
+    before = path.read_text()
+    feed(session, plant.samples(10, start=500), first=500)
+
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, full)
+        with pytest.raises(OSError, match="No space left"):
+            folder.save(RUNNING, session)
+    assert path.read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == [RUNNING]
+
+
+def test_a_state_on_trial_that_ends_the_process_is_set_aside_at_the_next_start(tmp_path, session):
+    StateFolder(tmp_path).save(RUNNING, session)
+    first = StateKeeper(str(tmp_path))
+    assert first.set_aside() is None
+    assert first.kept(30.0) is not None
+    # The process dies here; the next one begins afresh, and so does every one after it.
+    second = StateKeeper(str(tmp_path))
+    assert second.set_aside() == tmp_path / SET_ASIDE
+    assert second.kept(30.0) is None
+    assert [p.name for p in tmp_path.iterdir()] == [SET_ASIDE]
+
+
+def test_a_kept_state_is_on_trial_again_with_the_first_samples_and_passes(tmp_path, session):
+    StateFolder(tmp_path).save(RUNNING, session)
+    first = StateKeeper(str(tmp_path))
+    first.kept(30.0)
+    first.wait_for_samples()
+    # A process that is killed before a sample came did not die of the state.
+    second = StateKeeper(str(tmp_path))
+    assert second.set_aside() is None
+    assert second.kept(30.0) is not None
+    second.wait_for_samples()
+    second.on_sample()
+    assert [p.name for p in tmp_path.iterdir()] == [ON_TRIAL]
+    while second.on_trial:
+        second.on_sample()
+    assert [p.name for p in tmp_path.iterdir()] == [RUNNING]
+    second.keep(session, 0.0, 1.0)
+    second.finish()
+    assert [p.name for p in tmp_path.iterdir()] == [RUNNING]
+    second.forget_kept()
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_old_state_is_not_gone_on_from_and_not_set_aside(tmp_path, session):
+    StateFolder(tmp_path).save(RUNNING, session)
+    keeper = StateKeeper(str(tmp_path))
+    assert keeper.kept(0.0) is None
+    assert not list(tmp_path.iterdir())
 
 
 def test_saving_leaves_one_file_and_removing_none(tmp_path, session):

@@ -1,5 +1,7 @@
 """What belongs to a stream of samples, what is stray, and what is a new beginning."""
 
+import random
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -117,6 +119,61 @@ def test_forget_takes_the_next_sample_wherever_it_is(guard):
     guard.forget()
     far = sample(-9_000_000, 3)
     assert feed(guard, [far]) == ([far], [])
+
+
+def test_random_numbers_are_no_count_and_lose_nothing(guard):
+    """Once 14 samples with random 64-bit numbers confirmed one another, 7e10 counted as lost."""
+    generator = random.Random(4)
+    samples = [sample(i, generator.getrandbits(64)) for i in range(5000)]
+    used, breaks = feed(guard, samples)
+    assert not guard.counted
+    assert guard.lost == 0
+    assert len(used) > 4900
+    assert breaks == []
+    assert guard.faults.odd_numbers > 0
+    # A source that begins to count is believed again, and its losses are told.
+    after = [sample(5000 + i, i) for i in range(200) if i != 150]
+    assert len(feed(guard, after)[0]) == 199
+    assert guard.counted
+    assert guard.lost == 1
+
+
+@pytest.mark.parametrize("bits", [4, 8, 12, 16])
+def test_small_random_numbers_do_not_pile_up_losses(guard, bits):
+    generator = random.Random(bits)
+    used, _breaks = feed(guard, [sample(i, generator.getrandbits(bits)) for i in range(5000)])
+    assert not guard.counted
+    assert len(used) > 4900
+    assert guard.lost < 5000  # of those before the numbers were found out
+
+
+def test_a_known_rate_says_how_far_numbers_may_run(guard):
+    feed(guard, [sample(i, i) for i in range(200)])
+    lossy = [sample(i, i) for i in range(900, 1000)]  # 700 lost in 0.7 s
+    assert feed(guard, lossy) == (lossy, [])
+    assert guard.lost == 700
+    feed(guard, [sample(1000, 1700)])  # 700 in one millisecond: not lost, but another's
+    assert guard.lost == 700
+
+
+def test_zero_stamps_are_counted_as_what_they_are(guard):
+    zeros = [StreamSample(0, i, 1.0, 2.0) for i in range(100)]
+    assert feed(guard, zeros)[0] == zeros[:1]  # simulated time begins at zero
+    assert guard.faults.zero_stamps == 99
+    after = [sample(i, 100 + i) for i in range(20)]
+    assert feed(guard, after) == (after, [Break.TIME_JUMP])
+    feed(guard, [StreamSample(0, 120 + i, 1.0, 2.0) for i in range(50)])
+    assert guard.faults.zero_stamps == 149
+
+
+def test_random_stamps_are_jumps_with_their_size(guard):
+    generator = random.Random(1)
+    used, _breaks = feed(
+        guard, [sample(generator.randrange(-(10**9), 10**9), i) for i in range(1000)]
+    )
+    assert len(used) < 50
+    assert guard.faults.stamp_jumps > 900
+    assert guard.faults.largest_jump_ns > 10**8 * MS
 
 
 @given(

@@ -82,3 +82,28 @@ def test_a_tool_that_is_in_contact_already_has_no_surface():
     force = 0.5 * depth**1.5 + 0.01 * np.random.default_rng(3).standard_normal(3000)
     found = find_surface(depth, force)
     assert found is None
+
+
+def test_a_search_that_begins_in_a_press_starts_over_when_the_tool_leaves():
+    displacement, force = approach(*CASES[0], np.random.default_rng(5))
+    held = np.full(300, displacement[-1]), np.full(300, force[-1])
+    leaving = displacement[::-20], force[::-20]
+    found = find_surface(
+        np.concatenate((held[0], leaving[0], displacement)),
+        np.concatenate((held[1], leaving[1], force)),
+    )
+    assert found is not None
+    assert found.displacement_mm == pytest.approx(6.2, abs=0.05)
+    assert found.force_n == pytest.approx(FORCE_ZERO, abs=0.02)
+
+
+def test_a_search_that_begins_while_the_tool_sinks_in_takes_the_next_approach():
+    """The rise of the force was taken for noise, and no contact stood out of it ever after."""
+    displacement, force = approach(*CASES[0], np.random.default_rng(6))
+    sinking = slice(np.argmax(displacement > 7.0), np.argmax(displacement > 9.0))
+    found = find_surface(
+        np.concatenate((displacement[sinking], displacement[sinking][::-4], displacement)),
+        np.concatenate((force[sinking], force[sinking][::-4], force)),
+    )
+    assert found is not None
+    assert found.displacement_mm == pytest.approx(6.2, abs=0.05)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -160,6 +163,94 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     assert report.different == 0
     assert report.not_comparable > 0
     assert any("began at sample 0, the first recorded" in note for note in report.notes)
+
+
+def test_a_run_with_sensors_of_ones_own_is_recomputed_to_the_last_bit(
+    start_node: Callable[..., Any], domain: int, graph: Any, tmp_path: Path
+) -> None:
+    """Tares, a reading that changes, a reset, a saved state and a node that is killed, besides."""
+    from std_srvs.srv import Trigger
+
+    bag = tmp_path / "bag"
+    script = Path(__file__).parents[1] / "hc_estimator_node" / "stream_source.py"
+    environment = os.environ | {
+        "ROS_DOMAIN_ID": str(domain),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+    source = subprocess.Popen([sys.executable, str(script), "0"], env=environment)
+
+    def estimator() -> Any:
+        return start_node(
+            "hc_estimator.node",
+            **{
+                "filter": "ukf",
+                "input.source": "sensors",
+                "input.force.topic": "a/wrench",
+                "input.position.topic": "a/arm",
+                "input.position.type": "pose",
+                "tare.samples": 50,
+                "tare.force": "true",
+                "state.folder": tmp_path / "state",
+                "state.autosave_period": 0.1,
+            },
+        )
+
+    def later(seconds: float = 0.35) -> None:
+        graph.spin_until(lambda: False, timeout=seconds)
+
+    def is_ready(name: str) -> bool:
+        """Ask a node; a question that goes to one that was killed has no answer."""
+        try:
+            return bool(graph.call(Trigger, f"/{name}/ready", timeout=3).success)
+        except AssertionError:
+            return False
+
+    def ready(*names: str) -> None:
+        for name in names:
+            assert graph.spin_until(lambda name=name: is_ready(name), 100)
+
+    try:
+        topics = "[indenter/sample, hc/estimate, hc/configuration]"
+        node = estimator()
+        recorder = start_node("hc_logger.recorder_node", output=bag, expected_topics=topics)
+        ready("estimator", "recorder")
+        later()
+        graph.call(Trigger, "/estimator/reset")  # what came before the recorder was there
+        later()
+        assert graph.call(Trigger, "/estimator/tare").success
+        later()
+        ask(graph, "estimator", force_noise_std=0.05)
+        later()
+        assert graph.call(Trigger, "/estimator/save").success
+        later()
+        ask(graph, "estimator", input__force__scale=2.0)
+        later()
+        ask(graph, "estimator", filter="ekf")
+        later()
+        assert graph.call(Trigger, "/estimator/load").success
+        later()
+        node.process.kill()
+        node.wait()
+        node = estimator()
+        later(2.0)
+        ready("estimator")
+        later(0.5)
+    finally:
+        source.terminate()
+        source.wait(20)
+    for process in (node, recorder):
+        assert process.end() == 0, process.error
+
+    recording = read_recording(bag)
+    causes = [c.cause for c in recording.configurations]
+    assert causes.count(4) >= 2  # loaded by hand, and by the node that was started again
+    assert causes.count(2) >= 3
+    report = verify(recording)
+    assert report.different == 0, report.lines()
+    # The recorder came late, and samples go out without a guarantee: a busy machine may lose some.
+    assert report.compared > 0.5 * len(recording.estimates) > 700, report.lines()
+    last = recording.estimates["configuration_revision"][-1]
+    assert not any(f"revision {last} " in note for note in report.notes)
 
 
 def test_what_cannot_be_verified_is_one_line(make_bag: Any, tmp_path: Path) -> None:

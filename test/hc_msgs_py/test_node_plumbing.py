@@ -33,6 +33,8 @@ class Example(Node):
         print("up", flush=True)
     def tick(self):
         self.ticks += 1
+        if self.count == 6:
+            raise KeyError("a slip")
     def finished(self):
         if self.count == 8 and self.ticks > 2:
             raise NodeStartError("it broke later")
@@ -40,7 +42,7 @@ class Example(Node):
     def close(self):
         print("closed", flush=True)
 
-sys.exit(run_node(Example))
+sys.exit(run_node(Example, at_clean_end=lambda node: print("clean", flush=True)))
 """
 
 
@@ -72,14 +74,14 @@ def run(environment, *arguments, stop=None):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_cleanly(environment, number):
     status, output, errors = run(environment, stop=number)
-    assert (status, output, errors) == (0, "closed\n", "")
+    assert (status, output, errors) == (0, "closed\nclean\n", "")
 
 
 @pytest.mark.process
 @pytest.mark.parametrize(
     ("arguments", "status", "output", "errors"),
     [
-        (("-p", "count:=5"), 0, "up\nclosed\n", ""),
+        (("-p", "count:=5"), 0, "up\nclosed\nclean\n", ""),
         (("-p", "count:=7"), 2, "", "seven is not possible\n"),
         (("-p", "count:=8"), 1, "up\nclosed\n", "it broke later\n"),
         (
@@ -100,6 +102,18 @@ def test_ways_to_end_have_their_status_and_one_line(environment, arguments, stat
         assert "nonsense" in got_errors
     else:
         assert got_errors == errors
+
+
+@pytest.mark.process
+def test_a_callback_that_raises_is_one_line_a_file_and_no_clean_end(environment, tmp_path):
+    status, output, errors = run(environment | {"ROS_LOG_DIR": str(tmp_path)}, "-p", "count:=6")
+    assert (status, output) == (1, "up\nclosed\n")
+    assert "Traceback" not in errors
+    last = errors.splitlines()[-1]
+    assert last.startswith("the node failed: KeyError: 'a slip' (where: ")
+    (file,) = tmp_path.glob("failure_*.txt")
+    assert str(file) in last
+    assert 'raise KeyError("a slip")' in file.read_text() or "in tick" in file.read_text()
 
 
 @pytest.fixture
@@ -170,4 +184,6 @@ def test_diagnostics_come_by_themselves_even_while_simulated_time_stands_still(n
     node.spin_until(lambda: received)
     (told,) = received[0].status
     assert (told.level, told.name, told.hardware_id) == (b"\x01", "example", "glass")
-    assert {v.key: v.value for v in told.values} == {"rate_hz": "999.123", "count": "3"}
+    values = {v.key: v.value for v in told.values}
+    assert float(values.pop("cpu_percent")) >= 0.0
+    assert values == {"rate_hz": "999.123", "count": "3"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from hc_msgs.msg import HuntCrossleyEstimate, IndenterSample, IndenterTruth
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -116,6 +117,44 @@ def test_a_stopped_process_catches_up_without_a_gap(start_rig: Any) -> None:
     assert np.all(np.diff(stamps) == 1_000_000)
 
 
+def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path) -> None:
+    rig, listener = start_rig(scenario="multisine")
+    found = listener.collect(
+        IndenterTruth,
+        "indenter/truth",
+        qos.SAMPLE_QOS,
+        lambda m: (m.sequence, nanoseconds(m), m.displacement_exponent),
+    )
+    assert listener.spin(until=lambda: len(found) > 100)
+
+    def names() -> set[str]:
+        request = ListParameters.Request()
+        return set(listener.call(ListParameters, "indenter/list_parameters", request).result.names)
+
+    assert "damping" in names()
+    assert set_parameter(listener, "scenario", "lump").successful
+    assert listener.spin(until=lambda: found[-1][2] == 1.6)
+    assert set_parameter(listener, "stiffness", 0.7).successful
+    assert set_parameter(listener, "scenario", "relaxation").successful
+    assert listener.spin(until=lambda: np.isnan(found[-1][2]))
+    assert listener.spin(until=lambda: "damping" not in names())
+    assert set_parameter(listener, "scenario", "multisine").successful
+    assert listener.spin(until=lambda: found[-1][2] == 1.8)
+    assert listener.spin(until=lambda: "damping" in names())
+    slow = tmp_path / "slow.yaml"
+    slow.write_text(
+        (SCENARIO_FOLDER / "multisine.yaml").read_text().replace("rate_hz: 1000", "rate_hz: 500")
+    )
+    for name, says in ((str(slow), "500 Hz"), ("nowhere", "multisine")):
+        refused = set_parameter(listener, "scenario", name)
+        assert not refused.successful
+        assert says in refused.reason
+    assert rig.stop() == 0
+    sequences, stamps, _ = zip(*found, strict=True)
+    assert np.all(np.diff(sequences) == 1)
+    assert np.all(np.diff(stamps) == 1_000_000)
+
+
 def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
     rig, listener = start_rig(scenario="multisine", amplitude=0.5)
     found = listener.collect(
@@ -124,7 +163,7 @@ def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
         qos.SAMPLE_QOS,
         lambda m: (m.displacement * 1000, m.velocity * 1000, m.stiffness),
     )
-    request = DescribeParameters.Request(names=["stiffness", "scenario"])
+    request = DescribeParameters.Request(names=["stiffness", "seed"])
     described = listener.call(DescribeParameters, "indenter/describe_parameters", request)
     stiffness = described.descriptors[0]
     assert "K" in stiffness.description
@@ -136,7 +175,7 @@ def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
     refused = set_parameter(listener, "stiffness", -1.0)
     assert not refused.successful
     assert "stiffness" in refused.reason
-    assert not set_parameter(listener, "scenario", "indentation").successful
+    assert not set_parameter(listener, "seed", 3).successful
     assert listener.spin(until=lambda: found[-1][2] == 0.9)
     found.clear()
     assert listener.spin(until=lambda: len(found) > 1600)

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Sequence
 from types import FrameType
-from typing import Final, NoReturn
+from typing import Any, Final, NoReturn
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.guard import explain
@@ -23,9 +23,21 @@ COMMANDS: Final = (
     "node",
     "topic",
     "param",
+    "service",
+    "tare",
+    "find-surface",
+    "reset",
+    "save",
+    "load",
+    "setup",
+    "doctor",
+    "payload",
     "reproduce",
     "bench",
     "report",
+    "compare",
+    "contacts",
+    "dashboard",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
@@ -47,11 +59,15 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
-        module = importlib.import_module(f"hc_bringup.commands.{name}")
+        module = _module(name)
         sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
         if command is None or name == command:
             module.configure(sub)
     return parser
+
+
+def _module(command: str) -> Any:
+    return importlib.import_module(f"hc_bringup.commands.{command.replace('-', '_')}")
 
 
 _interrupts: list[int] = []
@@ -96,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(words: list[str]) -> int:
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
-    module = importlib.import_module(f"hc_bringup.commands.{parsed.command}")
+    module = _module(parsed.command)
     return int(module.run(parsed))
 
 

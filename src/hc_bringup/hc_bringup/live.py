@@ -5,49 +5,73 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Mapping
 from types import TracebackType
-from typing import Any
+from typing import Final
 
 from rich.console import Console
 from rich.live import Live
-from rich.panel import Panel
-from rich.table import Table
-from rich.text import Text
 
+from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
+from hc_bringup.terminal.keys import Keys
+from hc_bringup.terminal.numbers import engineering
+from hc_bringup.terminal.panel import PanelPainter
+from hc_bringup.terminal.view import PanelHistory, PanelView
+from hc_msgs_py.topics import NODE_ESTIMATOR
+from hc_msgs_py.units import METRE_IN_MM
 
-SYMBOLS = {
+SYMBOLS: Final = {
     "stiffness": ("K", "N/mm^n"),
     "damping": ("B", "N(s/mm)^p/mm^n"),
     "displacement_exponent": ("n", ""),
     "velocity_exponent": ("p", ""),
 }
-_LINE_PERIOD_S = 1.0
+_LINE_PERIOD_S: Final = 1.0
+_STALE: Final = 3
+"""Level of diagnostic_msgs/DiagnosticStatus."""
 
 
 class Display:
     """Shows a RunState on standard error. Use as a context manager."""
 
-    def __init__(self, enabled: bool, *, with_latency: bool = True) -> None:
+    def __init__(
+        self,
+        enabled: bool,
+        *,
+        with_latency: bool = True,
+        scenario: str = "",
+        with_keys: bool = True,
+    ) -> None:
         """Prepare the display.
 
         Args:
             enabled: False shows nothing at all.
             with_latency: False where the stamps are not of the time of publication (a replay).
+            scenario: of the rig, for the title.
+            with_keys: False where somebody else reads the terminal's keys.
         """
         self._enabled = enabled
         self._with_latency = with_latency
+        self._scenario = scenario
         self._console = Console(stderr=True)
         self._live: Live | None = None
-        self._last_line_at = 0.0
+        self._keys: Keys | None = Keys() if with_keys else None
+        self._painter = PanelPainter()
+        self._history = PanelHistory()
         self._rate = _RateMeter()
+        self._explainer = BackgroundExplainer()
+        self._last_line_at = 0.0
+        self._page_told = False
         self._told: dict[str, str] = {}
 
     def __enter__(self) -> Display:
         if self._enabled and self._console.is_terminal:
             self._live = Live(console=self._console, auto_refresh=False, transient=False)
             self._live.__enter__()
+            if self._keys is not None:
+                self._keys.__enter__()
         return self
 
     def __exit__(
@@ -57,22 +81,39 @@ class Display:
         traceback: TracebackType | None,
     ) -> None:
         if self._live is not None:
+            if self._keys is not None:
+                self._keys.__exit__(kind, error, traceback)
             self._live.__exit__(kind, error, traceback)
 
     def show(self, state: RunState) -> None:
         """Show the state; cheap to call often. What is wrong is told even if it is not enabled."""
+        self._tell_page(state)
         if self._live is None:
             self._tell_problems(state)
         if not self._enabled:
             return
-        rate = self._rate.update(state.statistics.estimates)
+        self._rate.update(state.statistics.estimates)
         if self._live is not None:
-            self._live.update(_panel(state, rate, self._with_latency), refresh=True)
+            if self._keys is not None:
+                state.requests += self._keys.requests()
+            view = self._view(state)
+            self._live.update(self._painter.draw(view, self._console.width), refresh=True)
             return
         now = time.monotonic()
         if now - self._last_line_at >= _LINE_PERIOD_S:
             self._last_line_at = now
-            sys.stderr.write(_line(state, rate, self._with_latency) + "\n")
+            sys.stderr.write(_line(state, self._rate, self._with_latency) + "\n")
+            sys.stderr.flush()
+
+    def _tell_page(self, state: RunState) -> None:
+        """Say once where the live page is: above the panel, whole, so that it can be copied."""
+        if self._page_told or not state.page:
+            return
+        self._page_told = True
+        if self._live is not None:
+            self._console.print(f"live page: {state.page}", soft_wrap=True, highlight=False)
+        else:
+            sys.stderr.write(f"live page: {state.page}\n")
             sys.stderr.flush()
 
     def _tell_problems(self, state: RunState) -> None:
@@ -83,24 +124,86 @@ class Display:
                 sys.stderr.flush()
         self._told = dict(state.problems)
 
+    def _view(self, state: RunState) -> PanelView:
+        statistics = state.statistics
+        latest = statistics.latest
+        if latest is not None and not self._rate.silent_s > 0.3:
+            for i, name in enumerate(PARAMETERS):
+                self._history.parameters[i].append(float(getattr(latest, name)))
+            self._history.force.append(latest.force_measured)
+            self._history.depth.append(latest.displacement * METRE_IN_MM)
+        estimator = state.diagnostics.get(NODE_ESTIMATOR, {})
+        recorder = next((v for v in state.diagnostics.values() if "file_bytes" in v), {})
+        stale = int(estimator.get("level", 0)) == _STALE
+        latency = None
+        if self._with_latency:
+            latency = (statistics.latency.quantile(0.5), statistics.latency.quantile(0.99))
+        mismatch = bool(latest is not None and latest.model_mismatch)
+        return PanelView(
+            phase=state.phase,
+            elapsed_s=state.elapsed_s,
+            duration_s=state.duration_s,
+            rate_hz=self._rate.hz,
+            silent_s=self._rate.silent_s,
+            silent_reason=estimator.get("message", "") if stale else "",
+            lost=_lost(statistics),
+            refused=sum(statistics.rejected.values()),
+            latency_s=latency,
+            parameters=list(statistics.parameters().values()),
+            deviations=list(statistics.parameters_std().values()),
+            known=list(statistics.identifiability().values()),
+            truth=state.truth,
+            force_n=math.nan if latest is None else latest.force_measured,
+            depth_mm=math.nan if latest is None else latest.displacement * METRE_IN_MM,
+            force_error_n=statistics.recent_force_rmse_n,
+            contact=None if latest is None else bool(latest.contact),
+            mismatch=mismatch,
+            explanation=self._explainer.explain(statistics.motion, mismatch),
+            hypothesis=None if latest is None else int(latest.hypothesis),
+            several_hypotheses=latest is not None
+            and sum(math.isfinite(s) for s in latest.hypothesis_scores) > 1,
+            changes=statistics.changes,
+            filter=estimator.get("filter", ""),
+            scenario=self._scenario,
+            bag=recorder.get("bag", "").rstrip("/").rpartition("/")[2],
+            bag_bytes=_number(recorder, "file_bytes"),
+            bag_dropped=int(_number(recorder, "dropped", 0.0)),
+            processor=dict(state.cpu_percent),
+            problems=state.problems,
+            respawns=state.respawns,
+            answer=state.answer,
+            keys=self._keys.legend if self._keys is not None else (),
+            history=self._history,
+        )
+
 
 class _RateMeter:
-    """Rate of a counter over about the last second."""
+    """Rate of a counter over about the last second, and since when it stands still."""
 
     def __init__(self) -> None:
-        self._count = 0
-        self._time = time.monotonic()
-        self._rate = 0.0
+        self._count = self._before = 0
+        self._time = self._changed = time.monotonic()
+        self.hz = 0.0
 
-    def update(self, count: int) -> float:
+    def update(self, count: int) -> None:
         now = time.monotonic()
+        if count != self._before:
+            self._before, self._changed = count, now
         if now - self._time >= _LINE_PERIOD_S:
-            self._rate = (count - self._count) / (now - self._time)
+            self.hz = (count - self._count) / (now - self._time)
             self._count, self._time = count, now
-        return self._rate
+
+    @property
+    def silent_s(self) -> float:
+        """Time since the counter moved; NaN before it ever did."""
+        return time.monotonic() - self._changed if self._before else math.nan
 
 
-def _number(value: float, form: str) -> str:
+def _number(values: Mapping[str, str], name: str, missing: float = math.nan) -> float:
+    return float(values[name]) if name in values else missing
+
+
+def _figure(value: float, form: str) -> str:
     return "-" if math.isnan(value) else format(value, form)
 
 
@@ -108,75 +211,21 @@ def _lost(statistics: EstimateStatistics) -> str:
     return str(statistics.lost) if statistics.counts else "? (no counter in the samples)"
 
 
-def _milliseconds(seconds: float) -> str:
-    return "-" if math.isnan(seconds) else f"{1e3 * seconds:.2f} ms"
-
-
-def _line(state: RunState, rate: float, with_latency: bool) -> str:
+def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:
     if state.phase != "running":
         return state.phase
     statistics = state.statistics
     values, deviations = statistics.parameters(), statistics.parameters_std()
     parameters = " ".join(
-        f"{SYMBOLS[name][0]}={_number(values[name], '.4g')}±{_number(deviations[name], '.2g')}"
+        f"{SYMBOLS[name][0]}={_figure(values[name], '.4g')}±{_figure(deviations[name], '.2g')}"
         for name in PARAMETERS
     )
     latency = ""
     if with_latency:
-        latency = f"p99 {_milliseconds(statistics.latency.quantile(0.99))}  "
+        latency = f"99 % {engineering(statistics.latency.quantile(0.99), 's')}  "
+    silent = f"silent for {rate.silent_s:.1f} s  " if rate.silent_s > 1.0 else ""
     return (
-        f"{state.elapsed_s:6.1f} s  {rate:6.0f} Hz  lost {_lost(statistics)}  "
+        f"{state.elapsed_s:6.1f} s  {rate.hz:6.0f} Hz  {silent}lost {_lost(statistics)}  "
         f"{latency}{parameters}  "
-        f"force error {_number(1e3 * statistics.recent_force_rmse_n, '.3g')} mN"
+        f"force error {engineering(statistics.recent_force_rmse_n, 'N')}"
     )
-
-
-def _panel(state: RunState, rate: float, with_latency: bool) -> Any:
-    statistics = state.statistics
-    grid = Table.grid(padding=(0, 2))
-    for _ in range(4):
-        grid.add_column(justify="right")
-    values, deviations = statistics.parameters(), statistics.parameters_std()
-    known = statistics.identifiability()
-    grid.add_row("", "estimate", "± 1 sd", "known from data")
-    for name in PARAMETERS:
-        symbol, unit = SYMBOLS[name]
-        grid.add_row(
-            f"[bold]{symbol}[/bold] {unit}",
-            _number(values[name], ".5g"),
-            _number(deviations[name], ".2g"),
-            "-" if math.isnan(known[name]) else f"{100 * known[name]:.0f} %",
-        )
-    footer = Table.grid(padding=(0, 2))
-    figures = [
-        f"{rate:.0f} Hz",
-        f"lost {_lost(statistics)}",
-        f"rejected {sum(statistics.rejected.values())}",
-        f"force error {_number(1e3 * statistics.recent_force_rmse_n, '.3g')} mN",
-    ]
-    if with_latency:
-        figures.append(
-            f"latency p50 {_milliseconds(statistics.latency.quantile(0.5))}"
-            f"  p99 {_milliseconds(statistics.latency.quantile(0.99))}"
-        )
-    footer.add_row(*figures)
-    flags = []
-    if statistics.latest is not None:
-        flags.append("in contact" if statistics.latest.contact else "free motion")
-        if statistics.latest.model_mismatch:
-            flags.append("[yellow]contact law does not fit[/yellow]")
-    flags.append(f"changes {statistics.changes}")
-    if state.respawns:
-        flags.append(f"[yellow]started again {state.respawns}[/yellow]")
-    flags += [f"{name} {percent:.0f} %" for name, percent in state.cpu_percent.items()]
-    footer.add_row(*flags[:5])
-    if len(flags) > 5:
-        footer.add_row(*flags[5:])
-    body = Table.grid()
-    body.add_row(grid)
-    body.add_row(footer)
-    for name, problem in state.problems.items():
-        body.add_row(Text(f"{name}: {problem}", style="bold red"))
-    until = f" of {state.duration_s:.0f}" if state.duration_s else ""
-    title = f"hc: {state.phase}  {state.elapsed_s:.1f}{until} s"
-    return Panel(body, title=title, title_align="left", expand=False)

@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import gc
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from hc_msgs.msg import HuntCrossleyEstimate
+from hc_msgs.msg import EstimatorEvent, HuntCrossleyEstimate
 from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
+from hc_bringup.dashboard.parsing import RecordParser
+from hc_bringup.dashboard.security import TOKEN_VARIABLE
+from hc_bringup.dashboard.taps import Arrival, Taps
 from hc_bringup.reach import speak_to_nodes
-from hc_bringup.statistics import EstimateStatistics
+from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.diagnostics import Level
-from hc_msgs_py.qos import DIAGNOSTICS_QOS, ESTIMATE_QOS
-from hc_msgs_py.topics import DIAGNOSTICS, ESTIMATE
+from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, ESTIMATE_QOS
+from hc_msgs_py.topics import (
+    DIAGNOSTICS,
+    ESTIMATE,
+    EVENTS,
+    NODE_DASHBOARD,
+    NODE_ESTIMATOR,
+    TRUTH,
+)
 
 NODE_NAME = "hc_monitor"
 NOT_STARTED = "not started"
@@ -29,6 +42,22 @@ SERVICE_TIMEOUT_S = 5.0
 REPEAT_S = 0.5
 
 
+class _MonitorNode(Node):  # type: ignore[misc]  # rclpy ships no types
+    """A node with subscriptions that are emptied now and then."""
+
+    taps: Taps
+
+    def __init__(self) -> None:
+        super().__init__(NODE_NAME, enable_rosout=False)
+        self.taps = Taps(self)
+
+    @property
+    def subscriptions(self) -> Iterator[Any]:
+        """Subscriptions that an executor serves; Node.__init__ asks for them already."""
+        hidden = self.taps.hidden if hasattr(self, "taps") else frozenset()
+        return (s for s in super().subscriptions if id(s) not in hidden)
+
+
 class Monitor:
     """Watches a run over ROS. Use as a context manager; everything happens inside spin()."""
 
@@ -36,17 +65,30 @@ class Monitor:
         self.statistics = EstimateStatistics()
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.last_estimate_at = 0.0
+        self.answer = ""
+        self._truth: list[float] | None = None
 
     def __enter__(self) -> Monitor:
         speak_to_nodes()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node(NODE_NAME, enable_rosout=False)
+        self._node = _MonitorNode()
         self._subscription = self._node.create_subscription(
             HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
         )
         self._node.create_subscription(
             DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
         )
+        # Of a thousand truths a second one is wanted now and then: no callback for each of them.
+        truth = self._node.resolve_topic_name(TRUTH)
+        parser = RecordParser("hc_msgs/msg/IndenterTruth")
+        self._node.taps.acquire(
+            truth,
+            "hc_msgs/msg/IndenterTruth",
+            partial(self._on_truth, parser),
+            depth=1,
+            local=False,
+        )
+        self._marks = self._node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._clients: dict[str, Any] = {}
@@ -62,7 +104,8 @@ class Monitor:
         rclpy.try_shutdown()
         # The middleware's participant lives until nothing refers to the node any more, and with it
         # its sockets.
-        del self._node, self._executor, self._subscription, self._clients, self._clock_watch
+        del self._node, self._executor, self._subscription, self._clients, self._marks
+        del self._clock_watch
         gc.collect()
 
     def problems(self) -> dict[str, str]:
@@ -87,6 +130,54 @@ class Monitor:
         end = time.monotonic() + duration_s
         while (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
+
+    def truth(self) -> list[float] | None:
+        """Return the rig's true K, B, n, p of now; None where nobody tells them."""
+        self._node.taps.drain()
+        return self._truth
+
+    def page(self) -> str:
+        """Return the address of the live page with its token; empty as long as there is none."""
+        address = self.diagnostics.get(NODE_DASHBOARD, {}).get("address", "")
+        token = os.environ.get(TOKEN_VARIABLE, "")
+        return f"{address}#token={token}" if address and token else ""
+
+    def ask(self, what: str) -> None:
+        """Ask for something that a key stands for; `answer` says what became of it."""
+        if what == "mark":
+            self._mark()
+            return
+        client = self._client(Trigger, f"/{NODE_ESTIMATOR}/{what}")
+        if not client.service_is_ready():
+            self.answer = f"{what}: the estimator does not answer"
+            return
+        self.answer = f"{what} …"
+        future = client.call_async(Trigger.Request())
+        future.add_done_callback(partial(self._on_answer, what))
+
+    def _on_answer(self, what: str, future: Any) -> None:
+        response = future.result()
+        self.answer = f"{what.replace('_', ' ')}: {response.message}"
+
+    def _mark(self) -> None:
+        """Publish an event of a person at the latest sample."""
+        latest = self.statistics.latest
+        if latest is None:
+            self.answer = "nothing to mark yet"
+            return
+        stamp = latest.header.stamp
+        message = EstimatorEvent(
+            kind=EstimatorEvent.MARK, reason="marked", sequence=latest.sequence
+        )
+        message.header.stamp = stamp
+        message.configuration_revision = latest.configuration_revision
+        self._marks.publish(message)
+        self.answer = f"marked sample {latest.sequence}"
+
+    def _on_truth(self, parser: RecordParser, arrivals: list[Arrival]) -> None:
+        table, _stamps = parser.parse(arrivals)
+        if len(table):
+            self._truth = [float(table[name][-1]) for name in PARAMETERS]
 
     def estimates_connected(self) -> bool:
         """Return True once the estimator's publisher is matched."""

@@ -30,15 +30,30 @@ def natural(text: str) -> int:
     return int(value)
 
 
+def port_number(text: str) -> int:
+    """Parse a port: a whole number from 0 to 65535."""
+    value = _number(text, 0.0, "a port from 0 to 65535")
+    if value != int(value) or value > 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port from 0 to 65535")
+    return int(value)
+
+
 def assignment(text: str) -> tuple[str, Any]:
     """Parse name=value; the value is read as YAML, so numbers, words, lists and true work."""
     name, separator, value = text.partition("=")
     if not separator or not name:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form name=value")
     try:
-        return name, load_plain_yaml(value)
+        parsed = load_plain_yaml(value)
     except PlainYamlError:
         return name, value
+    if isinstance(parsed, str) and not value.startswith(("'", '"')):
+        try:
+            number = float(parsed)  # to YAML 1e-3 is a text, for want of a point
+        except ValueError:
+            return name, parsed
+        return name, number if math.isfinite(number) else parsed
+    return name, parsed
 
 
 def _number(text: str, minimum: float, what: str) -> float:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.lib.recfunctions import repack_fields
 
-Array = NDArray[np.float64]
+from hc_bringup.run_data import Array, RunData
+from hc_estimator import PARAMETER_NAMES
 
 _LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
 _MEASURED, _ESTIMATED, _TRUE, _ALARM = "0.6", "tab:blue", "tab:green", "tab:red"
@@ -19,37 +21,15 @@ _MOST_POINTS = 4000
 _SETTLED_SHARE = 0.2
 _LARGEST = 1e100
 """Beyond it a number is left out of the picture as NaN is: matplotlib cannot scale its axes."""
-
-
-@dataclass(frozen=True)
-class RunData:
-    """What the picture and the report show of one run; all arrays share the sample axis.
-
-    Attributes:
-        title: name of the recording and of the estimator.
-        time_s: since the first sample [s].
-        displacement_mm: measured displacement [mm].
-        force_n: measured force [N].
-        force_predicted_n: force expected before the sample was used [N].
-        parameters: K, B, n, p, shape (samples, 4).
-        parameters_std: their standard deviations, shape (samples, 4).
-        nis: normalised innovation squared.
-        change_detected: samples at which a change of the tissue was detected.
-        model_mismatch: samples at which the contact law did not fit.
-        truth: true K, B, n, p where the rig tells, shape (samples, 4), or None.
-    """
-
-    title: str
-    time_s: Array
-    displacement_mm: Array
-    force_n: Array
-    force_predicted_n: Array
-    parameters: Array
-    parameters_std: Array
-    nis: Array
-    change_detected: NDArray[np.bool_]
-    model_mismatch: NDArray[np.bool_]
-    truth: Array | None = None
+_DRAWN = (
+    *PARAMETER_NAMES,
+    *(f"{name}_std" for name in PARAMETER_NAMES),
+    "force_predicted",
+    "nis",
+    "change_detected",
+    "model_mismatch",
+)
+"""Of the estimates, what the picture shows."""
 
 
 def draw(data: RunData) -> Figure:
@@ -58,7 +38,7 @@ def draw(data: RunData) -> Figure:
     Whatever the numbers are, NaN, infinite or absurd, there is a picture.
     """
     data = _drawable(data)
-    figure = Figure(figsize=(13.0, 8.0), layout="constrained")
+    figure = Figure(figsize=(13.0, 8.6), layout="constrained")
     # The name of a file may hold any bytes, and a $ in it begins no formula.
     title = data.title.encode("utf-8", "replace").decode()
     figure.suptitle(title, parse_math=False)
@@ -91,19 +71,28 @@ def draw(data: RunData) -> Figure:
                 alpha=0.08,
                 linewidth=0.0,
             )
+    _explain_colours(figure, data)
     return figure
 
 
 def _drawable(data: RunData) -> RunData:
     """Return the run with NaN for every number that cannot be drawn."""
 
-    def plain(values: Any) -> Any:
-        if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
-            return values
+    def plain(values: Array) -> Array:
         return np.where(np.abs(values) < _LARGEST, values, np.nan)
 
-    fields = {f.name: plain(getattr(data, f.name)) for f in dataclasses.fields(data)}
-    return RunData(**fields)
+    estimates = repack_fields(data.estimates[list(_DRAWN)])
+    for name in _DRAWN:
+        if estimates[name].dtype.kind == "f":
+            estimates[name] = plain(estimates[name])
+    return dataclasses.replace(
+        data,
+        time_s=plain(data.time_s),
+        displacement_mm=plain(data.displacement_mm),
+        force_n=plain(data.force_n),
+        truth=None if data.truth is None else plain(data.truth),
+        estimates=estimates,
+    )
 
 
 def _scale(axes: Any, low: float, high: float) -> None:
@@ -121,6 +110,27 @@ def _highest(values: Array) -> float:
     return -_lowest(-values)
 
 
+def _explain_colours(figure: Figure, data: RunData) -> None:
+    """Put one legend below all panels, where it covers nothing."""
+    handles = [
+        Line2D([], [], color=_MEASURED, linewidth=1.6, label="measured"),
+        Line2D([], [], color=_ESTIMATED, label="estimate; force: one step ahead"),
+        Patch(color=_ESTIMATED, alpha=0.25, label="± 2 standard deviations"),
+        Line2D([], [], color=_TRUE, linestyle="--", label="true; NIS: ideal"),
+    ]
+    if data.change_detected.any():
+        handles.append(Line2D([], [], color=_ALARM, label="change of the tissue detected"))
+    if data.model_mismatch.any():
+        handles.append(Patch(color=_ALARM, alpha=0.08, label="contact law does not fit"))
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=len(handles),
+        fontsize="small",
+        frameon=False,
+    )
+
+
 def _displacement(axes: Any, data: RunData, part: slice) -> None:
     axes.plot(data.time_s[part], data.displacement_mm[part], color=_MEASURED, linewidth=1.0)
     axes.set_ylabel("displacement [mm]")
@@ -128,15 +138,12 @@ def _displacement(axes: Any, data: RunData, part: slice) -> None:
 
 def _force(axes: Any, data: RunData, part: slice) -> None:
     time = data.time_s[part]
-    axes.plot(time, data.force_n[part], color=_MEASURED, linewidth=1.6, label="measured")
-    axes.plot(
-        time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9, label="one step ahead"
-    )
+    axes.plot(time, data.force_n[part], color=_MEASURED, linewidth=1.6)
+    axes.plot(time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9)
     low, high = _lowest(data.force_n), _highest(data.force_n)
     margin = 0.1 * max(high - low, 1e-6)
     _scale(axes, low - margin, high + margin)
     axes.set_ylabel("force [N]")
-    axes.legend(loc="upper right", fontsize="small")
 
 
 def _error(axes: Any, data: RunData, part: slice) -> None:
@@ -157,10 +164,9 @@ def _consistency(axes: Any, data: RunData) -> None:
     known = np.isfinite(blocks)
     mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     axes.plot(data.time_s[:count:width], mean, color=_ESTIMATED, linewidth=1.0)
-    axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--", label="ideal")
+    axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--")
     _scale(axes, 0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))) if len(mean) else 5.0)
     axes.set_ylabel("NIS, averaged")
-    axes.legend(loc="upper right", fontsize="small")
 
 
 def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
@@ -173,18 +179,15 @@ def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
         color=_ESTIMATED,
         alpha=0.25,
         linewidth=0.0,
-        label="± 2 sd",
     )
-    axes.plot(time, value, color=_ESTIMATED, linewidth=1.2, label="estimate")
+    axes.plot(time, value, color=_ESTIMATED, linewidth=1.2)
     settled = data.parameters[int(_SETTLED_SHARE * len(data.parameters)) :, index]
     spread = data.parameters_std[int(_SETTLED_SHARE * len(data.parameters_std)) :, index]
     low, high = _lowest(settled - 3 * spread), _highest(settled + 3 * spread)
     if data.truth is not None:
-        axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--", label="true")
+        axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--")
         low = min(low, _lowest(data.truth[:, index]))
         high = max(high, _highest(data.truth[:, index]))
     margin = 0.15 * max(high - low, 1e-3 * abs(high), 1e-12)
-    _scale(axes, low - margin, high + margin)
+    _scale(axes, max(0.0, low - margin), high + margin)  # none of the four can be negative
     axes.set_ylabel(_LABELS[index])
-    if index == 0:
-        axes.legend(loc="upper right", fontsize="small")

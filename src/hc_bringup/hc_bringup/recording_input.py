@@ -37,9 +37,14 @@ KIND_OF = {f"{group}.{name}": kind for group in _KINDS for name, kind in _KINDS[
 _IN_SECONDS = ("time_offset", *_KINDS["pairing"])
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the recording and how its sensors are read."""
-    parser.add_argument("input", metavar="INPUT", help="CSV file, bag folder or .mcap file")
+def add_options(parser: argparse.ArgumentParser, *, optional: bool = False) -> None:
+    """Declare the recording, which may be left away if it is optional, and how it is read."""
+    parser.add_argument(
+        "input",
+        nargs="?" if optional else None,
+        metavar="INPUT",
+        help="CSV file, bag folder or .mcap file",
+    )
     parser.add_argument(
         "--input",
         dest="sensors",

@@ -1,29 +1,164 @@
-"""What a report shows of a recording: its own estimates if it has some, else fresh ones."""
+"""One run as reports and pictures need it: samples, estimates, truth, where the tip was, events.
+
+Estimates are kept as records with the fields and units of hc_msgs/HuntCrossleyEstimate, whether
+they were recorded or are made anew, so that whatever shows them knows one form.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import functools
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hc_bringup.errors import UserError
-from hc_bringup.picture import RunData
-from hc_estimator import PARAMETER_NAMES
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
+from hc_logger.bag import Bag
+from hc_logger.decoder import decoder
+from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.layout import INTEGER, REAL, records
+from hc_logger.layout import INTEGER, REAL, record_dtype, records, stamps
 from hc_logger.recorded import only_topic
 from hc_logger.recording import Recording
-from hc_msgs_py.topics import TRUTH
+from hc_logger.selection import full_name
+from hc_logger.type_names import ESTIMATE_TYPE
+from hc_msgs_py.topics import EVENTS, TIP, TRUTH
+from hc_msgs_py.units import METRE_IN_MM
 
-_TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
+Array = NDArray[np.float64]
+
+TRUTH_TYPE: Final = "hc_msgs/msg/IndenterTruth"
+EVENT_TYPE: Final = "hc_msgs/msg/EstimatorEvent"
+TIP_FIELDS: Final = {
+    "geometry_msgs/msg/PointStamped": "point.",
+    "geometry_msgs/msg/PoseStamped": "pose.position.",
+}
+STAMP_FIELDS: Final = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
 
 
-def recorded(recording: Recording) -> RunData | None:
+class TipPath(NamedTuple):
+    """Where the tip was sideways: times [s] of the run, (n, 2) positions [mm]."""
+
+    time_s: Array
+    position_mm: Array
+
+
+class TipSource(NamedTuple):
+    """Where a bag has the tip's position: a topic, and its two sideways components."""
+
+    topic: str = f"/{TIP}"
+    axes: str = "xy"
+
+
+class RunEvent(NamedTuple):
+    """Something that happened: time [s] of the run, kind of hc_msgs/EstimatorEvent, a line."""
+
+    time_s: float
+    kind: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class RunData:
+    """One run; all arrays share the sample axis.
+
+    Attributes:
+        name: name of the recording.
+        estimator: filter and state space.
+        time_s: since the first sample [s].
+        displacement_mm: measured displacement [mm].
+        force_n: measured force [N].
+        estimates: records of hc_msgs/HuntCrossleyEstimate without header, (samples,).
+        truth: true K, B, n, p where the rig tells, shape (samples, 4), or None.
+        tip: where the tip was, or None.
+        events: what was recorded on hc/events, or None where nothing was.
+        settings: of the estimator, by name.
+        versions: of the software, by name.
+        findings: what is unusual about the recording, a line each.
+    """
+
+    name: str
+    estimator: str
+    time_s: Array
+    displacement_mm: Array
+    force_n: Array
+    estimates: NDArray[Any]
+    truth: Array | None = None
+    tip: TipPath | None = None
+    events: tuple[RunEvent, ...] | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+    versions: dict[str, str] = field(default_factory=dict)
+    findings: tuple[str, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Name of the recording and of the estimator."""
+        return f"{self.name}, {self.estimator}"
+
+    @functools.cached_property
+    def parameters(self) -> Array:
+        """K, B, n, p, shape (samples, 4)."""
+        return np.column_stack([self.estimates[name] for name in PARAMETER_NAMES])
+
+    @functools.cached_property
+    def parameters_std(self) -> Array:
+        """Their standard deviations, shape (samples, 4)."""
+        return np.column_stack([self.estimates[f"{name}_std"] for name in PARAMETER_NAMES])
+
+    @functools.cached_property
+    def identifiability(self) -> Array:
+        """How much the data said about each, shape (samples, 4)."""
+        names = [f"{name}_identifiability" for name in PARAMETER_NAMES]
+        return np.column_stack([self.estimates[name] for name in names])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of K, B, n, p, shape (samples, 4, 4)."""
+        return np.asarray(self.estimates["covariance"]).reshape(-1, 4, 4)
+
+    @property
+    def force_predicted_n(self) -> Array:
+        """Force expected before the sample was used [N], shape (samples,)."""
+        return np.asarray(self.estimates["force_predicted"])
+
+    @property
+    def nis(self) -> Array:
+        """Normalised innovation squared, shape (samples,)."""
+        return np.asarray(self.estimates["nis"])
+
+    @property
+    def contact(self) -> NDArray[np.bool_]:
+        """True while the tool touches the tissue, shape (samples,)."""
+        return np.asarray(self.estimates["contact"], bool)
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """True where the sample was used, shape (samples,)."""
+        return np.asarray(self.estimates["rejected"] == 0)
+
+    @property
+    def change_detected(self) -> NDArray[np.bool_]:
+        """True where a change of the tissue was detected, shape (samples,)."""
+        return np.asarray(self.estimates["change_detected"], bool)
+
+    @property
+    def model_mismatch(self) -> NDArray[np.bool_]:
+        """True where the contact law did not fit, shape (samples,)."""
+        return np.asarray(self.estimates["model_mismatch"], bool)
+
+
+def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | None:
     """Return the run as it was recorded, or None if the recording holds no estimates.
 
+    Args:
+        recording: the recording.
+        tip: where the tip's position is; None takes the topic indenter/tip if it is there.
+
     Raises:
-        UserError: if the bag cannot be read.
+        UserError: if the bag cannot be read, or has no such topic.
     """
     if not recording.is_bag:
         return None
@@ -39,50 +174,147 @@ def recorded(recording: Recording) -> RunData | None:
     if not len(table):
         return None
     configurations = recording.configurations
-    name = f", {configurations[-1].filter}" if configurations else ""
+    settings: dict[str, Any] = {}
+    versions = {"this software": __version__}
+    estimator = "as recorded"
+    if configurations:
+        last = configurations[-1]
+        estimator = f"{last.filter} on {last.state_space}"
+        settings = {"contact_model": last.contact_model, **last.parameters}
+        versions["hc_estimator that made the estimates"] = last.software_version
+    with open_bag(recording.path) as bag:
+        beside = _beside(bag, recording, table["sequence"], tip)
+        versions |= {
+            name: value for name, value in bag.custom_data.items() if name.endswith("version")
+        }
     return RunData(
-        title=f"{recording.path.name}{name}",
-        time_s=recording.time_s[rows],
+        name=recording.path.name,
+        estimator=estimator,
+        time_s=recording.time_s[rows] - recording.time_s[0],
         displacement_mm=recording.displacement_mm[rows],
         force_n=recording.force_n[rows],
-        force_predicted_n=table["force_predicted"],
-        parameters=np.column_stack([table[n] for n in PARAMETER_NAMES]),
-        parameters_std=np.column_stack([table[f"{n}_std"] for n in PARAMETER_NAMES]),
-        nis=table["nis"],
-        change_detected=table["change_detected"].astype(bool),
-        model_mismatch=table["model_mismatch"].astype(bool),
-        truth=_truth(recording, table["sequence"]),
+        estimates=_filled(table),
+        settings=settings,
+        versions=versions,
+        findings=tuple(recording.findings.lines()),
+        **beside,
     )
 
 
-def estimated(recording: Recording, estimator: Any) -> RunData:
-    """Return the run with the estimates of an estimator over the recording."""
+def estimated(recording: Recording, estimator: Estimator, tip: TipSource | None = None) -> RunData:
+    """Return the run with the estimates of an estimator over the recording.
+
+    Args:
+        recording: the recording.
+        estimator: as made.
+        tip: as for `recorded`.
+
+    Raises:
+        UserError: if a position of the tip is asked for that is not there.
+    """
     series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+    beside: dict[str, Any] = {}
+    if recording.is_bag:
+        with open_bag(recording.path) as bag:
+            beside = _beside(bag, recording, recording.sequence, tip) | {"events": None}
+    elif tip is not None:
+        raise UserError(
+            f"{recording.path} is a CSV file: it holds no position of the tip", WRONG_USE
+        )
     with np.errstate(invalid="ignore", over="ignore"):  # times need not be finite
         time_s = recording.time_s - recording.time_s[0]
     return RunData(
-        title=f"{recording.path.name}, {estimator.filter} on {estimator.state_space}",
+        name=recording.path.name,
+        estimator=f"{estimator.filter} on {estimator.state_space}",
         time_s=time_s,
         displacement_mm=recording.displacement_mm,
         force_n=recording.force_n,
-        force_predicted_n=series.force_predicted,
-        parameters=series.parameters,
-        parameters_std=series.parameters_std,
-        nis=series.nis,
-        change_detected=series.change_detected,
-        model_mismatch=series.model_mismatch,
-        truth=_truth(recording, recording.sequence) if recording.is_bag else None,
+        estimates=records_of_series(series, recording.force_n, recording.sequence),
+        settings={"contact_model": estimator.contact_model, **estimator.configuration},
+        versions={"this software": __version__},
+        findings=tuple(recording.findings.lines()),
+        **beside,
     )
 
 
-def _truth(recording: Recording, sequence: Any) -> Any:
+def estimate_dtype() -> np.dtype[Any]:
+    """Return the dtype of estimates: the fields of the message without its header."""
+    whole = record_dtype(installed_definition(ESTIMATE_TYPE), 1)
+    names = [name for name in whole.names or () if name not in STAMP_FIELDS]
+    return np.dtype([(name, whole[name]) for name in names])
+
+
+def records_of_series(
+    series: EstimateSeries, force_n: Array, sequence: NDArray[np.uint64]
+) -> NDArray[Any]:
+    """Return a series as records with the fields and units of the message."""
+    table = np.zeros(len(series), estimate_dtype())
+    table["sequence"] = sequence
+    for index, name in enumerate(PARAMETER_NAMES):
+        table[name] = series.parameters[:, index]
+        table[f"{name}_std"] = series.parameters_std[:, index]
+        table[f"{name}_identifiability"] = series.identifiability[:, index]
+    table["covariance"] = series.covariance.reshape(-1, 16)
+    table["force_measured"] = force_n
+    table["innovation_displacement"] = series.innovation[:, 0] / METRE_IN_MM
+    table["innovation_force"] = series.innovation[:, 1]
+    for name in (
+        "displacement",
+        "velocity",
+        "displacement_noise_std",
+        "contact_position",
+        "contact_position_std",
+    ):
+        table[name] = getattr(series, name) / METRE_IN_MM
+    for name in (
+        "force_predicted",
+        "force_reconstructed",
+        "nis",
+        "force_noise_std",
+        "channel_delay",
+        "channel_delay_std",
+        "force_zero",
+        "force_zero_std",
+        "contact",
+        "change_detected",
+        "model_mismatch",
+        "rejected",
+        "hypothesis",
+        "hypothesis_scores",
+    ):
+        table[name] = getattr(series, name)
+    return table
+
+
+def _filled(table: NDArray[Any]) -> NDArray[Any]:
+    """Return recorded estimates with all fields of today; those of old bags are NaN, or 0."""
+    filled = np.zeros(len(table), estimate_dtype())
+    for name in filled.dtype.names or ():
+        if name in (table.dtype.names or ()):
+            filled[name] = table[name]
+        elif filled[name].dtype.kind == "f":
+            filled[name] = np.nan
+    return filled
+
+
+def _beside(
+    bag: Bag, recording: Recording, sequence: NDArray[Any], tip: TipSource | None
+) -> dict[str, Any]:
+    """Return what a bag holds beside samples and estimates: truth, tip and events."""
+    return {
+        "truth": _truth(bag, sequence),
+        "tip": _tip(bag, int(recording.stamps[0]), tip),
+        "events": _events(bag, int(recording.stamps[0])),
+    }
+
+
+def _truth(bag: Bag, sequence: NDArray[Any]) -> Array | None:
     """Return the true parameters (samples, 4) at these sequence numbers, or None."""
-    with open_bag(recording.path) as bag:
-        topic = only_topic(bag, _TRUTH_TYPE, TRUTH)
-        if topic is None:
-            return None
-        fields = {"sequence": INTEGER, **dict.fromkeys(PARAMETER_NAMES, REAL)}
-        table = records(bag.topics[topic].definition, bag.columns(topic), fields)
+    topic = only_topic(bag, TRUTH_TYPE, TRUTH)
+    if topic is None:
+        return None
+    fields = {"sequence": INTEGER, **dict.fromkeys(PARAMETER_NAMES, REAL)}
+    table = records(bag.topics[topic].definition, bag.columns(topic), fields)
     at = np.searchsorted(table["sequence"], sequence)
     found = at < len(table)
     found[found] = table["sequence"][at[found]] == sequence[found]
@@ -92,3 +324,40 @@ def _truth(recording: Recording, sequence: Any) -> Any:
     for index, name in enumerate(PARAMETER_NAMES):
         truth[found, index] = table[name][at[found]]
     return truth if np.isfinite(truth).any(axis=0).all() else None
+
+
+def _tip(bag: Bag, start_ns: int, source: TipSource | None) -> TipPath | None:
+    """Return where the tip was.
+
+    Raises:
+        UserError: if a topic was asked for that does not hold it.
+    """
+    asked, source = source is not None, source or TipSource()
+    topic = bag.topics.get(full_name(source.topic))
+    prefix = TIP_FIELDS.get(topic.definition.name) if topic is not None else None
+    if topic is None or prefix is None:
+        if asked:
+            kinds = " or ".join(kind.split("/")[-1] for kind in TIP_FIELDS)
+            raise UserError(f"{bag.path} has no {kinds} on {source.topic}", WRONG_USE)
+        return None
+    fields = [prefix + axis for axis in source.axes]
+    table = records(topic.definition, bag.columns(topic.name), dict.fromkeys(fields, REAL))
+    if not len(table):
+        return None
+    position = np.column_stack([table[name] for name in fields])
+    times = (stamps(table) - start_ns) * 1e-9
+    return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position)
+
+
+def _events(bag: Bag, start_ns: int) -> tuple[RunEvent, ...] | None:
+    topic = bag.topics.get(f"/{EVENTS}")
+    if topic is None or topic.definition.name != EVENT_TYPE:
+        return None
+    decode = decoder(topic.definition)
+    events = []
+    for message in bag.messages({topic.name}):
+        event = decode(message.data)
+        stamp = event.header.stamp
+        at = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+        events.append(RunEvent((at - start_ns) * 1e-9, int(event.kind), str(event.reason)))
+    return tuple(events)

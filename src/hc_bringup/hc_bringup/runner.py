@@ -18,6 +18,7 @@ from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
 from hc_bringup.statistics import EstimateStatistics
 from hc_logger.session import INCOMPLETE
+from hc_msgs_py.background import STARTING
 
 POLL_S = 0.1
 START_TIMEOUT_S = 240.0
@@ -41,6 +42,11 @@ class RunState:
         samples: how many samples the source says that it has published; None if it did not say.
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
+        diagnostics: what each node said last of itself, by name.
+        truth: the rig's true K, B, n, p; None where nobody tells.
+        page: address of the live page with its token, once it is served.
+        requests: what was asked for by keys; the runner takes them out.
+        answer: what became of the last of them.
     """
 
     statistics: EstimateStatistics
@@ -52,6 +58,11 @@ class RunState:
     respawns: int = 0
     problems: dict[str, str] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
+    diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
+    truth: list[float] | None = None
+    page: str = ""
+    requests: list[str] = field(default_factory=list)
+    answer: str = ""
 
 
 class Runner:
@@ -84,7 +95,11 @@ class Runner:
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
             with Monitor() as monitor:
-                state = RunState(monitor.statistics, self._plan.duration_s)
+                state = RunState(
+                    monitor.statistics,
+                    self._plan.duration_s,
+                    diagnostics=monitor.diagnostics,
+                )
                 try:
                     self._start(folder, monitor, state)
                     if self._signal is not None:
@@ -139,12 +154,18 @@ class Runner:
                 return
             now = time.monotonic()
             waiting = [name for name, problem in missing.items() if problem == NOT_STARTED]
+            busy = {
+                n: p.removeprefix(STARTING) for n, p in missing.items() if p.startswith(STARTING)
+            }
             if waiting:
                 state.phase = f"starting {', '.join(waiting)}"
                 if now - started > START_TIMEOUT_S:
                     raise UserError(
                         f"node {waiting[0]} offers no ~/ready service after {START_TIMEOUT_S:.0f} s"
                     )
+            elif busy:  # it says what it does, and whether it lives is looked at above
+                all_started_at = None
+                state.phase = "; ".join(f"{name}: {progress}" for name, progress in busy.items())
             else:
                 all_started_at = all_started_at or now
                 name, problem = next(iter(missing.items()))
@@ -177,7 +198,12 @@ class Runner:
                 used = process.cpu_s() - cpu_before[process.name]
                 state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
             state.problems = monitor.problems()
+            state.truth = monitor.truth()
+            state.page = monitor.page()
             self._show(state)
+            while state.requests:
+                monitor.ask(state.requests.pop(0))
+            state.answer = monitor.answer
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
             if self._source_has_ended(state):

@@ -7,6 +7,9 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from hc_bringup.explanation import RecentMotion
+from hc_msgs_py.units import METRE_IN_MM
+
 REJECTION_NAMES: Final = {
     1: "not_finite",
     2: "time_repeated",
@@ -77,6 +80,7 @@ class EstimateStatistics:
         mismatch: in how many estimates the contact law did not describe the data.
         rejected: samples not used, by reason.
         latest: the last message (hc_msgs/HuntCrossleyEstimate), or None.
+        motion: the last seconds of depth and force, to explain a misfit by.
     """
 
     estimates: int = 0
@@ -88,6 +92,7 @@ class EstimateStatistics:
     mismatch: int = 0
     rejected: Counter[str] = field(default_factory=Counter)
     latest: Any = None
+    motion: RecentMotion = field(default_factory=RecentMotion)
     first_sequence: int | None = None
     _first_contact_s: float = math.nan
     _last_sequence: int = -1
@@ -117,6 +122,7 @@ class EstimateStatistics:
         if message.rejected:
             self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
             return
+        self.motion.add(stamp_s, message.displacement * METRE_IN_MM, message.force_measured)
         self.changes += message.change_detected
         self.mismatch += message.model_mismatch
         if message.contact:
@@ -146,6 +152,11 @@ class EstimateStatistics:
         if not self._recent_square_errors:
             return math.nan
         return math.sqrt(sum(self._recent_square_errors) / len(self._recent_square_errors))
+
+    @property
+    def channel_delay(self) -> tuple[float, float]:
+        """By how much the force is late, and the standard deviation of that [s]; NaN: unknown."""
+        return _field(self.latest, "channel_delay"), _field(self.latest, "channel_delay_std")
 
     def parameters(self) -> dict[str, float]:
         """Return the latest K, B, n, p by name."""

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from hc_bringup.live import SYMBOLS
+from hc_bringup.plain_json import finite
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 
@@ -53,6 +54,8 @@ def run_summary(
         "parameters": statistics.parameters(),
         "parameters_std": statistics.parameters_std(),
         "identifiability": statistics.identifiability(),
+        "channel_delay": statistics.channel_delay[0],
+        "channel_delay_std": statistics.channel_delay[1],
         "force_rmse_n": statistics.force_rmse_n,
         "bag": bag,
         "further_bags": list(further_bags),
@@ -73,17 +76,7 @@ def _share(part: int, whole: int) -> float:
 
 def to_json(summary: dict[str, Any]) -> str:
     """Return a summary as JSON; numbers that are not finite become null."""
-    return json.dumps(_finite(summary), indent=2)
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return json.dumps(finite(summary), indent=2)
 
 
 def parameter_lines(
@@ -98,6 +91,15 @@ def parameter_lines(
             line += f" {100 * known[name]:4.0f} % known from the data"
         lines.append(line.rstrip())
     return lines
+
+
+def delay_lines(summary: dict[str, Any]) -> list[str]:
+    """Return a line about the delay between the channels, none where it is not known."""
+    delay, deviation = summary["channel_delay"], summary["channel_delay_std"]
+    if not (math.isfinite(delay) and math.isfinite(deviation)):
+        return []
+    late = "force" if delay >= 0.0 else "displacement"
+    return [f"the {late} is late by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"]
 
 
 def _millinewton(force_n: float) -> str:
@@ -129,6 +131,7 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += parameter_lines(
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         )
+        lines += delay_lines(summary)
         lines += [
             "force one step ahead, after the first second of contact: RMS error "
             + _millinewton(summary["force_rmse_n"]),

@@ -9,31 +9,45 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any
 
-from rclpy.clock import Clock, ClockType, JumpThreshold
-from rclpy.duration import Duration
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from hc_estimator import Estimate, Estimator, available_filters, create_estimator
-from hc_estimator.input.tare import TareResult
+from hc_estimator import Estimate, Estimator, create_estimator
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
+from hc_estimator.online.suspicion_watch import SuspicionWatch
 from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
+from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.clock_jumps import watch_jumps
+from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.event_log import EventLog
-from hc_estimator.ros.inputs import Input, SampleInput
+from hc_estimator.ros.inputs import (
+    Input,
+    SampleInput,
+    missing_publishers,
+    publisher_conflict,
+)
 from hc_estimator.ros.lifecycle import answer_impossible_transitions
-from hc_estimator.ros.node_settings import CHOICE_NAMES, NEEDS_OTHER_SUBSCRIPTIONS, session_settings
+from hc_estimator.ros.node_settings import (
+    NEEDS_OTHER_SUBSCRIPTIONS,
+    READING,
+)
 from hc_estimator.ros.outputs import Outputs
 from hc_estimator.ros.sensors import SensorInput
-from hc_estimator.ros.services import NotPossibleError, StateKeeper, add_service
+from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
+from hc_estimator.ros.settings_meaning import session_settings
+from hc_estimator.ros.state_keeper import StateKeeper, parameters_of, try_out
 from hc_estimator.ros.status import StatusReporter
-from hc_estimator.ros.zeroing import ZEROS, Zeroing
+from hc_estimator.ros.zero_setting import ZeroSetting
+from hc_estimator.ros.zeroing import ZEROS
+from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
@@ -41,20 +55,20 @@ from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
-CONFIRMATIONS = 5
-CONFIRMATIONS_IN_CONFLICT = 500
-"""With two publishers on one topic the first keeps the floor until it is silent."""
 
+class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+    """Estimates contact parameters from a stream of samples.
 
-class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no types
-    """Estimates contact parameters from a stream of samples."""
+    Publishers and services live as long as the node, through every change of its lifecycle;
+    subscriptions come and go with the input and are destroyed late (hc_msgs_py.late_destruction).
+    """
 
     def __init__(self) -> None:
-        """Declare parameters, and configure and activate unless told to wait.
+        """Declare parameters and begin to compile; `_watch` activates unless told to wait.
 
         Raises:
-            NodeStartError: for a parameter that does not exist, or if activation fails.
-            ValueError: for a parameter's value that is not allowed, or a kept state that is broken.
+            NodeStartError: for a parameter that does not exist.
+            ValueError: for a parameter's value that is not allowed.
             OSError: if the folder for the state cannot be made.
         """
         super().__init__(NODE_ESTIMATOR)
@@ -62,12 +76,17 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._settings = Settings(self)
         self._keeper = StateKeeper(self._settings.values["state.folder"])
         self._log = EventLog(self.get_logger())
-        self._outputs: Outputs | None = None
+        self._outputs = Outputs(self)
+        self._revision = 0  # of the configuration, counted over all lives of the session
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
         self._input: Input | None = None
-        self._zeroing = Zeroing()
-        self._crowded = False
+        self._failure: Exception | None = None
+        self._wants_input = False
+        self._cannot_listen = ""  # why there is no input although there should be one
+        self._zeros = ZeroSetting(self, self._settings, lambda: self._session, lambda: self._input)
+        self._suspicions = SuspicionWatch()
+        self._crowded = self._silent = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
         self.add_on_set_parameters_callback(self._settings.check)
         self.add_post_set_parameters_callback(self._apply)
@@ -81,19 +100,10 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=self._steady)
         self._diagnostics = DiagnosticsPublisher(self, "estimator", self._collect_status)
-        self._jump_handle = self.get_clock().create_jump_callback(
-            JumpThreshold(
-                min_forward=Duration(seconds=self._settings.values["input.maximum_gap"]),
-                min_backward=Duration(nanoseconds=-1),
-                on_clock_change=True,
-            ),
-            post_callback=self._on_clock_jump,
-        )
-        if self._settings.values["autostart"]:
-            self._prepare()  # here, where what goes wrong is told
-            for trigger in (self.trigger_configure, self.trigger_activate):
-                if trigger() != TransitionCallbackReturn.SUCCESS:
-                    raise NodeStartError("the node cannot be activated")
+        maximum_gap_s = self._settings.values["input.maximum_gap"]
+        self._jump_handle = watch_jumps(self, maximum_gap_s, self._on_clock_jump)
+        self._starts_by_itself = bool(self._settings.values["autostart"])
+        self._compilation = Compilation(self.get_logger())
 
     # Lifecycle.
 
@@ -105,8 +115,8 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Listen to the samples."""
-        session, _outputs = self._parts()
-        if session.revision.number == 0:
+        session = self._configured()
+        if not session.started:
             session.start()
         self._listen()
         return super().on_activate(state)
@@ -120,9 +130,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         """Forget everything."""
         self._stop_listening()
         self._keeper.forget_kept()
-        if self._outputs is not None:
-            self._outputs.close()
-        self._outputs = self._session = self._status = None
+        self._session = self._status = None
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -131,41 +139,43 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._keeper.forget_kept()
         return super().on_shutdown(state)
 
+    def _start(self) -> None:
+        """Configure and activate as soon as the filters are compiled."""
+        if not self._compilation.look():
+            return
+        self._starts_by_itself = False
+        self._prepare()  # here, where what goes wrong is told
+        for trigger in (self.trigger_configure, self.trigger_activate):
+            if trigger() != TransitionCallbackReturn.SUCCESS:
+                raise NodeStartError("the node cannot be activated")
+
     def _prepare(self) -> None:
-        # All filters, so that a change of filter under a running stream has nothing to compile.
-        for name in available_filters():
-            create_estimator(name).warm_up()
-        estimator = self._new_estimator()
-        self._outputs = Outputs(self)
-        self._session = EstimationSession(estimator, self, session_settings(self._settings.values))
+        self._compilation.wait()
+        kept = self._keeper.resume(
+            self._settings.values["state.maximum_age"],
+            self._take_settings,
+            self.get_logger().warning,
+        )
+        self._session = EstimationSession(
+            self._new_estimator(),
+            self,
+            session_settings(self._settings.values),
+            revisions_before=self._revision if kept is None else kept.revision,
+        )
         self._status = StatusReporter(self._session)
-        self._go_on_from_kept()
+        if kept is not None:
+            self._session.load(kept.estimator, kept.time_origin_ns)
+            self._keeper.wait_for_samples()
 
-    def _go_on_from_kept(self) -> None:
-        """Continue what a node that died a short time ago had learnt."""
-        try:
-            kept = self._keeper.kept(self._settings.values["state.maximum_age"])
-            if kept is not None:
-                self._adopt(kept, kept.revision)
-        except (NotPossibleError, ValueError, OSError) as error:
-            # A broken file must not keep a node from starting again and again.
-            self.get_logger().warning(f"the kept state is not gone on from: {error}")
-
-    def _adopt(self, state: SavedState, revision: int | None = None) -> None:
-        """Take over a saved state with its kind of estimator and its settings.
+    def _take_settings(self, state: SavedState) -> None:
+        """Take over the kind of estimator and the settings of a saved state.
 
         Raises:
             NotPossibleError: if the node cannot have these settings.
-            ValueError: if the state is damaged.
         """
-        wanted = {name: state.estimator[name] for name in CHOICE_NAMES}
-        wanted |= state.estimator["configuration"]
-        answer = self.set_parameters_atomically(
-            [Parameter(name, value=value) for name, value in wanted.items()]
-        )
+        answer = self.set_parameters_atomically(parameters_of(state))
         if not answer.successful:
             raise NotPossibleError(f"the saved state does not fit: {answer.reason}")
-        self._parts()[0].load(state.estimator, state.time_origin_ns, revision)
 
     def _new_estimator(self) -> Estimator:
         kind = self._settings.kind
@@ -176,18 +186,24 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             **self._settings.estimator_values(),
         )
 
-    def _parts(self) -> tuple[EstimationSession, Outputs]:
+    def _configured(self) -> EstimationSession:
         assert self._session is not None
-        assert self._outputs is not None
-        return self._session, self._outputs
+        return self._session
 
     def _listen(self) -> None:
+        """Make the input that the settings ask for; where that cannot be, `_watch` tries again."""
+        self._wants_input = True
         values = self._settings.values
         kind = SampleInput if values["input.source"] == "sample" else SensorInput
-        self._input = kind(self, self, values)
+        try:
+            self._input = kind(self, self, values)
+            self._cannot_listen = ""
+        except SubscriptionError as error:
+            self._cannot_listen = str(error)
 
     def _stop_listening(self) -> None:
-        self._zeroing.cancel()
+        self._wants_input = False
+        self._zeros.give_up("the node is not active any more")
         if self._input is not None:
             self._input.close()
             self._input = None
@@ -200,20 +216,24 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
     ) -> None:
         """Hand a sample to the session, and to a tare that is under way."""
-        if self._zeroing.active:
-            found = self._zeroing.add(displacement_mm, force_n)
-            if found is not None:
-                self._take_zeros(found)
-        if self._session is not None:
-            self._session.process(stamp_ns, sequence, displacement_mm, force_n)
+        if self._keeper.on_trial:
+            self._keeper.on_sample()
+        self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
+        # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
+        self._suspicions.add(stamp_ns, displacement_mm, force_n)
+        self._zeros.add(displacement_mm, force_n)
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
-        self._parts()[0].skip(number)
+        self._configured().skip(number)
 
     def on_frame(self, frame_id: str) -> None:
         """Name the frame in what is published."""
-        self._parts()[1].set_frame(frame_id)
+        self._outputs.set_frame(frame_id)
+
+    def on_failure(self, error: Exception) -> None:
+        """Let the node fail where `run_node` sees it."""
+        self._failure = error
 
     # What the session says.
 
@@ -221,35 +241,35 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
     ) -> None:
         """Publish an estimate."""
-        session, outputs = self._parts()
         assert self._status is not None
-        latency_ns = outputs.publish_estimate(
-            stamp_ns, sequence, force_n, estimate, computation_ns, session.revision.number
+        latency_ns = self._outputs.publish_estimate(
+            stamp_ns, sequence, force_n, estimate, computation_ns, self._revision
         )
         self._status.latency.add(latency_ns)
 
     def on_event(self, event: Event) -> None:
         """Publish an event and write it to the log."""
-        session, outputs = self._parts()
-        outputs.publish_event(event, session.revision.number)
+        self._outputs.publish_event(event, self._revision)
         self._log.write(event)
-        contact = session.contacts.current
+        contact = self._configured().contacts.current
         position = self._input.position if self._input is not None else None
         if event.kind is EventKind.CONTACT_MADE and contact is not None and position is not None:
             contact.position_m, contact.position_frame_id = position
 
     def on_contact(self, summary: ContactSummary) -> None:
         """Publish the summary of a contact."""
-        session, outputs = self._parts()
-        outputs.publish_contact(summary, session.revision.number)
+        self._outputs.publish_contact(summary, self._revision)
 
     def on_revision(self, revision: Revision) -> None:
         """Publish the configuration in force."""
-        session, outputs = self._parts()
+        self._revision = revision.number
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
         zeros = {n: values[n] for n in ZEROS} if values["input.source"] == "sample" else {}
-        outputs.publish_configuration(revision, session.estimator, zeros)
+        session = self._configured()
+        loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
+        self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)
+        self._keeper.hasten()
 
     # What clients ask for.
 
@@ -266,7 +286,7 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
         self._apply_to_input(change)
 
     def _change_kind(self) -> None:
-        session, _outputs = self._parts()
+        session = self._configured()
         kind = self._settings.kind
         estimator = self._new_estimator()
         known = session.time_origin_ns is not None
@@ -281,65 +301,70 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
 
     def _apply_to_input(self, change: Change) -> None:
         changed = sorted(name for name in change.node if name.startswith("input."))
-        if self._input is None or not changed:
+        if not self._wants_input or not changed:
             return
-        if NEEDS_OTHER_SUBSCRIPTIONS.isdisjoint(changed):
+        if self._input is not None and NEEDS_OTHER_SUBSCRIPTIONS.isdisjoint(changed):
             self._input.configure(self._settings.values)
         else:
-            self._input.close()
+            if self._input is not None:
+                self._input.close()
+                self._input = None
             self._listen()
-        if change.kind is None and not change.estimator:
-            text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
-            self._parts()[0].announce_reconfiguration(text)
+        text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
+        sensors = self._settings.values["input.source"] == "sensors"
+        ways = READING if sensors else {"input.source", *ZEROS}
+        if not ways.isdisjoint(changed):
+            self._zeros.give_up("a sensor is read otherwise from now on")
+            self._zeros.forget()
+            self._suspicions.forget()
+            self._configured().reset(Cause.RESET, self._new_estimator(), text)
+        elif change.kind is None and not change.estimator:
+            self._configured().announce_reconfiguration(text)
 
     def _active_session(self) -> EstimationSession:
-        if self._session is None or self._input is None:
-            raise NotPossibleError("the estimator is not active")
+        if self._session is None or not self._wants_input:
+            raise NotPossibleError(self._inactive())
+        if self._input is None:
+            raise NotPossibleError(self._cannot_listen)
         return self._session
 
+    def _inactive(self) -> str:
+        """Say why there is no input."""
+        if self._starts_by_itself:
+            return f"{STARTING}{self._compilation.progress}"
+        return self._cannot_listen or "the estimator is not active"
+
     def _reset(self) -> str:
+        self._zeros.give_up("a reset came between")
         # A new estimator, so that settings that wait for a reset take effect.
         self._active_session().reset(Cause.RESET, self._new_estimator())
         return "started afresh"
 
     def _start_tare(self) -> str:
         self._active_session()
-        return self._zeroing.tare(self._settings.values["tare.samples"])
+        return self._zeros.tare()
 
     def _start_finding_surface(self) -> str:
         self._active_session()
-        return self._zeroing.find_surface()
-
-    def _take_zeros(self, found: TareResult) -> None:
-        """Subtract what a tare found from now on, and start afresh."""
-        zeros = self._zeroing.parameters(found, self._settings.values)
-        answer = self.set_parameters_atomically(zeros)
-        session = self._active_session()
-        if not answer.successful:
-            session.report(EventKind.TARED, f"tare refused: {answer.reason}")
-            return
-        # What was learnt with other zeros belongs to another displacement.
-        session.reset(Cause.RESET, self._new_estimator())
-        session.report(EventKind.TARED, self._zeroing.describe(found, zeros))
+        return self._zeros.find_surface()
 
     def _load(self) -> str:
-        self._active_session()
+        session = self._active_session()
         state = self._keeper.load()
         try:
-            self._adopt(state)
+            try_out(state)
+            self._take_settings(state)
+            session.load(state.estimator, state.time_origin_ns)
         except ValueError as error:
             raise NotPossibleError(str(error)) from error
         return f"goes on from a state saved {state.age_s:.0f} s ago"
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
-        if self._input is None or self._outputs is None:
-            return ["the estimator is not active"]
-        missing = []
+        if self._input is None:
+            return [self._inactive()]
         expected = self._settings.values["expected_sample_publishers"]
-        for topic, found in self._input.publishers.items():
-            if found < expected:
-                missing.append(f"{topic} has {found} of {expected} publishers")
+        missing = missing_publishers(self._input.channels, expected)
         expected = self._settings.values["expected_estimate_subscribers"]
         found = self._outputs.estimate_subscribers
         if found < expected:
@@ -349,11 +374,21 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
     # Watching.
 
     def _watch(self) -> None:
-        if self._outputs is not None:
-            self._outputs.look_who_listens()
+        self.destroy_retired()
+        if self._starts_by_itself:
+            self._start()
+        self._outputs.look_who_listens()
+        if self._wants_input and self._input is None:
+            self._listen()
         if self._session is None or self._input is None:
             return
-        self._session.check_silence(time.perf_counter_ns())
+        if self._session.check_silence(time.perf_counter_ns()) and not self._silent:
+            self._silent = True
+            self._diagnostics.publish()  # not up to a second later
+        self._silent = self._session.silent
+        for suspicion in self._suspicions.look(time.monotonic()):
+            self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
+        self._zeros.look()
         self._watch_publishers(self._session, self._input)
         period_s = self._settings.values["state.autosave_period"]
         try:
@@ -364,38 +399,51 @@ class EstimatorNode(LifecycleNode):  # type: ignore[misc]  # rclpy ships no type
             )
 
     def _watch_publishers(self, session: EstimationSession, source: Input) -> None:
-        crowded = [topic for topic, number in source.publishers.items() if number > 1]
-        session.guard.confirmations = CONFIRMATIONS_IN_CONFLICT if crowded else CONFIRMATIONS
-        if crowded and not self._crowded:
-            session.report(
-                EventKind.SOURCE_CONFLICT, f"more than one publisher on {', '.join(crowded)}"
-            )
-        self._crowded = bool(crowded)
+        """Tell of a second publisher on a topic once it is there."""
+        conflict = publisher_conflict(source.channels)
+        if conflict and not self._crowded:
+            session.report(EventKind.SOURCE_CONFLICT, conflict)
+        self._crowded = bool(conflict)
 
-    def _on_clock_jump(self, jump: Any) -> None:
+    def _on_clock_jump(self, reason: str) -> None:
         if self._session is not None and self._session.time_origin_ns is not None:
-            self._session.time_jumped(f"the clock jumped by {jump.delta.nanoseconds * 1e-9:+.3f} s")
+            self._session.time_jumped(reason)
 
     def _collect_status(self) -> Status:
-        if self._status is None or self._input is None:
-            what = "not configured" if self._status is None else "not active"
-            return Status(Level.OK, what, {})
-        return self._status.collect(self._input.publishers, self._input.counters)
+        if self._starts_by_itself:
+            return Status(Level.OK, self._inactive(), {})
+        if self._status is None:
+            return Status(Level.OK, "not configured", {})
+        if self._input is None:
+            if self._cannot_listen and self._wants_input:
+                return Status(Level.ERROR, self._cannot_listen, {})
+            return Status(Level.OK, "not active", {})
+        return self._status.collect(self._input, self._suspicions.suspicions)
 
     def finished(self) -> bool:
-        """Whether the node wants to end by itself: never."""
+        """Whether the node wants to end by itself: never.
+
+        Raises:
+            Exception: what went wrong where the executor could not tell.
+        """
+        if self._failure is not None:
+            raise self._failure
         return False
 
     def close(self) -> None:
         """Report the contact that still goes on and a last status."""
         self._diagnostics.publish()
         self._stop_listening()
+        self._keeper.finish()
+
+    def forget_kept(self) -> None:
+        """Remove the state that is kept for a restart: the node ends as it should."""
         self._keeper.forget_kept()
 
 
 def main() -> int:
     """Run the node; returns the exit status."""
-    return run_node(EstimatorNode)
+    return run_node(EstimatorNode, at_clean_end=EstimatorNode.forget_kept)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,15 @@
 """Recomputes the recorded estimates of a bag and compares them bit by bit.
 
 The samples and the configurations of a bag are enough to recompute its estimates: the estimator
-is deterministic, a parameter change holds from a known sample on, and its time counts from a
-recorded origin. What cannot be recomputed (the bag begins in the middle of a run, a state was
-loaded from a file, samples are missing) is counted apart and never passed off as compared.
+is deterministic, a parameter change holds from a known sample on, its time counts from a recorded
+origin, and a state that was loaded is recorded with its configuration. What cannot be recomputed
+(the bag begins in the middle of a run, samples are missing) is counted apart and never passed off
+as compared.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import Estimator, __version__, create_estimator
 from hc_estimator.online.handover import hand_over
-from hc_estimator.online.vocabulary import Cause
+from hc_estimator.online.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
 from hc_logger.recorded import RecordedConfiguration, Recording
@@ -187,9 +189,9 @@ def _configured(
 ) -> tuple[Estimator | None, str]:
     """Return the estimator as it is once a revision is in force, or None and why not."""
     parameters = _parameters(configuration)
-    if configuration.cause == Cause.STATE_LOADED:
-        return None, f"revision {configuration.revision} loaded a saved state"
     try:
+        if configuration.cause == Cause.STATE_LOADED:
+            return _restored(configuration, parameters)
         if configuration.cause in FRESH:
             return _created(configuration, parameters), ""
         if estimator is None or before is None:
@@ -205,14 +207,26 @@ def _configured(
     return estimator, ""
 
 
+def _restored(
+    configuration: RecordedConfiguration, parameters: dict[str, Any]
+) -> tuple[Estimator | None, str]:
+    """Return the estimator as it goes on from the state that a revision loaded."""
+    text = configuration.parameters.get(LOADED_STATE)
+    if not isinstance(text, str):
+        return None, f"revision {configuration.revision} loaded a state that was not recorded"
+    estimator = _created(configuration, parameters)
+    estimator.restore(json.loads(text))
+    return estimator, ""
+
+
 def _kind(configuration: RecordedConfiguration) -> tuple[str, str, str]:
     return configuration.filter, configuration.state_space, configuration.contact_model
 
 
 def _parameters(configuration: RecordedConfiguration) -> dict[str, Any]:
-    """Return the estimator's own parameters, without the zeros of the input."""
-    zeros = (FORCE_ZERO, POSITION_ZERO)
-    return {n: v for n, v in configuration.parameters.items() if n not in zeros}
+    """Return the estimator's own parameters, without the input's zeros and a loaded state."""
+    others = (FORCE_ZERO, POSITION_ZERO, LOADED_STATE)
+    return {n: v for n, v in configuration.parameters.items() if n not in others}
 
 
 def _created(configuration: RecordedConfiguration, parameters: dict[str, Any]) -> Estimator:

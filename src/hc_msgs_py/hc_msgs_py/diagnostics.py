@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -51,6 +52,7 @@ class DiagnosticsPublisher:
         self._hardware_id = hardware_id
         self._collect = collect
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTICS_QOS)
+        self._used_s, self._at_s = time.process_time(), time.monotonic()
         # The steady clock: a status is due even while simulated time stands still.
         self._timer = node.create_timer(
             PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -62,8 +64,16 @@ class DiagnosticsPublisher:
         self._publisher.wait_for_all_acked(LAST_DELIVERY)
 
     def publish(self) -> None:
-        """Collect and publish the status now (the timer does so every second)."""
+        """Collect and publish the status now (the timer does so every second).
+
+        Every node says its processor use since the last status, in percent of a core.
+        """
         level, message, values = self._collect()
+        used_s, at_s = time.process_time(), time.monotonic()
+        if at_s > self._at_s:
+            percent = 100.0 * (used_s - self._used_s) / (at_s - self._at_s)
+            values = {**values, "cpu_percent": percent}
+        self._used_s, self._at_s = used_s, at_s
         status = DiagnosticStatus(
             level=bytes([level]),
             name=self._node.get_name(),

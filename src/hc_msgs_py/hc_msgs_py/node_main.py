@@ -8,10 +8,13 @@ or SIGTERM ends the loop; a second one ends the process.
 from __future__ import annotations
 
 import gc
+import os
 import re
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import rclpy
@@ -45,17 +48,23 @@ class ManagedNode(Protocol):
         """Destroy the node (rclpy.node.Node has it)."""
 
 
-def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None) -> int:
+def run_node(
+    factory: Callable[[], Any],
+    arguments: Sequence[str] | None = None,
+    *,
+    at_clean_end: Callable[[Any], None] | None = None,
+) -> int:
     """Make a node, spin it until a signal or until it has finished, and end it cleanly.
 
     Args:
         factory: makes the node (a ManagedNode); may raise NodeStartError, ValueError or OSError
             with a message for the user.
         arguments: command line with ROS arguments; None takes sys.argv.
+        at_clean_end: called with the node after its close, but not if the node failed.
 
     Returns:
         Exit status: 0 after a clean end, 2 when the node could not start for what it was given,
-        1 when it failed later for a reason that it could name.
+        1 when it failed later; standard error then says why in one line.
     """
     stop = False
 
@@ -97,8 +106,13 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
         except NodeStartError as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201
             status = 1
+        except Exception as error:  # noqa: BLE001 - whatever it is, the node ends and says so
+            print(_failure(error), file=sys.stderr)  # noqa: T201
+            status = 1
         finally:
             node.close()
+            if status == 0 and at_clean_end is not None:
+                at_clean_end(node)
             executor.remove_node(node)
             node.destroy_node()
         return status
@@ -109,6 +123,18 @@ def run_node(factory: Callable[[], Any], arguments: Sequence[str] | None = None)
 def _without_source_lines(message: str) -> str:
     """Cut off where in the source of rcl a message arose."""
     return re.split(r",? at /\S+:\d+", message)[0].removeprefix("failed to initialize rcl: ")
+
+
+def _failure(error: Exception) -> str:
+    """Write the traceback of a failure to a file; return a line that says what and where."""
+    line = f"the node failed: {type(error).__name__}: {_one_line(error)}"
+    try:
+        file = Path(rclpy.logging.get_logging_directory()) / f"failure_{os.getpid()}.txt"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("".join(traceback.format_exception(error)), encoding="utf-8")
+    except OSError as reason:
+        return f"{line} (no file could be written about it: {reason.strerror})"
+    return f"{line} (where: {file})"
 
 
 def _one_line(error: BaseException) -> str:

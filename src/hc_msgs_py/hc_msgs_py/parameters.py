@@ -25,6 +25,7 @@ def declare(
     choices: Sequence[str] = (),
     unit: str = "",
     read_only: bool = False,
+    number_or_word: str = "",
 ) -> Any:
     """Declare a parameter of a node and return its value (a parameter file may override it).
 
@@ -38,6 +39,8 @@ def declare(
         choices: allowed words of a string parameter.
         unit: unit of a number, appended to the description.
         read_only: True if it can only be set at start.
+        number_or_word: for a parameter that may be a number or a text, what is allowed, in words;
+            ROS then takes any type for it, and the caller checks the value.
 
     Raises:
         ValueError: if the value given at start is of the wrong type, out of range or not among
@@ -48,8 +51,11 @@ def declare(
     )
     if choices:
         descriptor.additional_constraints = "one of: " + ", ".join(choices)
+    if number_or_word:
+        descriptor.dynamic_typing = True
+        descriptor.additional_constraints = number_or_word
     number = isinstance(default, (int, float)) and not isinstance(default, bool)
-    if number and (minimum is not None or maximum is not None):
+    if number and not number_or_word and (minimum is not None or maximum is not None):
         if isinstance(default, int):
             descriptor.integer_range = [
                 IntegerRange(

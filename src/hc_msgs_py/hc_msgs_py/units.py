@@ -24,6 +24,14 @@ def m_from_mm(value: float) -> float:
     return value / METRE_IN_MM
 
 
+def sent_mm(value: float) -> float:
+    """Return a length in mm as somebody reads it who got it over a topic in metres.
+
+    The last bit may differ from what was sent.
+    """
+    return value / METRE_IN_MM * METRE_IN_MM
+
+
 def nanoseconds_from_stamp(stamp: Any) -> int:
     """Return a builtin_interfaces/Time as whole nanoseconds."""
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)

@@ -7,10 +7,12 @@ thread's (pacing.py).
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
@@ -26,9 +28,13 @@ from hc_sim_rig.outputs_node import Outputs
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.remote_side_node import RemoteSide
 from hc_sim_rig.rig import Rig
+from hc_sim_rig.scenario import load_scenario
 from hc_sim_rig.schema import ScenarioError
 from hc_sim_rig.settings import SETTINGS
 from hc_sim_rig.simulated_time_node import SimulatedTime
+
+SCENARIO_PERIOD_S = 0.05
+"""Between two looks at whether another scenario is wanted."""
 
 
 class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
@@ -45,6 +51,9 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._options = options = declare_options(self)
         self._rig = Rig(options.scenario, options.seed, options.side)
         self._rig.warm_up()
+        self._changing = threading.Lock()
+        self._setting_names: list[str] = []
+        self._next_rig: Rig | None = None
         self._declare_settings()
         self._outputs = Outputs(self, with_sensors=options.side != "master")
         self._published_before = 0
@@ -58,25 +67,38 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._remote = None
         if options.side != "both":
             self._remote = RemoteSide(self, self._rig, options.remote_topic)
-        self._sampler = DeadlineThread(
-            self._rig.rate_hz * options.rate,
-            self._publish,
-            time.time_ns,  # the node's clock, unless that is the simulated one made here
-        )
+        self._sampler = self._make_sampler()
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._missing)
         self.add_on_set_parameters_callback(self._check_settings)
         self.add_post_set_parameters_callback(self._apply_settings)
         name = f"rig {options.scenario.name}"
         self._diagnostics = DiagnosticsPublisher(self, name, self._status)
+        # Parameters are not undeclared inside a parameter callback: a timer changes the scenario.
+        self.create_timer(
+            SCENARIO_PERIOD_S, self._change_scenario, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         if not options.start_paused:
             self._begin()
 
+    def _make_sampler(self) -> DeadlineThread:
+        return DeadlineThread(
+            self._rig.rate_hz * self._options.rate,
+            self._publish,
+            time.time_ns,  # the node's clock, unless that is the simulated one made here
+        )
+
     def _declare_settings(self) -> None:
-        """Declare what may change while the rig runs."""
+        """Declare what may change while the rig runs; the names of another scenario go."""
         given = {}
+        for name in self._setting_names:
+            if name not in self._rig.settings():
+                self.undeclare_parameter(name)
+        known, self._setting_names = self._setting_names, list(self._rig.settings())
         for name, value in self._rig.settings().items():
             limits = SETTINGS[name]
+            if name in known:
+                continue
             given[name] = declare(
                 self,
                 name,
@@ -86,7 +108,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 maximum=limits.maximum,
                 unit=limits.unit,
             )
-        given["pause"] = declare(self, "pause", False, "let the motion come to rest")
+        if not known:
+            given["pause"] = declare(self, "pause", False, "let the motion come to rest")
         self._rig.start_with(**self._settings_from(given))
 
     def _settings_from(self, values: dict[str, Any]) -> dict[str, float]:
@@ -97,12 +120,56 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return settings
 
     def _check_settings(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse what the rig would refuse."""
+        """Refuse what the rig would refuse; a scenario is loaded here and begins a little later."""
+        values = {p.name: p.value for p in parameters}
         try:
-            self._rig.check(**self._settings_from({p.name: p.value for p in parameters}))
+            if "scenario" in values and len(values) > 1:
+                raise ScenarioError("set the scenario by itself: it brings its own settings")
+            self._rig.check(**self._settings_from(values))
+            if "scenario" in values:
+                self._next_rig = self._rig_of(values["scenario"])
         except ScenarioError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
+
+    def _rig_of(self, name: str) -> Rig:
+        """Return the rig of another scenario, ready to go on at once.
+
+        Raises:
+            ScenarioError: if the node cannot go on with it.
+        """
+        options = self._options
+        if options.side != "both" or options.time != "system":
+            raise ScenarioError(
+                f"the scenario stays as it is with side {options.side}, time {options.time}: "
+                "start the rig anew"
+            )
+        rig = Rig(load_scenario(name), options.seed)
+        if rig.rate_hz != self._rig.rate_hz:
+            raise ScenarioError(
+                f"scenario {name} runs at {rig.rate_hz:g} Hz, this rig at "
+                f"{self._rig.rate_hz:g} Hz: start the rig anew"
+            )
+        rig.warm_up()
+        return rig
+
+    def _change_scenario(self) -> None:
+        """Go on with another scenario from its beginning; samples are counted on."""
+        rig, self._next_rig = self._next_rig, None
+        if rig is None:
+            return
+        with self._changing:
+            self._outputs.first_sequence += self._rig.sequence
+            self._rig = rig
+        self._options = self._options._replace(scenario=rig.scenario)
+        for name, value in rig.settings().items():
+            if name in self._setting_names:
+                self.set_parameters([Parameter(name, value=value)])
+        self._declare_settings()
+        self.get_logger().info(f"scenario {rig.scenario.name}")
+        if self._sampler.started and not self._sampler.running:  # the one before came to its end
+            self._sampler, self._overruns_before = self._make_sampler(), 0
+            self._begin()
 
     def _apply_settings(self, parameters: list[Parameter]) -> None:
         """Let the rig glide to what has been set."""
@@ -142,11 +209,12 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _publish(self, _index: int, stamp_ns: int) -> bool:
         """Take one sample and publish it; the sampler's thread calls this."""
-        if self._rig.finished:
-            return False
-        if self._simulated is not None:
-            stamp_ns = self._simulated.move_to(self._rig.sequence)
-        self._outputs.publish(stamp_ns, self._rig.step())
+        with self._changing:
+            if self._rig.finished:
+                return False
+            if self._simulated is not None:
+                stamp_ns = self._simulated.move_to(self._rig.sequence)
+            self._outputs.publish(stamp_ns, self._rig.step())
         if self._simulated is not None:
             self._simulated.wait()
         return True

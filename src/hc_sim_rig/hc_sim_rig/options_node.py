@@ -1,4 +1,4 @@
-"""Parameters of the indenter node that are fixed at its start."""
+"""Parameters that the indenter node is started with; all but the scenario stay as they are."""
 
 from __future__ import annotations
 
@@ -36,8 +36,7 @@ def declare_options(node: Node) -> Options:
         node,
         "scenario",
         "multisine",
-        "name of a scenario, or path of its YAML file",
-        read_only=True,
+        "name of a scenario, or path of its YAML file; changes while it runs, at the same rate",
     )
     scenario = load_scenario(name)
     options = Options(

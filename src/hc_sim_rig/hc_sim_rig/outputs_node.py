@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import PointStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample, IndenterTruth
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -10,17 +10,25 @@ from sensor_msgs.msg import JointState
 from hc_msgs_py.conversion import fill_force
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TRUTH, WRENCH
+from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TIP, TRUTH, WRENCH
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder
 from hc_sim_rig.records import RigSample
 
 LISTENERS_EVERY = 20
 """Samples between two looks at who listens to the topics that not everybody needs."""
+TIP_EVERY = 10
+"""Samples between two positions of the tip: sideways it is slow."""
+FRAME_STAGE = "stage"
 
 
 class Outputs:
-    """Publishes samples; what nobody listens to is not even made."""
+    """Publishes samples; what nobody listens to is not even made.
+
+    Attributes:
+        published: samples published.
+        first_sequence: sequence of the rig's first sample; not 0 once the scenario was changed.
+    """
 
     def __init__(self, node: Node, with_sensors: bool) -> None:
         """Make the publishers and declare whom ~/ready waits for.
@@ -35,16 +43,20 @@ class Outputs:
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
         self._joints = node.create_publisher(JointState, JOINT_STATES, SAMPLE_QOS)
+        self._tip = node.create_publisher(PointStamped, TIP, SAMPLE_QOS)
         self._sample_encoder = SampleEncoder()
         self._truth_encoder = TruthEncoder()
         self._wrench_message = WrenchStamped()
         self._wrench_message.header.frame_id = FRAME_INDENTER_TIP
         self._joints_message = JointState(name=["master", "slave"])
+        self._tip_message = PointStamped()
+        self._tip_message.header.frame_id = FRAME_STAGE
         self._by_topic = {
             SAMPLE: self._sample,
             TRUTH: self._truth,
             WRENCH: self._wrench,
             JOINT_STATES: self._joints,
+            TIP: self._tip,
         }
         for topic in self._by_topic:
             declare(
@@ -56,6 +68,7 @@ class Outputs:
                 maximum=1000,
             )
         self.published = 0
+        self.first_sequence = 0
 
     def missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
@@ -73,6 +86,7 @@ class Outputs:
             self._truth_wanted = self._truth.get_subscription_count() > 0
             self._wrench_wanted = self._wrench.get_subscription_count() > 0
             self._joints_wanted = self._joints.get_subscription_count() > 0
+            self._tip_wanted = self._tip.get_subscription_count() > 0
         if self._with_sensors:
             self._publish_sensors(stamp_ns, sample)
         if self._joints_wanted:
@@ -81,7 +95,7 @@ class Outputs:
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read, and the truth behind it."""
-        sequence = sample.sequence
+        sequence = self.first_sequence + sample.sequence
         self._sample.publish(
             self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
         )
@@ -90,6 +104,16 @@ class Outputs:
         if self._wrench_wanted:
             fill_force(self._wrench_message, stamp_ns, sample.force_n)
             self._wrench.publish(self._wrench_message)
+        if self._tip_wanted and self.published % TIP_EVERY == 0:
+            self._publish_tip(stamp_ns, sample)
+
+    def _publish_tip(self, stamp_ns: int, sample: RigSample) -> None:
+        """Publish where the tip is: x sideways, z up, so that penetration is negative."""
+        set_stamp(self._tip_message.header.stamp, stamp_ns)
+        point = self._tip_message.point
+        point.x = sample.lateral_mm / METRE_IN_MM
+        point.z = -sample.slave.position_mm / METRE_IN_MM
+        self._tip.publish(self._tip_message)
 
     def _publish_joints(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish both joints; of a side that is on another host, what this one knows."""

@@ -12,8 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
+from hc_msgs_py.plain_yaml import PlainYamlError, read_plain_yaml
 from hc_sim_rig.drives import Stage, Teleoperation
 from hc_sim_rig.layout import HISTORY
 from hc_sim_rig.motions import Motion
@@ -116,22 +115,19 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     """
     text = str(path_or_name)
     path = Path(text)
-    if path.suffix not in (".yaml", ".yml") and not path.is_file():
-        path = SCENARIO_FOLDER / f"{text}.yaml"
-        if not path.is_file():
-            raise ScenarioError(
-                f"no scenario {text!r}; known: {', '.join(available_scenarios())}, "
-                "or the path of a .yaml file"
-            )
     try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        if path.suffix not in (".yaml", ".yml") and not path.is_file():
+            path = SCENARIO_FOLDER / f"{text}.yaml"
+            if not path.is_file():
+                raise ScenarioError(
+                    f"no scenario {text!r}; known: {', '.join(available_scenarios())}, "
+                    "or the path of a .yaml file"
+                )
+        data = read_plain_yaml(path)
     except OSError as error:
         raise ScenarioError(f"cannot read scenario {path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ScenarioError(f"scenario {path} is not a text file in UTF-8") from None
-    except yaml.YAMLError as error:
-        problem = " ".join(str(error).split())
-        raise ScenarioError(f"scenario {path} is not YAML: {problem}") from None
+    except PlainYamlError as error:
+        raise ScenarioError(f"scenario {path} is not YAML: {error}") from None
     try:
         if isinstance(data, dict):
             data.setdefault("name", path.stem)

@@ -107,10 +107,10 @@ def _soak(arguments: argparse.Namespace) -> int:
 
     minutes = arguments.minutes if arguments.without_kills else arguments.minutes / 2.0
     reports: dict[str, Any] = {}
-    with Display(enabled=True) as display:
+    with Display(enabled=True, with_keys=False) as display:
         reports["steady"] = run_soak(minutes, seed=arguments.seed, show=display.show)
     if not arguments.without_kills:
-        with Display(enabled=True) as display:
+        with Display(enabled=True, with_keys=False) as display:
             reports["kills"] = run_kills(minutes, seed=arguments.seed, show=display.show)
     _show({name: report.as_dict() for name, report in reports.items()}, arguments.json)
     return 0 if all(report.passed for report in reports.values()) else FAILURE

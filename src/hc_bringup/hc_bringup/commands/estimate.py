@@ -54,6 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.summary import to_json
+    from hc_estimator.input.sanity import check_samples
 
     if arguments.verify:
         return _verify(arguments)
@@ -61,7 +62,8 @@ def run(arguments: argparse.Namespace) -> int:
     estimator = make_estimator(arguments)
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
-    for line in recording.findings.lines():
+    suspicions = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
+    for line in (*recording.findings.lines(), *(s.sentence for s in suspicions)):
         print(f"{arguments.input}: {line}", file=sys.stderr)
     estimator.warm_up()
     start = time.perf_counter()
@@ -73,6 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     reason = why_no_result(summary)
     if reason:
         raise UserError(f"{arguments.input}: {reason}")
+    summary["suspicions"] = [
+        {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
+    ]
     print(to_json(summary) if arguments.json else _text(summary))
     return 0
 
@@ -83,15 +88,7 @@ def _verify(arguments: argparse.Namespace) -> int:
     from hc_logger.errors import BagError
     from hc_logger.verify import verify
 
-    if any(
-        (
-            arguments.filter,
-            arguments.state_space,
-            arguments.contact_model,
-            arguments.param,
-            recording_input.is_given(arguments),
-        )
-    ):
+    if is_asked_for(arguments):
         raise UserError(
             "--verify takes filter, settings and zeros from the bag: leave the others away",
             WRONG_USE,
@@ -115,6 +112,19 @@ def _verify(arguments: argparse.Namespace) -> int:
     else:
         print("\n".join(report.lines()))
     return 0 if report.equal else FAILURE
+
+
+def is_asked_for(arguments: argparse.Namespace) -> bool:
+    """Whether options ask for estimates made anew, rather than those recorded."""
+    return any(
+        (
+            arguments.filter,
+            arguments.state_space,
+            arguments.contact_model,
+            arguments.param,
+            recording_input.is_given(arguments),
+        )
+    )
 
 
 def make_estimator(arguments: argparse.Namespace) -> Any:
@@ -178,6 +188,8 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "parameters": named(last.parameters),
         "parameters_std": named(last.parameters_std),
         "identifiability": named(last.identifiability),
+        "channel_delay": float(last.channel_delay),
+        "channel_delay_std": float(last.channel_delay_std),
         "changes_detected": int(np.count_nonzero(series.change_detected)),
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
         "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
@@ -206,7 +218,7 @@ def why_no_result(summary: dict[str, Any]) -> str:
 
 
 def _text(summary: dict[str, Any]) -> str:
-    from hc_bringup.summary import parameter_lines
+    from hc_bringup.summary import delay_lines, parameter_lines
 
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     return "\n".join(
@@ -217,6 +229,7 @@ def _text(summary: dict[str, Any]) -> str:
             *parameter_lines(
                 summary["parameters"], summary["parameters_std"], summary["identifiability"]
             ),
+            *delay_lines(summary),
             "after the first second of contact: force error "
             f"{1e3 * summary['force_predicted_rmse_n']:.1f} mN one step ahead, "
             f"{1e3 * summary['force_reconstructed_rmse_n']:.1f} mN after the update; "

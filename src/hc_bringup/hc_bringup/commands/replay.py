@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         print("keys: space pauses, right plays the next message, up and down change the rate")
     with (
         terminal_restored(),
-        Display(enabled=not arguments.headless, with_latency=False) as display,
+        Display(enabled=not arguments.headless, with_latency=False, with_keys=False) as display,
     ):
         state = Runner(plan, display.show).run()
     # Stamps are those of the recording, so there is no latency to speak of.

@@ -5,16 +5,22 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import os
+import shlex
+import sys
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import seconds
 from hc_bringup.parameter_file import read_yaml
 
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
+LONGEST_PICTURED_S = 600.0
+"""Of a longer run no picture is drawn at the end: reading the bag would take too long."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -34,6 +40,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--scenario", metavar="NAME", help="scenario of the rig")
     parser.add_argument("--headless", action="store_true", help="no live display")
+    parser.add_argument(
+        "--dashboard",
+        action=argparse.BooleanOptionalAction,
+        default=None,
+        help="live page in a browser; its address is printed (default: in a terminal)",
+    )
+    dashboard.add_options(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
 
@@ -64,11 +77,82 @@ def run(arguments: argparse.Namespace) -> int:
         )
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
-    with Display(enabled=not arguments.headless) as display:
+    if _wants_page(arguments):
+        plan = with_dashboard(plan, arguments)
+    with Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display:
         state = Runner(plan, display.show).run()
     names = [node.name for node in plan.nodes]
     conclude(state, names, bag, as_json=arguments.json, with_latency=True)
+    if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
+        show_ending(bag)
     return 0
+
+
+def show_ending(bag: Path) -> None:
+    """Print a picture of what was felt, a sentence about it, and how to look closer."""
+    from rich.console import Console
+
+    from hc_bringup.run_data import recorded
+    from hc_bringup.terminal.ending import ending
+    from hc_logger.errors import BagError
+    from hc_logger.recording import read_recording
+
+    console = Console(highlight=False)
+    try:
+        data = recorded(read_recording(bag))
+    except (BagError, UserError) as error:
+        console.print(f"no picture of this run: {error}", soft_wrap=True, markup=False)
+        return
+    if data is None or not (data.contact & data.used).any():
+        return
+    console.print()
+    for line in ending(data, console.width):
+        console.print(line, soft_wrap=True)
+    name = shlex.quote(os.path.relpath(bag))
+    console.print(
+        f"Look closer: hc report {name} -o report.html    touch it yourself: hc run --control",
+        soft_wrap=True,
+        markup=False,
+    )
+
+
+def _wants_page(arguments: argparse.Namespace) -> bool:
+    """Whether the live page is served: where it was asked for, or where somebody sits."""
+    if arguments.dashboard is not None:
+        return bool(arguments.dashboard)
+    quiet = arguments.headless or arguments.json
+    return arguments.control or (sys.stderr.isatty() and not quiet)
+
+
+def with_dashboard(plan: Any, arguments: argparse.Namespace) -> Any:
+    """Return a plan in which the live page is served; a page that dies does not end the run.
+
+    The token goes by the environment: parameters can be read by every node, and what a bag says of
+    its run is for everybody.
+    """
+    from hc_bringup.dashboard.security import TOKEN_VARIABLE, new_token
+    from hc_bringup.plan import NodePlan
+    from hc_msgs_py.topics import NODE_DASHBOARD
+
+    if plan.node(NODE_DASHBOARD) is not None:
+        return plan
+    os.environ.setdefault(TOKEN_VARIABLE, new_token())
+    page = NodePlan(
+        NODE_DASHBOARD,
+        "hc_bringup.dashboard.node",
+        parameters=dashboard.node_parameters(arguments),
+        respawn=True,
+    )
+    return dataclasses.replace(plan, nodes=(*plan.nodes, page))
+
+
+def scenario_name(plan: Any) -> str:
+    """Return the name of the rig's scenario; empty without a rig."""
+    rig = plan.node("indenter")
+    if rig is None:
+        return ""
+    settings = file_parameters(rig) | dict(rig.parameters)
+    return Path(str(settings.get("scenario", "multisine"))).stem
 
 
 def new_bag_folder(given: str | None) -> Path:

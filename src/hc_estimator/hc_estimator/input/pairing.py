@@ -72,7 +72,8 @@ class Pairer:
     def add_position(self, stamp_ns: int, displacement_mm: float) -> list[Paired]:
         """Take in a displacement reading; return the samples that it completes."""
         if stamp_ns < self._newest_position - JUMP_NS:
-            self._start_over()
+            self.counters.resets += 1
+            self.clear()
         self._newest_position = max(self._newest_position, stamp_ns)
         insort(self._positions, (stamp_ns, displacement_mm))
         return self._release()
@@ -80,7 +81,8 @@ class Pairer:
     def add_force(self, stamp_ns: int, force_n: float) -> list[Paired]:
         """Take in a force reading; return the samples that are complete."""
         if stamp_ns < self._newest_force - JUMP_NS:
-            self._start_over()
+            self.counters.resets += 1
+            self.clear()
         if stamp_ns <= self._released:
             self.counters.late += 1
             return []
@@ -92,8 +94,8 @@ class Pairer:
         """Leave a gap in the numbers for forces that were left out before they came here."""
         self._sequence += number
 
-    def _start_over(self) -> None:
-        self.counters.resets += 1
+    def clear(self) -> None:
+        """Drop what waits: readings to come are of other sensors, or read otherwise."""
         self.counters.unpaired += len(self._forces)
         self._positions.clear()
         self._forces.clear()

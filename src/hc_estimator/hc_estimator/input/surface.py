@@ -39,11 +39,17 @@ class SurfaceFinder:
     """Takes samples of an approach from free motion into the tissue; used like a Tare."""
 
     def __init__(self) -> None:
+        self._approach: list[tuple[float, float]] = []
+        self._start_over()
+
+    def _start_over(self) -> None:
         self._free = 0
         self._zero = 0.0
         self._variance = 0.0
         self._above = 0
-        self._approach: list[tuple[float, float]] = []
+        self._below = 0
+        self._approach.clear()
+        self._first: list[float] = []  # readings until the free ones are sure
 
     def add(self, displacement_mm: float, force_n: float) -> TareResult | None:
         """Take in a sample; return force zero and surface once the tool has pressed enough.
@@ -53,10 +59,18 @@ class SurfaceFinder:
         """
         if not (math.isfinite(displacement_mm) and math.isfinite(force_n)):
             return None
+        if self._free < FREE_SAMPLES:
+            self._begin(force_n)
+            return None
         deviation = math.sqrt(self._variance)
         excess = force_n - self._zero
-        if self._free < FREE_SAMPLES or excess <= CLEAR * deviation:
-            self._take_free(displacement_mm, force_n)
+        self._below = self._below + 1 if excess < -CLEAR * deviation else 0
+        if self._below >= CONFIRMATIONS:
+            # What was taken for free motion was a press: the tool has left the tissue now.
+            self._start_over()
+            return None
+        if excess <= CLEAR * deviation:
+            self._take_free(force_n)
             return None
         self._above += 1
         self._approach.append((displacement_mm, excess))
@@ -65,17 +79,32 @@ class SurfaceFinder:
             return None
         return self._fit(deviation)
 
-    def _take_free(self, displacement_mm: float, force_n: float) -> None:
+    def _begin(self, force_n: float) -> None:
+        """Collect the first readings; while the force falls or rises the tool is in contact."""
+        self._first.append(force_n)
+        if len(self._first) < FREE_SAMPLES:
+            return
+        force = np.array(self._first)
+        half = FREE_SAMPLES // 2
+        noise = float(np.std(np.diff(force))) / math.sqrt(2.0)
+        change = float(np.mean(force[:half]) - np.mean(force[half:]))
+        if abs(change) > CLEAR * noise * math.sqrt(2.0 / half):
+            del self._first[:half]
+            return
+        self._free = FREE_SAMPLES
+        self._zero = float(np.mean(force))
+        self._variance = float(np.var(force))
+
+    def _take_free(self, force_n: float) -> None:
         if self._above:
             self._above = 0
             self._approach.clear()
         self._free += 1
         weight = max(1.0 / self._free, FORGETTING)
-        before = force_n - self._zero
-        if self._free > FREE_SAMPLES:  # or the beginning of a contact would drag zero and noise
-            limit = LARGEST_TERM * math.sqrt(self._variance)
-            before = min(max(before, -limit), limit)
-            force_n = self._zero + before
+        # The beginning of a contact must not drag zero and noise along.
+        limit = LARGEST_TERM * math.sqrt(self._variance)
+        before = min(max(force_n - self._zero, -limit), limit)
+        force_n = self._zero + before
         self._zero += weight * before
         self._variance += weight * (before * (force_n - self._zero) - self._variance)
 

@@ -36,18 +36,37 @@ class EstimationSession:
         contacts: the contact that goes on and the number of contacts.
         computation: wall times of the estimation steps since `computation.clear()`.
         revision: the revision in force.
+        loaded: the state that was gone on from last; None if there was none.
+        silent_s: for how long no sample came, when it was looked at last.
+        started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
     """
 
     def __init__(
-        self, estimator: Estimator, listener: Listener, settings: SessionSettings | None = None
+        self,
+        estimator: Estimator,
+        listener: Listener,
+        settings: SessionSettings | None = None,
+        *,
+        revisions_before: int = 0,
     ) -> None:
+        """Make a session that has not begun.
+
+        Args:
+            estimator: to be fed.
+            listener: hears what comes of it.
+            settings: how to judge the stream.
+            revisions_before: revisions of the sessions before this one, to count on from.
+        """
         self.estimator = estimator
         self.counters = Counters()
         self.guard = StreamGuard(maximum_gap_ns=1)
         self.contacts = ContactTracker()
         self.computation = DurationHistogram()
-        self.revision = Revision(0, 0, 0, Cause.STARTED)
+        self.revision = Revision(revisions_before, 0, 0, Cause.STARTED)
+        self.started = False
+        self.loaded: Mapping[str, Any] | None = None
+        self.silent_s = 0.0
         self.last_estimate: Estimate | None = None
         self._listener = listener
         self._origin_ns: int | None = None
@@ -77,12 +96,15 @@ class EstimationSession:
         """Announce the first revision."""
         self._revise(Cause.STARTED, None)
 
-    def reset(self, cause: Cause = Cause.RESET, estimator: Estimator | None = None) -> None:
+    def reset(
+        self, cause: Cause = Cause.RESET, estimator: Estimator | None = None, reason: str = ""
+    ) -> None:
         """Start afresh with the same parameters, or with a fresh estimator; time starts anew.
 
         Args:
             cause: why, for the revision.
             estimator: replaces the present one, whose samples are forgotten otherwise.
+            reason: why, for the event.
         """
         self._finish_contact()
         if estimator is None:
@@ -94,7 +116,8 @@ class EstimationSession:
         self.last_estimate = None
         self._revise(cause, None)
         if cause is Cause.RESET:
-            self.report(EventKind.RESET, "the estimator was started afresh")
+            why = f": {reason}" if reason else ""
+            self.report(EventKind.RESET, f"the estimator was started afresh{why}")
 
     def reconfigure(self, parameters: Mapping[str, Any]) -> None:
         """Change parameters of the estimator from the next sample on.
@@ -115,16 +138,12 @@ class EstimationSession:
         self._revise(Cause.RECONFIGURED, self._origin_ns)
         self.report(EventKind.RECONFIGURED, what)
 
-    def load(
-        self, state: Mapping[str, Any], time_origin_ns: int, revision: int | None = None
-    ) -> None:
+    def load(self, state: Mapping[str, Any], time_origin_ns: int) -> None:
         """Go on from a saved state of an estimator of the same kind.
 
         Args:
             state: what `save` returned.
             time_origin_ns: its time origin, so that the gap since then is seen as one.
-            revision: number of the revision that it was saved under, to count on from; None
-                counts on from the present one.
 
         Raises:
             ValueError: see Estimator.restore; nothing has changed then.
@@ -132,8 +151,7 @@ class EstimationSession:
         self.estimator.restore(state)
         self._finish_contact()
         self._origin_ns = time_origin_ns
-        if revision is not None:
-            self.revision = self.revision._replace(number=revision)
+        self.loaded = state
         self._revise(Cause.STATE_LOADED, time_origin_ns)
         self.report(EventKind.STATE_LOADED, "a saved state was loaded")
 
@@ -191,10 +209,15 @@ class EstimationSession:
         """
         if self._arrival_ns is None:
             return False
-        silent_s = (now_ns - self._arrival_ns) * 1e-9
+        silent_s = self.silent_s = (now_ns - self._arrival_ns) * 1e-9
         if not self._silent and silent_s > self.settings.silence_timeout_s:
             self._silent = True
             self.report(EventKind.INPUT_SILENT, f"no sample for {silent_s:.2f} s")
+        return self._silent
+
+    @property
+    def silent(self) -> bool:
+        """Whether the input counted as silent when it was looked at last."""
         return self._silent
 
     @property
@@ -320,4 +343,5 @@ class EstimationSession:
         first = self.guard.last_stamp_ns is None
         valid_from = 0 if first else self.guard.last_sequence + 1
         self.revision = Revision(number, valid_from, time_origin_ns or 0, cause)
+        self.started = True
         self._listener.on_revision(self.revision)

@@ -1,13 +1,19 @@
 """Saving a session's state and going on from it, in one folder and nowhere else.
 
-Two files: `saved_state.json` is written when somebody asks for it; `running_state.json` is written
-every second or so and removed at a clean end, so that it is there only after a crash.
+`saved_state.json` is written when somebody asks for it; `running_state.json` is written every
+second or so and removed at a clean end, so that it is there only after a crash. Whoever goes on
+from it first puts it on trial under another name: a state that ends the process is found under that
+name at the next start, is set aside as `set_aside_state.json`, and ends no process again.
+
+A file is written under a random name that nobody can have prepared, forced to the disk, and then
+renamed: at any moment there is the old state or the new one, whole.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import tempfile
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +22,12 @@ from hc_estimator.online.session import EstimationSession
 
 SAVED = "saved_state.json"
 RUNNING = "running_state.json"
+ON_TRIAL = "running_state_on_trial.json"
+SET_ASIDE = "set_aside_state.json"
+_NAMES = (SAVED, RUNNING, ON_TRIAL, SET_ASIDE)
 _FORMAT = 1
+LARGEST_BYTES = 100_000_000
+"""A state has some 100 kB; reading one stops here."""
 
 
 class SavedState(NamedTuple):
@@ -26,6 +37,23 @@ class SavedState(NamedTuple):
     time_origin_ns: int
     revision: int
     age_s: float
+
+
+def snapshot(session: EstimationSession) -> dict[str, Any]:
+    """Return a session's state as plain data.
+
+    Raises:
+        ValueError: if there is nothing to save yet.
+    """
+    if session.time_origin_ns is None:
+        raise ValueError("nothing to save: no sample came yet")
+    return {
+        "format": _FORMAT,
+        "time_origin_ns": session.time_origin_ns,
+        "revision": session.revision.number,
+        "saved_at_s": time.time(),
+        "estimator": session.estimator.state(),
+    }
 
 
 class StateFolder:
@@ -51,34 +79,42 @@ class StateFolder:
             ValueError: if there is nothing to save yet.
             OSError: if the file cannot be written.
         """
-        if session.time_origin_ns is None:
-            raise ValueError("nothing to save: no sample came yet")
+        return self.write(name, snapshot(session))
+
+    def write(self, name: str, data: dict[str, Any]) -> Path:
+        """Write what `snapshot` returned, as `save` does; may run in a thread of its own.
+
+        Raises:
+            OSError: if the file cannot be written; an older one is as it was.
+        """
         path = self._path(name)
-        data = {
-            "format": _FORMAT,
-            "time_origin_ns": session.time_origin_ns,
-            "revision": session.revision.number,
-            "saved_at_s": time.time(),
-            "estimator": session.estimator.state(),
-        }
-        temporary = path.with_suffix(".tmp")
-        temporary.write_text(json.dumps(data), encoding="utf-8")
-        os.replace(temporary, path)
+        # mkstemp: a random name, O_EXCL and O_NOFOLLOW, readable by its owner only.
+        descriptor, temporary = tempfile.mkstemp(prefix=".state_", dir=self._folder)
+        try:
+            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+                file.write(json.dumps(data))
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+        self._sync()
         return path
 
     def load(self, name: str) -> SavedState:
         """Read a state file.
 
         Args:
-            name: SAVED or RUNNING.
+            name: SAVED or RUNNING, or ON_TRIAL.
 
         Raises:
             ValueError: if the file is damaged or of another version.
-            OSError: if there is no such file or it cannot be read.
+            OSError: if there is no such file, it is a link, or it cannot be read.
         """
         path = self._path(name)
         try:
-            data = json.loads(path.read_text(encoding="utf-8"))
+            data = json.loads(self._read(path))
             if data["format"] != _FORMAT:
                 raise ValueError(f"format {data['format']!r} instead of {_FORMAT}")
             estimator = dict(data["estimator"])
@@ -90,7 +126,7 @@ class StateFolder:
                 int(data["revision"]),
                 time.time() - float(data["saved_at_s"]),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path} is no state of an estimator: {error}") from error
 
     def exists(self, name: str) -> bool:
@@ -101,7 +137,47 @@ class StateFolder:
         """Remove a state file if there is one."""
         self._path(name).unlink(missing_ok=True)
 
+    # A state on trial.
+
+    def begin_trial(self) -> None:
+        """Put the running state on trial: should it end this process, it is found there."""
+        self._rename(RUNNING, ON_TRIAL)
+
+    def end_trial(self) -> None:
+        """The state on trial did no harm; it is the running one again if there is no newer."""
+        if self.exists(RUNNING):
+            self.remove(ON_TRIAL)
+        elif self.exists(ON_TRIAL):
+            self._rename(ON_TRIAL, RUNNING)
+
+    def set_aside(self) -> Path | None:
+        """Set aside a state on trial; returns where it is now, or None if there is none."""
+        if not self.exists(ON_TRIAL):
+            return None
+        self._rename(ON_TRIAL, SET_ASIDE)
+        return self._path(SET_ASIDE)
+
+    def _rename(self, name: str, other: str) -> None:
+        os.replace(self._path(name), self._path(other))
+        self._sync()
+
+    def _read(self, path: Path) -> str:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK)
+        with os.fdopen(descriptor, "rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
+        if len(data) > LARGEST_BYTES:
+            raise ValueError(f"it has more than {LARGEST_BYTES} bytes")
+        return data.decode("utf-8")
+
+    def _sync(self) -> None:
+        """Force the folder's entries to the disk."""
+        descriptor = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
     def _path(self, name: str) -> Path:
-        if name not in (SAVED, RUNNING):  # names are ours alone: no path comes from a client
+        if name not in _NAMES:  # names are ours alone: no path comes from a client
             raise ValueError(f"{name!r} is no state file")
         return self._folder / name

@@ -9,6 +9,9 @@ from typing import NamedTuple, Protocol
 from hc_estimator.estimate import Estimate, Rejection
 from hc_estimator.online.contacts import ContactSummary
 
+LOADED_STATE = "loaded_state"
+"""Name in a configuration for the state that was loaded: with it the estimates can be repeated."""
+
 
 class EventKind(IntEnum):
     """What happened; the numbers of hc_msgs/EstimatorEvent."""
@@ -30,6 +33,8 @@ class EventKind(IntEnum):
     TARED = 15
     STATE_LOADED = 16
     MODEL_MISMATCH = 17
+    TARE_REFUSED = 18
+    INPUT_SUSPECT = 19
 
 
 class Cause(IntEnum):

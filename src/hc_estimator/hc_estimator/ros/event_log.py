@@ -23,6 +23,8 @@ _WARNINGS = frozenset(
         EventKind.SOURCE_CONFLICT,
         EventKind.SAMPLES_SKIPPED,
         EventKind.MODEL_MISMATCH,
+        EventKind.TARE_REFUSED,
+        EventKind.INPUT_SUSPECT,
     )
 )
 

@@ -1,19 +1,15 @@
-"""The topic indenter/sample as the node's input, and what every input has in common.
-
-The queue is bounded by the topic's depth. When the node cannot keep up, the newest samples are
-worth more than the oldest: those beyond the allowed backlog are left out and counted.
-"""
+"""The topic indenter/sample as the node's input, and what every input has in common."""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 
-from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
+from hc_estimator.input.contact_frame import NormalFinder
+from hc_estimator.ros.channel import Channel
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.wire import SampleDecoder
 
@@ -32,19 +28,27 @@ class Receiver(Protocol):
     def on_frame(self, frame_id: str) -> None:
         """Hear that the samples are in another frame from now on."""
 
+    def on_failure(self, error: Exception) -> None:
+        """Hear that a message could not be dealt with for a fault of this program."""
+
 
 class Input(Protocol):
     """What the node needs of an input.
 
     Attributes:
         position: newest position of the tip [m] and its frame; None when no pose is received.
+        undecodable: messages that were none.
+        normal_finder: gets the force vectors while it is there; None if nobody looks for a normal,
+            or the input has no such vectors.
     """
 
     position: tuple[tuple[float, float, float], str] | None
+    undecodable: int
+    normal_finder: NormalFinder | None
 
     @property
-    def publishers(self) -> Mapping[str, int]:
-        """Matched publishers by topic."""
+    def channels(self) -> Sequence[Channel]:
+        """The topics that it listens to."""
 
     @property
     def counters(self) -> Mapping[str, int]:
@@ -54,99 +58,57 @@ class Input(Protocol):
         """Take other settings that do not need other subscriptions."""
 
     def close(self) -> None:
-        """Stop listening."""
-
-
-class Drain:
-    """Takes all messages that wait in a subscription, so that a backlog can be seen.
-
-    The executor hands messages over one at a time and does not say how many wait.
-
-    Attributes:
-        maximum_backlog: messages that may wait; more are skipped, the oldest first.
-    """
-
-    def __init__(self, skip: Callable[[int], None]) -> None:
-        self.maximum_backlog = STREAM_DEPTH
-        self._skip = skip
-        self._waiting: deque[Any] = deque()
-
-    def take(
-        self, subscription: Any, message_type: Any, first: Any = None, *, raw: bool = False
-    ) -> deque[Any]:
-        """Return the first message and all that wait behind it, but for those to be skipped.
-
-        Args:
-            subscription: subscription to take from.
-            message_type: its type.
-            first: message that the executor handed over; None if it did not.
-            raw: take the messages' bytes.
-        """
-        waiting = self._waiting
-        if first is not None:
-            waiting.append(first)
-        handle = subscription.handle
-        with handle:
-            while len(waiting) <= STREAM_DEPTH:
-                taken = handle.take_message(message_type, raw)
-                if taken is None:
-                    break
-                waiting.append(taken[0])
-        surplus = len(waiting) - self.maximum_backlog
-        if surplus > 0:
-            for _ in range(surplus):
-                waiting.popleft()
-            self._skip(surplus)
-        return waiting
+        """Stop listening; a message that was on its way is not handed on."""
 
 
 class SampleInput:
     """Subscribes to indenter/sample and hands every sample on, less the zeros."""
 
     def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        """Start listening.
+
+        Raises:
+            SubscriptionError: if the topic cannot be subscribed to.
+        """
         self.position: tuple[tuple[float, float, float], str] | None = None
-        self._node = node
+        self.undecodable = 0
+        self.normal_finder: NormalFinder | None = None
         self._receiver = receiver
-        self._drain = Drain(receiver.on_skip)
         self._decoder = SampleDecoder()
-        self._undecodable = 0
-        self.configure(values)
         self._frame_id = ""
-        self._subscription = node.create_subscription(
-            IndenterSample, SAMPLE, self._on_message, SAMPLE_QOS, raw=True
+        self._channel = Channel(
+            node,
+            IndenterSample,
+            SAMPLE,
+            self._take,
+            skip=receiver.on_skip,
+            fail=receiver.on_failure,
+            raw=True,
         )
+        self.channels = (self._channel,)
+        self.configure(values)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other zeros and another limit of the backlog."""
         self._force_zero = values["input.force.zero"]
         self._position_zero = values["input.position.zero"]
-        self._drain.maximum_backlog = values["input.maximum_backlog"]
-
-    @property
-    def publishers(self) -> Mapping[str, int]:
-        """Matched publishers by topic."""
-        return {SAMPLE: self._subscription.get_publisher_count()}
+        self._channel.maximum_backlog = values["input.maximum_backlog"]
 
     @property
     def counters(self) -> Mapping[str, int]:
         """Messages that were none."""
-        return {"undecodable": self._undecodable}
+        return {"undecodable": self.undecodable}
 
     def close(self) -> None:
         """Stop listening."""
-        self._node.destroy_subscription(self._subscription)
-
-    def _on_message(self, data: bytes) -> None:
-        waiting = self._drain.take(self._subscription, IndenterSample, data, raw=True)
-        while waiting:
-            self._take(waiting.popleft())
+        self._channel.close()
 
     def _take(self, data: bytes) -> None:
         decoder = self._decoder
         try:
             stamp_ns, sequence, displacement_mm, force_n = decoder.decode(data)
         except ValueError:
-            self._undecodable += 1
+            self.undecodable += 1
             return
         if decoder.frame_id != self._frame_id:
             self._frame_id = decoder.frame_id
@@ -154,3 +116,22 @@ class SampleInput:
         self._receiver.on_sample(
             stamp_ns, sequence, displacement_mm - self._position_zero, force_n - self._force_zero
         )
+
+
+def missing_publishers(channels: Sequence[Channel], expected: int) -> list[str]:
+    """Say of each topic that has fewer publishers than expected how many it has."""
+    return [
+        f"{channel.topic} has {found} of {expected} publishers"
+        for channel in channels
+        if (found := channel.publishers) < expected
+    ]
+
+
+def publisher_conflict(channels: Sequence[Channel]) -> str:
+    """Say which topics have more than one publisher, and whom is followed; nothing if none has."""
+    return "; ".join(
+        f"{channel.publishers} publishers on {channel.topic} "
+        f"({', '.join(channel.publisher_names)}): follows the one that was first"
+        for channel in channels
+        if channel.publishers > 1
+    )

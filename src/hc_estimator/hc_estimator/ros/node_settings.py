@@ -4,18 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from typing import Any
 
-from rclpy.exceptions import InvalidTopicNameException
-from rclpy.validate_topic_name import validate_topic_name
-
-from hc_estimator.input.mapping import AXES, make_mapping
-from hc_estimator.input.mapping import Mapping as AxisMapping
+from hc_estimator.input.mapping import AXES
 from hc_estimator.online.vocabulary import SessionSettings
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
-
 
 NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
     (
@@ -24,8 +18,38 @@ NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
         "input.position.topic",
         "input.position.type",
         "input.publish_samples",
+        "input.contact.frame",
+        "input.contact.normal_from",
+        "input.contact.topic",
     )
 )
+
+
+READING = frozenset(
+    (
+        "input.source",
+        "input.position.type",
+        "input.position.joint",
+        "input.position.child_frame",
+        "input.contact.frame",
+        "input.contact.point",
+        "input.contact.normal",
+        "input.contact.normal_from",
+        "input.contact.topic",
+        "input.tool.tip",
+        "input.force.mounting",
+        "input.force.in_base",
+        "input.payload.mass",
+        "input.payload.force_bias",
+        "input.gravity",
+        *(
+            f"input.{sensor}.{name}"
+            for sensor in ("force", "position")
+            for name in ("topic", "axis", "direction", "sign", "scale", "zero", "time_offset")
+        ),
+    )
+)
+"""Settings that say how a sensor is read: what was learnt with others belongs to other readings."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,6 +179,68 @@ NODE_SETTINGS = _table(
         "For type transform: only transforms of this child frame; empty takes all.",
     ),
     NodeSetting(
+        "input.contact.frame",
+        "sensor",
+        "sensor: depth and force along axes of their sensors; surface: along the normal of a "
+        "surface, the wrench turned by the pose's attitude and freed of the payload's weight.",
+        choices=("sensor", "surface"),
+    ),
+    NodeSetting(
+        "input.contact.point",
+        [0.0, 0.0, 0.0],
+        "A point of the surface in the base frame, that of the pose; its position.zero adds [m].",
+    ),
+    NodeSetting(
+        "input.contact.normal",
+        [0.0, 0.0, 1.0],
+        "Normal of the surface, out of the tissue, in the base frame; any length.",
+    ),
+    NodeSetting(
+        "input.contact.normal_from",
+        "setting",
+        "Where the normal comes from: setting: input.contact.normal; topic: the z axis of a pose; "
+        "find_surface: the direction in which the tissue pushes during ~/find_surface.",
+        choices=("setting", "topic", "find_surface"),
+    ),
+    NodeSetting(
+        "input.contact.topic",
+        "surface_pose",
+        "Topic of the surface's pose, geometry_msgs/PoseStamped: point and normal (z axis).",
+    ),
+    NodeSetting(
+        "input.tool.tip",
+        [0.0, 0.0, 0.0],
+        "Tip of the tool in the frame of the pose [m]; for contact frame surface.",
+    ),
+    NodeSetting(
+        "input.force.mounting",
+        [0.0, 0.0, 0.0, 1.0],
+        "Attitude of the force sensor in the frame of the pose, quaternion x, y, z, w.",
+    ),
+    NodeSetting(
+        "input.force.in_base",
+        False,
+        "The wrench comes in the base frame already (Franka's external wrench, say).",
+    ),
+    NodeSetting(
+        "input.payload.mass",
+        0.0,
+        "What hangs on the force sensor; `hc payload` identifies it.",
+        minimum=-1.0,
+        maximum=1000.0,
+        unit="kg",
+    ),
+    NodeSetting(
+        "input.payload.force_bias",
+        [0.0, 0.0, 0.0],
+        "Reading of the force sensor without load, in its frame [N].",
+    ),
+    NodeSetting(
+        "input.gravity",
+        [0.0, 0.0, -9.81],
+        "Gravity in the base frame [m/s^2].",
+    ),
+    NodeSetting(
         "input.pairing.maximum_wait",
         0.05,
         "A force waits no longer than this for the position after it, then it is dropped.",
@@ -261,6 +347,12 @@ NODE_SETTINGS = _table(
         maximum=1000000,
     ),
     NodeSetting(
+        "tare.force",
+        False,
+        "Take zeros although the tool presses or moves: ~/tare and ~/find_surface refuse it "
+        "otherwise.",
+    ),
+    NodeSetting(
         "state.folder",
         "",
         "Folder for ~/save, ~/load and the state kept for a restart; empty switches these off.",
@@ -289,64 +381,3 @@ NODE_SETTINGS = _table(
         read_only=True,
     ),
 )
-
-
-def check_together(values: Mapping[str, Any]) -> None:
-    """Refuse settings that are each allowed but not together.
-
-    Raises:
-        ValueError: names the settings and what is allowed.
-    """
-    if values["input.maximum_gap"] <= values["input.silence_timeout"]:
-        raise ValueError(
-            f"parameter input.maximum_gap = {values['input.maximum_gap']!r} must be larger than "
-            f"input.silence_timeout = {values['input.silence_timeout']!r}"
-        )
-    if values["input.pairing.maximum_wait"] <= values["input.pairing.reorder_window"]:
-        raise ValueError(
-            "parameter input.pairing.maximum_wait = "
-            f"{values['input.pairing.maximum_wait']!r} must be larger than "
-            f"input.pairing.reorder_window = {values['input.pairing.reorder_window']!r}"
-        )
-    for sensor in ("force", "position"):
-        try:
-            sensor_mapping(values, sensor)
-        except ValueError as error:
-            raise ValueError(f"parameter input.{sensor}.{error}") from error
-        topic = values[f"input.{sensor}.topic"]
-        try:
-            validate_topic_name(topic)
-        except InvalidTopicNameException as error:
-            line = " ".join(str(error).split())
-            raise ValueError(f"parameter input.{sensor}.topic = {topic!r}: {line}") from error
-
-
-def sensor_mapping(values: Mapping[str, Any], sensor: str) -> AxisMapping:
-    """Return the mapping of one of the two sensors, "force" or "position".
-
-    Raises:
-        ValueError: if axis, direction, sign or scale cannot be.
-    """
-    if sensor == "position" and values["input.position.type"] == "joint":
-        axis = "x"  # a joint has one component
-    else:
-        axis = values[f"input.{sensor}.axis"]
-    return make_mapping(
-        axis,
-        values[f"input.{sensor}.direction"],
-        values[f"input.{sensor}.sign"],
-        values[f"input.{sensor}.scale"],
-        values[f"input.{sensor}.zero"],
-    )
-
-
-def session_settings(values: Mapping[str, Any]) -> SessionSettings:
-    """Return the session's part of the settings."""
-    return SessionSettings(
-        silence_timeout_s=values["input.silence_timeout"],
-        maximum_gap_s=values["input.maximum_gap"],
-        rejection_burst=values["input.rejection_burst"],
-        frozen_samples=values["input.frozen_samples"],
-        contact_minimum_s=values["contact.minimum_duration"],
-        contact_release_s=values["contact.release_time"],
-    )

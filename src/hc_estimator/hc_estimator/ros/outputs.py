@@ -5,7 +5,9 @@ Estimates go out as bytes: hc_msgs_py.wire says why.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from typing import Any
 
 from geometry_msgs.msg import WrenchStamped
 from hc_msgs.msg import (
@@ -18,7 +20,7 @@ from rclpy.node import Node
 
 from hc_estimator import Estimate, Estimator, __version__
 from hc_estimator.online import contacts
-from hc_estimator.online.vocabulary import Event, Revision
+from hc_estimator.online.vocabulary import LOADED_STATE, Event, Revision
 from hc_msgs_py.conversion import (
     Configuration,
     fill_contact,
@@ -39,7 +41,7 @@ from hc_msgs_py.wire import EstimateEncoder
 
 
 class Outputs:
-    """The node's publishers.
+    """The node's publishers, which live as long as the node.
 
     Attributes:
         frame_id: frame of the samples.
@@ -47,7 +49,6 @@ class Outputs:
     """
 
     def __init__(self, node: Node) -> None:
-        self._node = node
         self._estimate = node.create_publisher(HuntCrossleyEstimate, ESTIMATE, ESTIMATE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, RECONSTRUCTED_WRENCH, ESTIMATE_QOS)
         self._configuration = node.create_publisher(
@@ -61,17 +62,6 @@ class Outputs:
         self.wrench_wanted = False
         self.frame_id = ""
         self.set_frame(FRAME_INDENTER_TIP)
-
-    def close(self) -> None:
-        """Destroy the publishers."""
-        for publisher in (
-            self._estimate,
-            self._wrench,
-            self._configuration,
-            self._events,
-            self._contacts,
-        ):
-            self._node.destroy_publisher(publisher)
 
     def set_frame(self, frame_id: str) -> None:
         """Name the frame of the samples in what is published from now on."""
@@ -120,7 +110,11 @@ class Outputs:
         return latency_ns
 
     def publish_configuration(
-        self, revision: Revision, estimator: Estimator, zeros: Mapping[str, float]
+        self,
+        revision: Revision,
+        estimator: Estimator,
+        zeros: Mapping[str, float],
+        loaded: Mapping[str, Any] | None = None,
     ) -> None:
         """Publish the configuration in force.
 
@@ -129,7 +123,13 @@ class Outputs:
             estimator: the estimator that has it.
             zeros: what is subtracted from the samples before the estimator sees them, by
                 parameter name; those that are not zero become part of the configuration.
+            loaded: the state that the estimator went on from, for a revision that loaded one; it
+                becomes part of the configuration, as JSON under the name LOADED_STATE.
         """
+        parameters: dict[str, Any] = dict(estimator.configuration)
+        parameters |= {name: zero for name, zero in zeros.items() if zero != 0.0}
+        if loaded is not None:
+            parameters[LOADED_STATE] = json.dumps(loaded)
         self._configuration.publish(
             message_from_configuration(
                 Configuration(
@@ -142,8 +142,7 @@ class Outputs:
                     state_space=estimator.state_space,
                     contact_model=estimator.contact_model,
                     software_version=__version__,
-                    parameters=estimator.configuration
-                    | {name: zero for name, zero in zeros.items() if zero != 0.0},
+                    parameters=parameters,
                 )
             )
         )

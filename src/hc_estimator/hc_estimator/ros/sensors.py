@@ -15,53 +15,110 @@ from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from hc_estimator.input.contact_frame import (
+    NormalFinder,
+    Quaternion,
+    rotated,
+    unit_quaternion,
+)
 from hc_estimator.input.pairing import Paired, Pairer
-from hc_estimator.ros.inputs import Drain, Receiver
-from hc_estimator.ros.node_settings import sensor_mapping
+from hc_estimator.ros.channel import Channel, SubscriptionError
+from hc_estimator.ros.inputs import Receiver
+from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
-from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 from hc_msgs_py.wire import SampleEncoder
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
 
 
 class SensorInput:
-    """Subscribes to two sensors and hands on the samples that they make together."""
+    """Subscribes to two sensors and hands on the samples that they make together.
+
+    With the contact frame `surface`, depth and force are those along the surface's normal: the
+    wrench is turned by the newest attitude of the tool.
+
+    Zeros are taken off whole samples, at the moment when they are handed on: a zero that changes
+    while readings wait for their partner applies to the samples that come after it.
+    """
 
     def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        """Start listening.
+
+        Raises:
+            SubscriptionError: if a topic cannot be subscribed to.
+        """
         self.position: tuple[tuple[float, float, float], str] | None = None
+        self.undecodable = 0
         self._node = node
         self._receiver = receiver
         self._missing_joint = 0
         self._skipped_positions = 0
         self._frame_id = ""
+        self._encoder = SampleEncoder()
         self._pairer = Pairer(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
-        self._drain = Drain(self._on_skip)
-        self._position_drain = Drain(self._on_skipped_positions)
-        self.configure(values)
+        kind = values["input.position.type"]
+        take_position = {
+            "joint": self._take_joints,
+            "pose": self._take_pose,
+            "transform": self._take_transform,
+        }[kind]
+        self._positions = Channel(
+            node,
+            _POSITION_TYPES[kind],
+            values["input.position.topic"],
+            take_position,
+            skip=self._on_skipped_positions,
+            fail=receiver.on_failure,
+        )
+        try:
+            self._forces = Channel(
+                node,
+                WrenchStamped,
+                values["input.force.topic"],
+                self._take_force,
+                skip=self._on_skip,
+                fail=receiver.on_failure,
+            )
+        except SubscriptionError:
+            self._positions.close()
+            raise
+        self.channels = [self._forces, self._positions]
+        self._surface = values["input.contact.frame"] == "surface"
+        if self._surface and values["input.contact.normal_from"] == "topic":
+            try:
+                surface = Channel(
+                    node,
+                    PoseStamped,
+                    values["input.contact.topic"],
+                    self._take_surface,
+                    skip=lambda _number: None,
+                    fail=receiver.on_failure,
+                )
+            except SubscriptionError:
+                self._forces.close()
+                self._positions.close()
+                raise
+            self.channels.append(surface)
         self._samples = None
         if values["input.publish_samples"]:
             self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
-        self._encoder = SampleEncoder()
-        kind = values["input.position.type"]
-        self._position_type = _POSITION_TYPES[kind]
-        self._take_position = {
-            "joint": self._on_joints,
-            "pose": self._on_pose,
-            "transform": self._on_transform,
-        }[kind]
-        self._force = node.create_subscription(
-            WrenchStamped, values["input.force.topic"], self._on_force, SAMPLE_QOS
-        )
-        self._positions = node.create_subscription(
-            self._position_type, values["input.position.topic"], self._take_position, SAMPLE_QOS
-        )
+        self._reading: tuple[Any, ...] = ()
+        self._attitude: Quaternion | None = None
+        self._without_attitude = 0
+        self.normal_finder: NormalFinder | None = None
+        self.configure(values)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other settings that do not need other subscriptions."""
+        self._force_zero = values["input.force.zero"]
+        self._position_zero = values["input.position.zero"]
         self._force_mapping = sensor_mapping(values, "force")
         self._position_mapping = sensor_mapping(values, "position")
+        self._frame = contact_frame(values)
+        self._force_factor = values["input.force.sign"] * values["input.force.scale"]
+        self._position_factor = values["input.position.sign"] * values["input.position.scale"]
         self._force_offset_ns = round(values["input.force.time_offset"] * 1e9)
         self._position_offset_ns = round(values["input.position.time_offset"] * 1e9)
         self._joint = values["input.position.joint"]
@@ -69,16 +126,22 @@ class SensorInput:
         self._pairer.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
         self._pairer.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
         self._pairer.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
-        self._drain.maximum_backlog = values["input.maximum_backlog"]
-        self._position_drain.maximum_backlog = values["input.maximum_backlog"]
-
-    @property
-    def publishers(self) -> Mapping[str, int]:
-        """Matched publishers by topic."""
-        return {
-            subscription.topic_name.lstrip("/"): subscription.get_publisher_count()
-            for subscription in (self._force, self._positions)
-        }
+        for channel in self.channels:
+            channel.maximum_backlog = values["input.maximum_backlog"]
+        reading = (
+            self._force_mapping,
+            self._position_mapping,
+            self._force_offset_ns,
+            self._position_offset_ns,
+            self._joint,
+            self._child_frame,
+            self._frame,
+            self._force_factor,
+            self._position_factor,
+        )
+        if self._reading and reading != self._reading:
+            self._pairer.clear()  # readings of before and after do not belong together
+        self._reading = reading
 
     @property
     def counters(self) -> Mapping[str, int]:
@@ -90,12 +153,13 @@ class SensorInput:
             "pairing_resets": counters.resets,
             "positions_skipped": self._skipped_positions,
             "joint_missing": self._missing_joint,
+            "attitude_missing": self._without_attitude,
         }
 
     def close(self) -> None:
         """Stop listening."""
-        self._node.destroy_subscription(self._force)
-        self._node.destroy_subscription(self._positions)
+        for channel in self.channels:
+            channel.close()
         if self._samples is not None:
             self._node.destroy_publisher(self._samples)
 
@@ -106,25 +170,29 @@ class SensorInput:
     def _on_skipped_positions(self, number: int) -> None:
         self._skipped_positions += number
 
-    def _on_force(self, message: Any) -> None:
+    def _take_force(self, message: Any) -> None:
         # Positions that wait come first: a force must not be given up for want of one that is
         # here already.
-        positions = self._position_drain.take(self._positions, self._position_type)
-        while positions:
-            self._take_position(positions.popleft())
-        waiting = self._drain.take(self._force, WrenchStamped, message)
-        while waiting:
-            one = waiting.popleft()
-            if one.header.frame_id != self._frame_id:
-                self._frame_id = one.header.frame_id
-                self._encoder.set_frame(self._frame_id)
-                self._receiver.on_frame(self._frame_id)
-            force = one.wrench.force
+        self._positions.flush()
+        if message.header.frame_id != self._frame_id:
+            self._frame_id = message.header.frame_id
+            self._encoder.set_frame(self._frame_id)
+            self._receiver.on_frame(self._frame_id)
+        force = message.wrench.force
+        if self._surface:
+            if self._attitude is None:
+                self._without_attitude += 1
+                return
+            felt = self._frame.contact_force((force.x, force.y, force.z), self._attitude)
+            value = self._force_factor * self._frame.along_normal(felt)
+            if self.normal_finder is not None:
+                self.normal_finder.add(felt, value - self._force_zero)
+        else:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
-            stamp_ns = nanoseconds_from_stamp(one.header.stamp) + self._force_offset_ns
-            self._hand_on(self._pairer.add_force(stamp_ns, value))
+        stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
+        self._hand_on(self._pairer.add_force(stamp_ns, value))
 
-    def _on_joints(self, message: Any) -> None:
+    def _take_joints(self, message: Any) -> None:
         index = 0
         if self._joint:
             try:
@@ -138,14 +206,37 @@ class SensorInput:
         value = self._position_mapping.of_scalar(message.position[index] * METRE_IN_MM)
         self._add_position(message.header.stamp, value)
 
-    def _on_pose(self, message: Any) -> None:
-        self._add_point(message.header, message.pose.position)
+    def _take_pose(self, message: Any) -> None:
+        self._add_point(message.header, message.pose.position, message.pose.orientation)
 
-    def _on_transform(self, message: Any) -> None:
+    def _take_transform(self, message: Any) -> None:
         if self._child_frame in ("", message.child_frame_id):
-            self._add_point(message.header, message.transform.translation)
+            moved = message.transform
+            self._add_point(message.header, moved.translation, moved.rotation)
 
-    def _add_point(self, header: Any, point: Any) -> None:
+    def _take_surface(self, message: Any) -> None:
+        """Take point and normal of the surface from now on."""
+        q, point = message.pose.orientation, message.pose.position
+        try:
+            normal = rotated(unit_quaternion((q.x, q.y, q.z, q.w)), (0.0, 0.0, 1.0))
+        except ValueError:
+            self.undecodable += 1
+            return
+        self._frame = self._frame._replace(point=(point.x, point.y, point.z), normal=normal)
+
+    def _add_point(self, header: Any, point: Any, attitude: Any) -> None:
+        if self._surface:
+            try:
+                turned = unit_quaternion((attitude.x, attitude.y, attitude.z, attitude.w))
+            except ValueError:
+                self.undecodable += 1
+                return
+            self._attitude = turned
+            tip = self._frame.tip_at((point.x, point.y, point.z), turned)
+            self.position = (tip, header.frame_id)
+            depth_mm = self._position_factor * self._frame.depth_mm(tip)
+            self._add_position(header.stamp, depth_mm)
+            return
         self.position = ((point.x, point.y, point.z), header.frame_id)
         value = self._position_mapping.of_vector(
             point.x * METRE_IN_MM, point.y * METRE_IN_MM, point.z * METRE_IN_MM
@@ -157,7 +248,12 @@ class SensorInput:
         self._hand_on(self._pairer.add_position(stamp_ns, displacement_mm))
 
     def _hand_on(self, samples: list[Paired]) -> None:
-        for sample in samples:
+        for stamp_ns, sequence, reading_mm, reading_n in samples:
+            # The estimator gets what a recorder gets, to the last bit.
+            displacement_mm = sent_mm(reading_mm - self._position_zero)
+            force_n = reading_n - self._force_zero
             if self._samples is not None:
-                self._samples.publish(self._encoder.encode(*sample))
-            self._receiver.on_sample(*sample)
+                self._samples.publish(
+                    self._encoder.encode(stamp_ns, sequence, displacement_mm, force_n)
+                )
+            self._receiver.on_sample(stamp_ns, sequence, displacement_mm, force_n)

@@ -23,7 +23,8 @@ from hc_estimator import (
     available_state_spaces,
     parameter_specifications,
 )
-from hc_estimator.ros.node_settings import CHOICE_NAMES, NODE_SETTINGS, NodeSetting, check_together
+from hc_estimator.ros.node_settings import CHOICE_NAMES, NODE_SETTINGS, NodeSetting
+from hc_estimator.ros.settings_meaning import check_together
 from hc_msgs_py.node_main import NodeStartError
 from hc_msgs_py.parameters import declare
 
@@ -103,8 +104,13 @@ class Settings:
         return {name: self._values[name] for name in self._own_specifications()}
 
     def fill_defaults(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Pre-set callback: let settings that nobody gave follow the default of a new kind."""
+        """Pre-set callback: let settings that nobody gave follow the default of a new kind.
+
+        A number for a setting that also takes a word becomes a floating-point one, however it was
+        written: ROS does not know its type.
+        """
         self._filled = frozenset()
+        parameters = [self._with_own_type(p) for p in parameters]
         named = {p.name: p.value for p in parameters}
         if not any(name in named for name in CHOICE_NAMES):
             return parameters
@@ -150,6 +156,15 @@ class Settings:
             estimator={n: self._values[n] for n in changed if n in own and own[n].runtime},
             node=frozenset(changed & NODE_SETTINGS.keys()),
         )
+
+    def _with_own_type(self, parameter: Parameter) -> Parameter:
+        specification = self._specifications.get(parameter.name)
+        if specification is None or specification.kind != "auto":
+            return parameter
+        try:
+            return Parameter(parameter.name, value=specification.checked(parameter.value))
+        except ValueError:
+            return parameter  # the on-set callback refuses it with the reason
 
     def _own_specifications(self) -> dict[str, ParameterSpecification]:
         return {s.name: s for s in parameter_specifications(*self.kind)}
@@ -235,6 +250,7 @@ def _declare_specification(node: Node, given: ParameterSpecification, users: str
         maximum=given.maximum,
         choices=given.choices,
         unit="" if given.unit == "1" else given.unit,
+        number_or_word=given.allowed if given.kind == "auto" else "",
     )
 
 

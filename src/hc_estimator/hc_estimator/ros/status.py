@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hc_estimator import PARAMETER_NAMES, Rejection
+from hc_estimator.input.readings import Suspicion
 from hc_estimator.online.histogram import DurationHistogram
 from hc_estimator.online.session import EstimationSession
+from hc_estimator.ros.channel import Channel
+from hc_estimator.ros.inputs import Input
 from hc_msgs_py.diagnostics import Level, Status
 
 _QUANTILES = (("p50", 0.5), ("p99", 0.99))
+WAITING_S = 5.0
+"""So long nobody may have found whom the node waits for without a warning."""
+SHARE_REFUSED = 0.05
+_REFUSED = {
+    Rejection.NOT_FINITE: "a reading is no finite number",
+    Rejection.TIME_REPEATED: "their stamp is that of the sample before",
+    Rejection.TIME_BACKWARD: "their stamp lies before that of the sample before",
+    Rejection.OUT_OF_RANGE: "a reading beyond force_limit or displacement_limit",
+    Rejection.NUMERICAL: "the filter failed numerically",
+}
 
 
 class StatusReporter:
@@ -26,21 +39,21 @@ class StatusReporter:
         self._session = session
         self._total_latency = DurationHistogram()
         self._total_computation = DurationHistogram()
-        self._before = self._counts()
-        self._before_s = time.perf_counter()
+        self._before: dict[str, float] = {}
+        self._before_s = self._started_s = time.perf_counter()
 
-    def collect(self, publishers: Mapping[str, int], counters: Mapping[str, int]) -> Status:
+    def collect(self, source: Input, suspicions: Sequence[Suspicion]) -> Status:
         """Return the status of the time since the last call.
 
         Args:
-            publishers: matched publishers by input topic.
-            counters: what the input itself counted.
+            source: the input of the session.
+            suspicions: what is suspicious about its readings.
         """
         session = self._session
         now_s = time.perf_counter()
         elapsed_s = now_s - self._before_s
-        counts = self._counts()
-        since = {name: counts[name] - self._before[name] for name in counts}
+        counts = self._counts(source)
+        since = {name: counts[name] - self._before.get(name, 0) for name in counts}
         self._before, self._before_s = counts, now_s
         values: dict[str, Any] = {
             "rate_hz": since["received"] / elapsed_s if elapsed_s > 0.0 else 0.0,
@@ -53,6 +66,7 @@ class StatusReporter:
             "time_jumps": session.counters.time_jumps,
             "tissue_changes": session.counters.changes,
             "contacts": session.contacts.contacts,
+            "silent_s": session.silent_s if session.silent else 0.0,
         }
         for reason in Rejection:
             if reason is not Rejection.ACCEPTED:
@@ -61,13 +75,15 @@ class StatusReporter:
         values |= _quantiles("latency", self.latency, self._total_latency)
         values |= _quantiles("computation", session.computation, self._total_computation)
         values |= self._health(since)
-        values |= counters
-        for topic, number in publishers.items():
-            values[f"publishers of {topic}"] = number
-        level, message = self._judge(since, publishers)
+        values |= source.counters
+        for channel in source.channels:
+            values[f"publishers of {channel.topic}"] = channel.publishers
+            values[f"messages of other publishers on {channel.topic}"] = channel.lines.foreign
+            values[f"messages lost on {channel.topic}"] = channel.lines.lost
+        level, message = self._judge(since, source, suspicions)
         return Status(level, message, values)
 
-    def _counts(self) -> dict[str, float]:
+    def _counts(self, source: Input) -> dict[str, float]:
         session = self._session
         counters = session.counters
         return {
@@ -78,6 +94,12 @@ class StatusReporter:
             "skipped": counters.skipped,
             "accepted": counters.accepted,
             "nis_sum": counters.nis_sum,
+            "undecodable": source.undecodable,
+            "zero_stamps": session.guard.faults.zero_stamps,
+            "repeated_stamps": session.guard.faults.repeated_stamps,
+            "stamp_jumps": session.guard.faults.stamp_jumps,
+            **{channel.topic: channel.received for channel in source.channels},
+            **{reason.name: counters.rejected[reason] for reason in Rejection},
         }
 
     def _health(self, since: Mapping[str, float]) -> dict[str, Any]:
@@ -101,24 +123,96 @@ class StatusReporter:
         return values
 
     def _judge(
-        self, since: Mapping[str, float], publishers: Mapping[str, int]
+        self, since: Mapping[str, float], source: Input, suspicions: Sequence[Suspicion]
     ) -> tuple[Level, str]:
+        """Return the worst that there is to say, and all of it."""
         session = self._session
-        crowded = [topic for topic, number in publishers.items() if number > 1]
-        if crowded:
-            number = publishers[crowded[0]]
-            return Level.ERROR, f"{number} publishers on {crowded[0]}: stop all but one"
-        if session.check_silence(time.perf_counter_ns()):
-            return Level.STALE, "no samples: is the source running?"
-        if session.counters.received == 0:
-            return Level.OK, "waits for the first sample"
-        problems = session.alarms
+        level = Level.OK
+        problems = []
+        for channel in source.channels:
+            if channel.publishers > 1:
+                both = channel.speaking > 1
+                level = max(level, Level.ERROR if both else Level.WARN)
+                problems.append(_crowd(channel, both))
+        silent = session.check_silence(time.perf_counter_ns())
+        if silent or session.counters.received == 0:
+            reasons = _reasons(since, source, session.guard.faults.largest_jump_ns)
+            if silent:
+                unusable = any(since[channel.topic] for channel in source.channels)
+                level = max(level, Level.ERROR if unusable else Level.STALE)
+                start = f"no usable sample for {session.silent_s:.1f} s"
+            else:
+                start = "waits for the first sample"
+                if self._waiting_s() > WAITING_S and reasons:
+                    level = max(level, Level.WARN)
+            problems.append(f"{start}: {'; '.join(reasons)}" if reasons else start)
+            return level, "; ".join(problems)
+        problems += session.alarms
+        problems += [suspicion.sentence for suspicion in suspicions]
+        if not session.guard.counted:
+            problems.append("the numbers of the samples are no count: losses cannot be told")
+        problems += _refusals(since)
         for name in ("lost", "skipped", "strays"):
             if since[name]:
                 problems.append(f"{since[name]:.0f} samples {name}")
         if problems:
-            return Level.WARN, "; ".join(problems)
-        return Level.OK, "estimating"
+            return max(level, Level.WARN), "; ".join(problems)
+        return level, "estimating"
+
+    def _waiting_s(self) -> float:
+        return time.perf_counter() - self._started_s
+
+
+def _crowd(channel: Channel, both: bool) -> str:
+    """Say that a topic has several publishers, and what to do."""
+    names = ", ".join(channel.publisher_names)
+    if not both:
+        return f"{channel.publishers} publishers on {channel.topic} ({names}), one of them speaks"
+    return (
+        f"{channel.publishers} publishers on {channel.topic} ({names}): follows the one that was "
+        "first; stop the others, or give each run a domain of its own (ROS_DOMAIN_ID)"
+    )
+
+
+def _reasons(since: Mapping[str, float], source: Input, jump_ns: int) -> list[str]:
+    """Return why nothing can be used, a phrase for each cause that is seen."""
+    reasons = []
+    for channel in source.channels:
+        names = channel.publisher_names
+        if not since[channel.topic]:
+            others = [name for name in names if name.endswith(")")]
+            if others:
+                reasons.append(
+                    f"{channel.topic} is {channel.type_name} here, but is published by {others[0]}"
+                )
+            elif not names:
+                reasons.append(f"nobody publishes {channel.topic}")
+            else:
+                reasons.append(f"no message on {channel.topic} from {', '.join(names)}")
+    if since["undecodable"]:
+        reasons.append(f"{since['undecodable']:.0f} messages that cannot be decoded")
+    if since["zero_stamps"]:
+        reasons.append(
+            f"{since['zero_stamps']:.0f} samples with stamp zero: let the source fill header.stamp"
+        )
+    if since["repeated_stamps"]:
+        reasons.append(f"{since['repeated_stamps']:.0f} samples with one and the same stamp")
+    if since["stamp_jumps"]:
+        reasons.append(
+            f"{since['stamp_jumps']:.0f} samples whose stamps jump (by up to "
+            f"{jump_ns * 1e-9:.3g} s): let the source stamp them when they are measured"
+        )
+    return reasons + _refusals(since)
+
+
+def _refusals(since: Mapping[str, float]) -> list[str]:
+    """Return a phrase for each reason for which many samples were refused."""
+    received = since["received"]
+    return [
+        f"{since[reason.name]:.0f} of {received:.0f} samples refused: {_REFUSED[reason]}"
+        for reason in Rejection
+        if reason in _REFUSED and since[reason.name] > max(SHARE_REFUSED * received, 1.0)
+    ]
 
 
 def _quantiles(name: str, recent: DurationHistogram, total: DurationHistogram) -> dict[str, float]:

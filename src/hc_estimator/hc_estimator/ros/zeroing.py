@@ -3,48 +3,97 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.parameter import Parameter
 
+from hc_estimator.input.press_watch import PressWatch
 from hc_estimator.input.surface import SurfaceFinder
 from hc_estimator.input.tare import Tare, TareResult
+from hc_estimator.ros.services import NotPossibleError
 
 ZEROS = ("input.force.zero", "input.position.zero")
+FORCED = "tare.force: true takes them all the same"
+PATIENCE_S = 10.0
+"""A tare that has not got its samples by then is given up."""
+
+
+class Refusal(NamedTuple):
+    """Why no zeros were taken."""
+
+    reason: str
 
 
 class Zeroing:
-    """Collects samples while a tare or a search for the surface is under way."""
+    """Collects samples while a tare or a search for the surface is under way.
+
+    Attributes:
+        watch: knows whether the tool presses; to be given every sample.
+    """
 
     def __init__(self) -> None:
+        self.watch = PressWatch()
         self._collector: Tare | SurfaceFinder | None = None
+        self._forced = False
+        self._deadline_s = 0.0
 
     @property
     def active(self) -> bool:
         """Whether samples are wanted."""
         return self._collector is not None
 
-    def tare(self, samples: int) -> str:
-        """Take the means of the next samples; returns what to tell the user."""
+    def tare(self, samples: int, now_s: float, *, forced: bool) -> str:
+        """Take the means of the next samples; returns what to tell the user.
+
+        Raises:
+            NotPossibleError: if the tool presses, unless it is forced.
+        """
+        self._refuse_press(forced)
         self._collector = Tare(samples)
+        self._deadline_s = now_s + PATIENCE_S
         return f"takes the mean of the next {samples} samples; hc/events says when it is done"
 
-    def find_surface(self) -> str:
-        """Find the surface in the next approach; returns what to tell the user."""
+    def find_surface(self, *, forced: bool) -> str:
+        """Find the surface in the next approach; returns what to tell the user.
+
+        Raises:
+            NotPossibleError: if the tool presses, unless it is forced.
+        """
+        self._refuse_press(forced)
         self._collector = SurfaceFinder()
         return "press from free motion into the tissue; hc/events says where the surface was"
 
-    def cancel(self) -> None:
-        """Want no more samples."""
+    def cancel(self) -> bool:
+        """Want no more samples; returns whether some were wanted."""
+        active = self.active
         self._collector = None
+        return active
 
-    def add(self, displacement_mm: float, force_n: float) -> TareResult | None:
-        """Take in a sample; return the result with the last one that was wanted."""
-        assert self._collector is not None
-        found = self._collector.add(displacement_mm, force_n)
-        if found is not None:
-            self._collector = None
+    def add(self, displacement_mm: float, force_n: float) -> TareResult | Refusal | None:
+        """Take in a sample; return what came of it with the last one that was wanted."""
+        collector = self._collector
+        assert collector is not None
+        found = collector.add(displacement_mm, force_n)
+        if found is None:
+            return None
+        self._collector = None
+        if isinstance(collector, Tare) and not self._forced and collector.unrest:
+            return Refusal(f"{collector.unrest}; let it rest free of contact ({FORCED})")
         return found
+
+    def overdue(self, now_s: float) -> str:
+        """Give up a tare that does not get its samples; returns why, or nothing."""
+        collector = self._collector
+        if not isinstance(collector, Tare) or now_s < self._deadline_s:
+            return ""
+        self._collector = None
+        return f"only {collector.count} of {collector.wanted} samples came in {PATIENCE_S:g} s"
+
+    def _refuse_press(self, forced: bool) -> None:
+        self._forced = forced
+        pressing = "" if forced else self.watch.pressing
+        if pressing:
+            raise NotPossibleError(f"{pressing}: lift it free of contact first ({FORCED})")
 
     @staticmethod
     def parameters(found: TareResult, values: Mapping[str, Any]) -> list[Parameter]:

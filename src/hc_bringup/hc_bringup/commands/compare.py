@@ -1,0 +1,171 @@
+"""hc compare: recordings through several filters or settings, on one page."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import assignment
+
+HELP = "run recordings through several filters or settings and compare them on one page"
+MOST_VARIANTS = 16
+_CHOICES = ("state_space", "contact_model")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "inputs", nargs="+", metavar="INPUT", help="CSV files, bag folders or .mcap files"
+    )
+    parser.add_argument(
+        "--filter",
+        dest="filters",
+        action="append",
+        default=[],
+        metavar="F",
+        help="a filter, with its defaults; may be given several times",
+    )
+    parser.add_argument(
+        "--with",
+        dest="variants",
+        action="append",
+        default=[],
+        metavar='"F NAME=VALUE ..."',
+        help="a filter with settings, state_space and contact_model among them; may be given "
+        "several times",
+    )
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a setting for all of them; may be given several times",
+    )
+    parser.add_argument(
+        "--recorded", action="store_true", help="compare with the estimates recorded in a bag too"
+    )
+    parser.add_argument("-o", "--output", required=True, metavar="PAGE.html", help="the page")
+    parser.add_argument("--json", action="store_true", help="print the scores as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.progress import status_line
+    from hc_bringup.report.comparison import compare
+    from hc_bringup.report.comparison_page import comparison_page
+    from hc_logger.errors import BagError
+    from hc_logger.new_file import new_file
+    from hc_logger.recording import read_recording
+
+    target = Path(arguments.output)
+    if target.suffix.lower() != ".html":
+        raise UserError(f"{target} must end in .html", WRONG_USE)
+    if target.exists():
+        raise UserError(f"{target} exists already: choose another file", WRONG_USE)
+    variants = _variants(arguments)
+    try:
+        recordings = [read_recording(path) for path in arguments.inputs]
+    except (BagError, OSError) as error:
+        raise UserError(str(error)) from error
+    with status_line() as say:
+        table = compare(
+            recordings, variants, lambda done, number, what: say(f"{done} of {number}: {what}")
+        )
+    if not any(table):
+        raise UserError("no recording holds estimates: name filters to compare", WRONG_USE)
+    try:
+        with new_file(target) as file:
+            page = comparison_page(table, _command_line(arguments))
+            file.write(page.encode("utf-8", "replace"))
+    except OSError as error:
+        raise UserError(f"cannot write {target}: {error.strerror or error}") from error
+    _tell(table, target, as_json=arguments.json)
+    return 0
+
+
+def _variants(arguments: argparse.Namespace) -> list[Any]:
+    """Return the variants that the options name, each of them possible.
+
+    Raises:
+        UserError: if there are not at least two ways to look at something, or one cannot be.
+    """
+    from hc_bringup.report.comparison import Variant
+
+    common = dict(arguments.param)
+    variants = [Variant(name, name, common) for name in arguments.filters]
+    for text in arguments.variants:
+        name, *words = shlex.split(text)
+        try:
+            own = dict(assignment(word) for word in words)
+        except argparse.ArgumentTypeError as error:
+            raise UserError(f"--with {text!r}: {error}", WRONG_USE) from error
+        variants.append(Variant(" ".join((name, *words)), name, common | own))
+    if arguments.recorded:
+        variants.append(Variant("recorded", "", {}))
+    if len(variants) < 2 and len(arguments.inputs) < 2:
+        raise UserError(
+            "give at least two filters or settings to compare, with --filter", WRONG_USE
+        )
+    if not variants:
+        raise UserError("give the filters to compare, with --filter", WRONG_USE)
+    if len(variants) > MOST_VARIANTS:
+        raise UserError(f"{len(variants)} are too many to tell apart: {MOST_VARIANTS} at most")
+    labels = [variant.label for variant in variants]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise UserError(f"{label} is given twice", WRONG_USE)
+    for variant in variants:
+        if not variant.filter:
+            continue
+        try:
+            variant.make()
+        except ValueError as error:
+            raise UserError(f"{variant.label}: {error}", WRONG_USE) from error
+    return variants
+
+
+def _command_line(arguments: argparse.Namespace) -> list[str]:
+    words = ["hc", "compare", *map(str, arguments.inputs)]
+    for name in arguments.filters:
+        words += ["--filter", name]
+    for text in arguments.variants:
+        words += ["--with", text]
+    for name, value in arguments.param:
+        words += ["--param", f"{name}={value}"]
+    if arguments.recorded:
+        words.append("--recorded")
+    return [*words, "-o", str(arguments.output)]
+
+
+def _tell(table: Any, target: Path, *, as_json: bool) -> None:
+    from hc_bringup.report.comparison_page import winners
+    from hc_bringup.summary import to_json
+
+    if as_json:
+        recordings = [
+            {
+                "recording": entries[0].data.name,
+                "scores": {e.variant.label: _plain(e.scores) for e in entries},
+            }
+            for entries in table
+            if entries
+        ]
+        print(to_json({"recordings": recordings, "written": str(target)}))
+        return
+    for entries in table:
+        if entries:
+            print(f"{entries[0].data.name}: {' '.join(winners(entries))}".rstrip(": "))
+    print(f"written: {target}")
+    sys.stdout.flush()
+
+
+def _plain(scores: Any) -> dict[str, Any]:
+    import dataclasses
+
+    values = dataclasses.asdict(scores)
+    return {key: v.tolist() if hasattr(v, "tolist") else v for key, v in values.items()}

@@ -1,0 +1,176 @@
+"""hc contacts: one row for each contact of a recording, and the palpation map."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from hc_bringup import recording_input
+from hc_bringup.commands import estimate
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import assignment, positive, seconds
+
+HELP = "write one row for each contact of a recording; --map draws the palpation map"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    recording_input.add_options(parser)
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", help="table of the contacts: .csv or .parquet"
+    )
+    parser.add_argument(
+        "--map",
+        dest="maps",
+        action="append",
+        default=[],
+        metavar="MAP",
+        help="palpation map by Gaussian-process regression: .png, .svg, .pdf, .csv or .ply; may "
+        "be given several times",
+    )
+    parser.add_argument(
+        "--depth", type=positive, metavar="MM", help="depth of the map (default: 2 mm at most)"
+    )
+    parser.add_argument(
+        "--minimum-depth",
+        type=seconds,
+        default=0.0,
+        metavar="MM",
+        help="shallower touches are left out",
+    )
+    parser.add_argument(
+        "--minimum-force",
+        type=seconds,
+        default=0.0,
+        metavar="N",
+        help="weaker touches are left out",
+    )
+    parser.add_argument(
+        "--minimum-duration",
+        type=seconds,
+        default=0.05,
+        metavar="S",
+        help="shorter touches are left out (default: 0.05)",
+    )
+    parser.add_argument(
+        "--release", type=seconds, default=0.02, metavar="S", help="so long away, and it is over"
+    )
+    parser.add_argument(
+        "--tip", metavar="TOPIC", help="position of the tip (default: indenter/tip)"
+    )
+    parser.add_argument(
+        "--tip-axes",
+        default="xy",
+        choices=("xy", "xz", "yx", "yz", "zx", "zy"),
+        help="its components that are sideways (default: xy)",
+    )
+    parser.add_argument("--filter", metavar="F", help="estimate anew with this filter")
+    parser.add_argument("--state-space", metavar="S", help="the same, with this state space")
+    parser.add_argument("--contact-model", metavar="M", help="the same, with this contact law")
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the same, with this setting; may be given several times",
+    )
+    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.report.contact_file import encode, has_known_suffix
+    from hc_bringup.report.contacts import ContactRules, find_contacts
+    from hc_bringup.report.map_file import SUFFIXES
+    from hc_bringup.run_data import TipSource, estimated, recorded
+
+    targets = [Path(name) for name in (arguments.output, *arguments.maps) if name is not None]
+    if not targets:
+        raise UserError(
+            "give a table with -o OUT.csv, a map with --map MAP.png, or both", WRONG_USE
+        )
+    if arguments.output is not None and not has_known_suffix(Path(arguments.output)):
+        raise UserError(f"{arguments.output} must end in .csv or .parquet", WRONG_USE)
+    for name in arguments.maps:
+        if Path(name).suffix.lower() not in SUFFIXES:
+            raise UserError(f"{name} must end in {', '.join(SUFFIXES)}", WRONG_USE)
+    for target in targets:
+        if target.exists():
+            raise UserError(f"{target} exists already: choose another file", WRONG_USE)
+    recording = recording_input.load(arguments)
+    tip = None
+    if arguments.tip is not None or arguments.tip_axes != "xy":
+        tip = TipSource(arguments.tip or TipSource().topic, arguments.tip_axes)
+    data = None if estimate.is_asked_for(arguments) else recorded(recording, tip)
+    if data is None:
+        data = estimated(recording, estimate.make_estimator(arguments), tip)
+    rules = ContactRules(
+        minimum_duration_s=arguments.minimum_duration,
+        release_s=arguments.release,
+        minimum_depth_mm=arguments.minimum_depth,
+        minimum_force_n=arguments.minimum_force,
+    )
+    contacts = find_contacts(data, rules)
+    written = []
+    if arguments.output is not None:
+        written.append(_write(Path(arguments.output), encode(contacts, targets[0].suffix.lower())))
+    summary: dict[str, Any] = {"contacts": len(contacts)}
+    if arguments.maps:
+        summary |= _write_maps(arguments, data, contacts, written)
+    summary["written"] = written
+    _tell(summary, as_json=arguments.json)
+    return 0
+
+
+def _write_maps(
+    arguments: argparse.Namespace, data: Any, contacts: list[Any], written: list[str]
+) -> dict[str, Any]:
+    from hc_bringup.report import map_file
+    from hc_bringup.report.palpation_map import felt_places, fit_map, usual_depth
+
+    depth = arguments.depth or usual_depth(contacts)
+    found = fit_map(felt_places(data, contacts, depth))
+    for name in arguments.maps:
+        written.append(_write(Path(name), map_file.encode(found, Path(name), data.title)))
+    summary: dict[str, Any] = {
+        "places": len(found.places.log_stiffness),
+        "depth_mm": depth,
+        "length_mm": list(found.length_mm),
+    }
+    if found.lump is not None:
+        x, y, factor = found.lump
+        summary["lump"] = {"x_mm": x, "y_mm": y, "times_as_stiff": factor}
+    return summary
+
+
+def _write(path: Path, content: bytes) -> str:
+    from hc_logger.new_file import new_file
+
+    try:
+        with new_file(path) as file:
+            file.write(content)
+    except OSError as error:
+        raise UserError(f"cannot write {path}: {error.strerror or error}") from error
+    return str(path)
+
+
+def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
+    from hc_bringup.summary import to_json
+
+    if as_json:
+        print(to_json(summary))
+        return
+    count = summary["contacts"]
+    print(f"{count} contact{'' if count == 1 else 's'}")
+    if "places" in summary:
+        print(f"map of {summary['places']} places, stiffness at {summary['depth_mm']:g} mm")
+    lump = summary.get("lump")
+    if lump is not None:
+        print(
+            f"a hard spot at {lump['x_mm']:.1f}, {lump['y_mm']:.1f} mm: "
+            f"{lump['times_as_stiff']:.1f} times as stiff as around it"
+        )
+    for name in summary["written"]:
+        print(f"written: {name}")

@@ -1,0 +1,141 @@
+"""hc doctor: what is wrong with a recording or a running set-up, what it costs, what to type."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from hc_bringup import recording_input
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.options import positive
+
+HELP = "verdict on a recording, or on the estimator that runs now"
+LISTEN_S = 10.0
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    recording_input.add_options(parser, optional=True)
+    parser.add_argument(
+        "--seconds",
+        type=positive,
+        default=LISTEN_S,
+        metavar="S",
+        help=f"listen so long to a running set-up (default: {LISTEN_S:g})",
+    )
+    parser.add_argument("--node", default="estimator", metavar="NAME", help="the estimator node")
+    parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command; status 1 where something is wrong."""
+    from hc_bringup.diagnosis import Finding, diagnose
+
+    if arguments.input in (None, "live"):
+        if recording_input.is_given(arguments):
+            raise UserError("--input and --find-surface are for a recording", WRONG_USE)
+        from hc_bringup.live_check import listen
+
+        heard = listen(arguments.node, arguments.seconds)
+        findings = list(heard.findings)
+        rows, settings, type_it = heard.rows, heard.settings, _for_node(arguments.node)
+        where = f"node {arguments.node}, {arguments.seconds:g} s"
+    else:
+        recording = recording_input.load(arguments)
+        findings = [Finding(line) for line in recording.findings.lines()]
+        rows = (recording.time_s, recording.displacement_mm, recording.force_n)
+        settings, type_it = dict(arguments.sensors), _for_recording(arguments.input, recording)
+        where = f"{arguments.input}, {len(recording.time_s)} samples"
+    diagnosis = None
+    if rows is not None:
+        diagnosis = diagnose(*rows)
+        findings += diagnosis.findings
+    if arguments.json:
+        _print_json(findings, diagnosis, settings, type_it)
+    else:
+        _print(where, findings, diagnosis, settings, type_it)
+    return FAILURE if findings else 0
+
+
+def _for_node(node: str) -> Any:
+    return lambda name, value: f"hc param set {node} input.{name} {value}"
+
+
+def _for_recording(path: str, recording: Any) -> Any:
+    """Say how a recording is read with a setting; a CSV takes zeros only."""
+
+    def type_it(name: str, value: Any) -> str:
+        if recording.is_bag or name in recording_input.ZEROS:
+            return f"hc estimate {path} --input {name}={value}"
+        return f"in the robot's parameter file: input.{name}: {value}"
+
+    return type_it
+
+
+def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]:
+    """Correct the present settings; returns those that change, with their new values.
+
+    Readings are sign x scale x raw - zero, so a factor takes the zero along.
+
+    Args:
+        present: settings by name below `input.`; changed in place.
+        correction: what the readings made with them are to be multiplied by or shifted by.
+    """
+    changed: dict[str, Any] = {}
+    for name, value in correction.items():
+        sensor, key = name.split(".")
+        if key in ("sign", "scale"):
+            changed[name] = type(value)(present.get(name, 1) * value)
+            zero = present.get(f"{sensor}.zero", 0.0)
+            if zero:
+                changed[f"{sensor}.zero"] = round(zero * value, 4)
+        else:
+            changed[name] = round(present.get(name, 0.0) + value, 4)
+    present.update(changed)
+    return changed
+
+
+def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_it: Any) -> None:
+    from hc_bringup.diagnosis import estimate_lines
+
+    number = "nothing is wrong" if not findings else f"{len(findings)} finding(s)"
+    print(f"{where}: {number}")
+    for i, finding in enumerate(findings, 1):
+        print(f"{i}. {finding.what}")
+        if finding.cost:
+            print(f"   costs: {finding.cost}")
+        for name, value in apply(settings, finding.settings).items():
+            print(f"   type:  {type_it(name, value)}")
+    if diagnosis is not None and diagnosis.estimated is not None:
+        print("with what could be put right put right:" if findings else "estimated:")
+        print("\n".join(estimate_lines(diagnosis)))
+
+
+def _print_json(findings: list[Any], diagnosis: Any, settings: Any, type_it: Any) -> None:
+    from hc_bringup.summary import to_json
+    from hc_estimator import PARAMETER_NAMES
+
+    estimated = None if diagnosis is None else diagnosis.estimated
+    told = []
+    for finding in findings:
+        changed = apply(settings, finding.settings)
+        told.append(
+            {
+                "what": finding.what,
+                "cost": finding.cost,
+                "settings": {f"input.{name}": value for name, value in changed.items()},
+                "type": [type_it(name, value) for name, value in changed.items()],
+            }
+        )
+    summary: dict[str, Any] = {
+        "findings": told,
+        "forecasts": [] if diagnosis is None else [f.sentence for f in diagnosis.forecasts],
+    }
+    if estimated is not None:
+        for key, values in (
+            ("parameters", estimated.parameters),
+            ("parameters_std", estimated.deviations),
+            ("identifiability", estimated.identifiability),
+        ):
+            summary[key] = dict(zip(PARAMETER_NAMES, map(float, values), strict=True))
+    print(to_json(summary))

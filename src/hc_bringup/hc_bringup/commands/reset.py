@@ -1,0 +1,21 @@
+"""hc reset: the estimator's service ~/reset, with its answer."""
+
+from __future__ import annotations
+
+import argparse
+
+HELP = "start the running estimator afresh; settings that wait for a reset take effect"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    from hc_bringup.service_calls import add_node_option
+
+    add_node_option(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.service_calls import trigger
+
+    return trigger(arguments.node, "reset")

@@ -1,0 +1,278 @@
+"""What is wrong with a recording or a set-up, what it costs in K, B, n and p, and what to do.
+
+Used by `hc doctor` and `hc setup`. Every fault that a number would put right is put right, and the
+recording is estimated again: the difference is what the fault costs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator import PARAMETER_NAMES, Rejection, create_estimator
+from hc_estimator.estimator import DEFAULT_FILTER
+from hc_estimator.input.readings import Check, Suspicion, moves, robust_range
+from hc_estimator.input.sanity import check_samples
+from hc_evaluation.channels import diagnose_channels, evenly_spaced
+from hc_evaluation.forecast import Forecast, forecast
+
+FloatArray = NDArray[np.float64]
+
+MOST_REMEDIES = 5
+CLEAR_DELAY_S = 0.002
+"""A delay below this changes B by less than anybody tells."""
+DISTURBED_SHARE = 0.05
+SYMBOLS = "KBnp"
+_LONGEST = 20_000
+"""Samples that the slow comparison of the channels gets."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """What the estimator made of a recording.
+
+    Attributes:
+        parameters: K, B, n, p, shape (4,).
+        deviations: their standard deviations, shape (4,).
+        covariance: shape (4, 4).
+        identifiability: how much of each is known from the data, shape (4,).
+        force_noise_std: deviation of the force from the law [N].
+        mismatch: share of the samples in which the law did not fit.
+        rejected: refused samples by reason.
+    """
+
+    parameters: FloatArray
+    deviations: FloatArray
+    covariance: FloatArray
+    identifiability: FloatArray
+    force_noise_std: float
+    mismatch: float
+    rejected: dict[str, int]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong.
+
+    Attributes:
+        what: in a sentence.
+        settings: input settings that put it right, by name below `input.`; empty if none does.
+        cost: what it changes in K, B, n, p, in words; empty where that is not known.
+    """
+
+    what: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    cost: str = ""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that was found.
+
+    Attributes:
+        findings: what is wrong, the most fundamental first.
+        estimated: the estimate with all that could be put right put right; None without contact.
+        forecasts: motions for what the recording does not show.
+        depth_mm: how deep the tool pressed.
+    """
+
+    findings: tuple[Finding, ...]
+    estimated: Estimated | None
+    forecasts: tuple[Forecast, ...]
+    depth_mm: float
+
+
+@dataclass
+class _Samples:
+    """A recording under treatment, and the settings that it has got so far."""
+
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_n: FloatArray
+
+    def estimate(self) -> Estimated | None:
+        """Run the default estimator; None if it was never in contact."""
+        estimator = create_estimator(DEFAULT_FILTER)
+        series = estimator.run(self.time_s, self.displacement_mm, self.force_n)
+        touched = series.contact & (series.rejected == 0)
+        if not touched.any():
+            return None
+        last = series[int(np.flatnonzero(touched)[-1])]
+        codes, counts = np.unique(series.rejected[series.rejected != 0], return_counts=True)
+        return Estimated(
+            last.parameters.copy(),
+            last.parameters_std.copy(),
+            last.covariance.copy(),
+            last.identifiability.copy(),
+            last.force_noise_std,
+            float(np.mean(series.model_mismatch[touched])),
+            {Rejection(c).name.lower(): int(n) for c, n in zip(codes, counts, strict=True)},
+        )
+
+
+def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray) -> Diagnosis:
+    """Judge readings of both channels.
+
+    Args:
+        time_s: stamps [s], shape (n,).
+        displacement_mm: penetration [mm], shape (n,).
+        force_n: contact force [N], shape (n,).
+    """
+    samples = _Samples(*(np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)))
+    findings = []
+    treated: set[tuple[Check, str]] = set()
+    before = samples.estimate()
+    while len(treated) < MOST_REMEDIES:
+        doubts = [
+            s
+            for s in check_samples(samples.time_s, samples.displacement_mm, samples.force_n)
+            if (s.check, s.channel) not in treated
+        ]
+        if not doubts:
+            break
+        doubt = doubts[0]
+        treated.add((doubt.check, doubt.channel))
+        settings = _remedy(samples, doubt)
+        after = samples.estimate() if settings else before
+        findings.append(Finding(doubt.sentence, settings, _cost(before, after, bool(settings))))
+        before = after
+    findings += _between_channels(samples, before)
+    after = samples.estimate()
+    findings += _refusals(after, len(samples.time_s))
+    if after is not None and after.mismatch > DISTURBED_SHARE:
+        findings.append(
+            Finding(
+                f"the contact law does not fit in {100 * after.mismatch:.0f} % of the contact: "
+                "relaxing or layered tissue, a tool that slides, or a fault above"
+            )
+        )
+    depth = float(robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])[1])
+    plans: list[Forecast] = []
+    if after is not None:
+        steps = np.diff(samples.time_s)
+        plans = forecast(
+            after.parameters,
+            after.covariance,
+            force_noise_std=after.force_noise_std,
+            depth_mm=depth,
+            rate_hz=1.0 / float(np.median(steps[steps > 0.0])),
+        )
+    return Diagnosis(tuple(findings), after, tuple(plans), depth)
+
+
+def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:
+    """Put a fault right; return the settings that do so, none if no number does."""
+    if np.isnan(doubt.remedy):
+        return {}
+    settings: dict[str, Any] = {}
+    if doubt.check in (Check.SIGN, Check.UNITS):
+        name = "sign" if doubt.check is Check.SIGN else "scale"
+        value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
+        if doubt.channel in ("displacement", "both"):
+            samples.displacement_mm = samples.displacement_mm * doubt.remedy
+            settings[f"position.{name}"] = value
+        if doubt.channel in ("force", "both"):
+            samples.force_n = samples.force_n * doubt.remedy
+            settings[f"force.{name}"] = value
+    elif doubt.check is Check.FORCE_ZERO:
+        samples.force_n = samples.force_n - doubt.remedy
+        settings["force.zero"] = round(doubt.remedy, 4)
+    elif doubt.check is Check.POSITION_ZERO:
+        samples.displacement_mm = samples.displacement_mm - doubt.remedy
+        settings["position.zero"] = round(doubt.remedy, 3)
+    return settings
+
+
+def _between_channels(samples: _Samples, before: Estimated | None) -> list[Finding]:
+    """Look for a delay, and for zeros that the checks cannot see."""
+    try:
+        even = evenly_spaced(samples.time_s, samples.displacement_mm, samples.force_n)
+        if not (moves(even[1]) and moves(even[2])):
+            return []
+        found = diagnose_channels(*(c[-_LONGEST:] for c in even))
+    except ValueError:
+        return []  # too little to compare, which the estimate says as well
+    findings = []
+    faults = found.clear_faults
+    if "delay" in faults and abs(found.delay_s) > CLEAR_DELAY_S:
+        late, early = ("force", "position") if found.delay_s > 0.0 else ("position", "force")
+        what = (
+            f"the {late} is {1e3 * abs(found.delay_s):.1f} ± {1e3 * found.delay_std_s:.1f} ms late "
+            f"against the {early}"
+        )
+        settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
+        shifted = samples.time_s - found.delay_s
+        order = np.argsort(samples.time_s, kind="stable")
+        samples.force_n = np.interp(
+            samples.time_s, shifted[order], samples.force_n[order], np.nan, np.nan
+        )
+        after = samples.estimate()
+        findings.append(Finding(what, settings, _cost(before, after, True)))
+        before = after
+    for name, key, value, deviation, unit in (
+        ("zero", "force.zero", found.zero_n, found.zero_std_n, "N"),
+        ("contact", "position.zero", found.contact_mm, found.contact_std_mm, "mm"),
+    ):
+        if name not in faults:
+            continue
+        if name == "zero":
+            what = f"the force's zero seems to be off by {value:.3g} ± {deviation:.2g} {unit}"
+            samples.force_n = samples.force_n - value
+        else:
+            what = f"contact seems to begin at {value:.3g} ± {deviation:.2g} {unit}, not at 0"
+            samples.displacement_mm = samples.displacement_mm - value
+        after = samples.estimate()
+        findings.append(Finding(what, {key: round(value, 4)}, _cost(before, after, True)))
+        before = after
+    return findings
+
+
+def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:
+    if estimated is None:
+        return [Finding("the tool was never in contact: nothing is known of the tissue")]
+    refused = {k: n for k, n in estimated.rejected.items() if n > DISTURBED_SHARE * count}
+    return [
+        Finding(f"{n} of {count} samples are refused ({reason.replace('_', ' ')})")
+        for reason, n in refused.items()
+    ]
+
+
+def _cost(before: Estimated | None, after: Estimated | None, treated: bool) -> str:
+    """Say how the parameters change when a fault is put right."""
+    if not treated or after is None:
+        return ""
+    if before is None:
+        return "nothing was known; with it " + ", ".join(
+            f"{s} = {v:.3g}" for s, v in zip(SYMBOLS, after.parameters, strict=True)
+        )
+    changes = []
+    for symbol, old, new, deviation in zip(
+        SYMBOLS, before.parameters, after.parameters, after.deviations, strict=True
+    ):
+        if abs(new - old) > max(deviation, 0.01 * abs(new)):
+            changes.append(f"{symbol} was {old:.3g}, is {new:.3g}")
+    return "; ".join(changes) or "little: no parameter changes by more than its deviation"
+
+
+def estimate_lines(diagnosis: Diagnosis) -> list[str]:
+    """Return the estimate and the forecasts as lines for a person."""
+    estimated = diagnosis.estimated
+    if estimated is None:
+        return []
+    lines = []
+    for symbol, name, value, deviation, known in zip(
+        SYMBOLS,
+        PARAMETER_NAMES,
+        estimated.parameters,
+        estimated.deviations,
+        estimated.identifiability,
+        strict=True,
+    ):
+        lines.append(
+            f"  {symbol} = {value:.4g} ± {deviation:.2g}  {100 * known:.0f} % known from the data"
+            f"  ({name.replace('_', ' ')})"
+        )
+    return lines + [f"to know more: {plan.sentence}" for plan in diagnosis.forecasts]

@@ -1,0 +1,129 @@
+"""A running estimator as `hc doctor` sees it: its topics, its own word, and its samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_bringup.diagnosis import Finding
+from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.graph import Graph
+from hc_msgs_py.conversion import sample_from_message
+from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
+from hc_msgs_py.topics import DIAGNOSTICS, SAMPLE
+
+LEAST_SAMPLES = 100
+OLD_S = 1.0
+"""Samples that are so old when they are used are not of now: a bag, or clocks that differ."""
+
+Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass
+class Heard:
+    """What was heard of a running estimator.
+
+    Attributes:
+        findings: what is wrong with its topics and its input.
+        settings: its present input settings, by name below `input.`.
+        rows: times [s], displacements [mm] and forces [N], zeros taken off; None without samples.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    settings: dict[str, Any] = field(default_factory=dict)
+    rows: Rows | None = None
+
+
+def listen(node: str, seconds: float) -> Heard:
+    """Listen to an estimator node and to the samples that it uses.
+
+    Raises:
+        UserError: if there is no such node.
+    """
+    from diagnostic_msgs.msg import DiagnosticArray
+    from hc_msgs.msg import IndenterSample
+
+    heard = Heard()
+    samples: list[Any] = []
+    statuses: list[Any] = []
+    with Graph() as graph:
+        name = graph.require_node(node)
+        namespace = name.rpartition("/")[0]
+        heard.settings = input_settings(graph, name)
+        graph.node.create_subscription(
+            IndenterSample,
+            f"{namespace}/{SAMPLE}",
+            lambda message: samples.append(sample_from_message(message)),
+            SAMPLE_QOS,
+        )
+        graph.node.create_subscription(
+            DiagnosticArray,
+            DIAGNOSTICS,
+            lambda message: statuses.extend(
+                s for s in message.status if s.name == name.rpartition("/")[2]
+            ),
+            DIAGNOSTICS_QOS,
+        )
+        if not graph.spin(seconds):
+            raise UserError("interrupted", FAILURE)
+    if not statuses:
+        heard.findings.append(Finding(f"{name} tells no diagnostics: is it stopped or too busy?"))
+    elif int.from_bytes(statuses[-1].level, "little") > 0:
+        heard.findings.append(Finding(f"the node says: {statuses[-1].message}"))
+    if statuses:
+        _judge_values({v.key: v.value for v in statuses[-1].values}, heard)
+    if len(samples) < LEAST_SAMPLES:
+        hidden = heard.settings.get("source") == "sensors" and not heard.settings.get(
+            "publish_samples", True
+        )
+        heard.findings.append(
+            Finding(
+                f"{len(samples)} samples in {seconds:g} s on {SAMPLE}: nothing to judge"
+                + (" (input.publish_samples is false)" if hidden else "")
+            )
+        )
+        return heard
+    rows = np.array(
+        [(s.stamp_ns - samples[0].stamp_ns, s.displacement_mm, s.force_n) for s in samples]
+    )
+    rows[:, 0] *= 1e-9
+    if heard.settings.get("source") != "sensors":  # those come with their zeros taken off
+        rows[:, 1] -= heard.settings.get("position.zero", 0.0)
+        rows[:, 2] -= heard.settings.get("force.zero", 0.0)
+    heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
+    return heard
+
+
+def input_settings(graph: Any, name: str) -> dict[str, Any]:
+    """Return the input settings of an estimator node, by name below `input.`."""
+    from rclpy.parameter import parameter_value_to_python
+
+    client = graph.parameter_client(name)
+    names = graph.call(client.list_parameters, f"parameters of {name}").result.names
+    wanted = [n for n in names if n.startswith("input.")]
+    values = graph.call(lambda: client.get_parameters(wanted), "values").values
+    return {
+        n.removeprefix("input."): parameter_value_to_python(v)
+        for n, v in zip(wanted, values, strict=True)
+    }
+
+
+def _judge_values(values: dict[str, str], heard: Heard) -> None:
+    latency_s = float(values.get("latency_p50_us", "nan")) * 1e-6
+    if latency_s > OLD_S:
+        heard.findings.append(
+            Finding(
+                f"samples are {latency_s:.3g} s old when they are used: the clocks of sensor and "
+                "computer differ (use PTP or chrony), or a recording is played"
+            )
+        )
+    elif latency_s < -0.001:
+        heard.findings.append(
+            Finding(
+                f"samples are stamped {-latency_s:.3g} s in the future: the clocks of sensor and "
+                "computer differ (use PTP or chrony)"
+            )
+        )

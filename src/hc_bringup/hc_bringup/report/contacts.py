@@ -1,0 +1,166 @@
+"""Contacts of a run: one from each touch to its release, with what was known at its end.
+
+The rules are those of the estimator node (hc_estimator.online.contacts), over arrays: a contact
+counts once it has lasted and ends once the tool has been away for a while. Depth and force can be
+asked for too: a tool that rests on the surface touches it thousands of times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_bringup.run_data import RunData, TipPath
+from hc_msgs_py.units import METRE_IN_MM
+
+Array = NDArray[np.float64]
+
+MINIMUM_DURATION_S: Final = 0.05
+RELEASE_S: Final = 0.02
+
+
+@dataclass(frozen=True)
+class ContactRules:
+    """What counts as a contact.
+
+    Attributes:
+        minimum_duration_s: shorter touches do not count.
+        release_s: the tool must be away so long for a contact to be over.
+        minimum_depth_mm: touches that never get so deep do not count.
+        minimum_force_n: touches that never press so hard do not count.
+    """
+
+    minimum_duration_s: float = MINIMUM_DURATION_S
+    release_s: float = RELEASE_S
+    minimum_depth_mm: float = 0.0
+    minimum_force_n: float = 0.0
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact; lengths mm, times s of the run, forces N, energies mJ.
+
+    Attributes:
+        number: counts from 1.
+        first: row of its first sample.
+        last: row of its last sample in contact.
+        start_s: time of the first sample.
+        end_s: time of the last one.
+        samples: used.
+        rejected: not used.
+        parameters: K, B, n, p at its end, shape (4,).
+        covariance: of these, shape (4, 4).
+        identifiability: of these, shape (4,).
+        peak_depth_mm: largest measured penetration.
+        peak_force_n: largest measured force.
+        peak_speed_mm_s: largest filtered speed.
+        energy_in_mj: work on the tissue while the penetration grew.
+        energy_loss_mj: work that did not come back.
+        force_rmse_n: root mean square of measured minus predicted force.
+        changes: changes of the tissue detected.
+        mismatch_share: of the samples in which the contact law did not fit.
+        position_mm: where the tip was at the middle of the contact, (2,), NaN where not known.
+        travel_mm: how far it went sideways while in contact; 0 where not known.
+    """
+
+    number: int
+    first: int
+    last: int
+    start_s: float
+    end_s: float
+    samples: int
+    rejected: int
+    parameters: Array
+    covariance: Array
+    identifiability: Array
+    peak_depth_mm: float
+    peak_force_n: float
+    peak_speed_mm_s: float
+    energy_in_mj: float
+    energy_loss_mj: float
+    force_rmse_n: float
+    changes: int
+    mismatch_share: float
+    position_mm: Array
+    travel_mm: float
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last sample."""
+        return self.end_s - self.start_s
+
+    @property
+    def parameters_std(self) -> Array:
+        """Standard deviations of the parameters, shape (4,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def find_contacts(data: RunData, rules: ContactRules | None = None) -> list[Contact]:
+    """Return the contacts of a run that count by the rules, in their order."""
+    rules = rules or ContactRules()
+    touching = np.flatnonzero(data.contact & data.used)
+    if not len(touching):
+        return []
+    # Away for long enough: a new contact begins.
+    times = data.time_s[touching]
+    new = np.flatnonzero(np.diff(times) >= rules.release_s) + 1
+    contacts: list[Contact] = []
+    for rows in np.split(touching, new):
+        if data.time_s[rows[-1]] - data.time_s[rows[0]] < rules.minimum_duration_s:
+            continue
+        contact = _contact(data, rows, len(contacts) + 1)
+        if (
+            contact.peak_depth_mm >= rules.minimum_depth_mm
+            and contact.peak_force_n >= rules.minimum_force_n
+        ):
+            contacts.append(contact)
+    return contacts
+
+
+def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:
+    first, last = int(rows[0]), int(rows[-1])
+    estimates = data.estimates
+    whole = slice(first, last + 1)
+    depth = estimates["displacement"][rows] * METRE_IN_MM  # filtered: noise would count as work
+    force = data.force_n[rows]
+    advance = np.diff(depth)
+    work = 0.5 * (force[1:] + force[:-1]) * advance
+    error = force - data.force_predicted_n[rows]
+    position, travel = _place(data.tip, data.time_s[first], data.time_s[last])
+    return Contact(
+        number=number,
+        first=first,
+        last=last,
+        start_s=float(data.time_s[first]),
+        end_s=float(data.time_s[last]),
+        samples=len(rows),
+        rejected=int(np.count_nonzero(~data.used[whole])),
+        parameters=data.parameters[last],
+        covariance=data.covariance[last],
+        identifiability=data.identifiability[last],
+        peak_depth_mm=float(np.max(data.displacement_mm[rows])),
+        peak_force_n=float(np.max(force)),
+        peak_speed_mm_s=float(np.max(np.abs(estimates["velocity"][rows])) * METRE_IN_MM),
+        energy_in_mj=float(work[advance > 0.0].sum()),
+        energy_loss_mj=float(work.sum()),
+        force_rmse_n=float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else np.nan,
+        changes=int(np.count_nonzero(data.change_detected[rows])),
+        mismatch_share=float(np.mean(data.model_mismatch[rows])),
+        position_mm=position,
+        travel_mm=travel,
+    )
+
+
+def _place(tip: TipPath | None, start_s: float, end_s: float) -> tuple[Array, float]:
+    """Return where the tip was at the middle of a contact, and how far it went."""
+    if tip is None or end_s < tip.time_s[0] or start_s > tip.time_s[-1]:
+        return np.full(2, np.nan), 0.0
+    middle = 0.5 * (start_s + end_s)
+    position = np.array([np.interp(middle, tip.time_s, axis) for axis in tip.position_mm.T])
+    inside = (tip.time_s >= start_s) & (tip.time_s <= end_s)
+    reached = tip.position_mm[inside]
+    travel = float(np.max(np.ptp(reached, axis=0))) if len(reached) else 0.0
+    return position, travel

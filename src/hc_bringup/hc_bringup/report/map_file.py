@@ -1,0 +1,153 @@
+"""The palpation map as a picture, as a table and as a mesh for other programs."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from hc_bringup.report.palpation_map import StiffnessMap
+
+PICTURES: Final = (".png", ".svg", ".pdf")
+SUFFIXES: Final = (*PICTURES, ".csv", ".ply")
+COLOURS: Final = "viridis"
+
+
+def encode(found: StiffnessMap, path: Path, title: str) -> bytes:
+    """Return the content of a file of the map; its name says the format."""
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return _csv(found)
+    if suffix == ".ply":
+        return _ply(found)
+    buffer = io.BytesIO()
+    draw(found, title).savefig(buffer, format=suffix.removeprefix("."), dpi=130)
+    return buffer.getvalue()
+
+
+def draw(found: StiffnessMap, title: str) -> Figure:
+    """Return the picture: along a line a profile, over a plane the map and its uncertainty."""
+    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    figure.suptitle(title)
+    if found.is_line:
+        _profile(figure, found)
+    else:
+        _plane(figure, found)
+    return figure
+
+
+def _profile(figure: Figure, found: StiffnessMap) -> None:
+    strip, axes = figure.subplots(2, 1, sharex=True, height_ratios=(1, 5))
+    stiffness = np.where(found.known[0], found.stiffness[0], np.nan)
+    factor = np.exp(2.0 * found.log_std[0])
+    axes.fill_between(
+        found.x_mm,
+        np.where(found.known[0], stiffness / factor, np.nan),
+        np.where(found.known[0], stiffness * factor, np.nan),
+        color="tab:blue",
+        alpha=0.25,
+        linewidth=0.0,
+        label="± 2 standard deviations",
+    )
+    axes.plot(found.x_mm, stiffness, color="tab:blue", label="map")
+    at = found.places
+    axes.errorbar(
+        at.position_mm[:, 0],
+        np.exp(at.log_stiffness),
+        2.0 * np.exp(at.log_stiffness) * np.sqrt(at.variance),
+        fmt=".",
+        color="0.45",
+        elinewidth=0.7,
+        markersize=3,
+        label="felt there",
+        zorder=0,
+    )
+    axes.set_ylim(0.0, 1.15 * float(np.nanmax(np.append(stiffness, np.exp(at.log_stiffness)))))
+    axes.set_xlabel("sideways [mm]")
+    axes.set_ylabel(f"stiffness at {at.depth_mm:g} mm [N/mm]")
+    axes.grid(alpha=0.3)
+    strip.imshow(
+        stiffness[None],
+        extent=(found.x_mm[0], found.x_mm[-1], 0.0, 1.0),
+        aspect="auto",
+        cmap=COLOURS,
+    )
+    strip.set_yticks([])
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
+
+
+def _plane(figure: Figure, found: StiffnessMap) -> None:
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    extent = (found.x_mm[0], found.x_mm[-1], found.y_mm[0], found.y_mm[-1])
+    for axes, values, colours, label in (
+        (left, found.stiffness, COLOURS, f"stiffness at {found.places.depth_mm:g} mm [N/mm]"),
+        (right, 100.0 * found.log_std, "cividis_r", "standard deviation [%]"),
+    ):
+        shown = np.where(found.known, values, np.nan)
+        image: Any = axes.imshow(shown, origin="lower", extent=extent, cmap=colours, aspect="equal")
+        figure.colorbar(image, ax=axes, label=label, shrink=0.8)
+        position = found.places.position_mm
+        axes.plot(position[:, 0], position[:, 1], ".", color="white", markersize=2.5, alpha=0.8)
+        axes.set_xlabel("x [mm]")
+        axes.set_facecolor("0.85")
+    left.set_ylabel("y [mm]")
+    left.set_title("dots: felt there; grey: not known", fontsize="small")
+
+
+def _csv(found: StiffnessMap) -> bytes:
+    lines = ["x [mm],y [mm],stiffness [N/mm],low [N/mm],high [N/mm],known"]
+    factor = np.exp(2.0 * found.log_std)
+    for row, y in enumerate(found.y_mm):
+        for column, x in enumerate(found.x_mm):
+            value, spread = found.stiffness[row, column], factor[row, column]
+            known = int(found.known[row, column])
+            lines.append(
+                f"{x:.6g},{y:.6g},{value:.6g},{value / spread:.6g},{value * spread:.6g},{known}"
+            )
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _ply(found: StiffnessMap) -> bytes:
+    """Return a mesh (Stanford PLY): places coloured by stiffness, which is a property too."""
+    rows, columns = found.stiffness.shape
+    shown = found.stiffness[found.known] if found.known.any() else found.stiffness
+    scale = Normalize(float(shown.min()), float(shown.max()), clip=True)
+    colours = (255.0 * colormaps[COLOURS](scale(found.stiffness))[..., :3]).astype(int)
+    faces = [
+        (
+            row * columns + column,
+            row * columns + column + 1,
+            (row + 1) * columns + column + 1,
+            (row + 1) * columns + column,
+        )
+        for row in range(rows - 1)
+        for column in range(columns - 1)
+        if found.known[row : row + 2, column : column + 2].all()
+    ]
+    lines = [
+        "ply",
+        "format ascii 1.0",
+        "comment palpation map, lengths in mm, stiffness in N/mm",
+        f"element vertex {rows * columns}",
+        *(f"property float {name}" for name in ("x", "y", "z")),
+        *(f"property uchar {name}" for name in ("red", "green", "blue")),
+        "property float stiffness",
+        "property float log_std",
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    for row, y in enumerate(found.y_mm):
+        for column, x in enumerate(found.x_mm):
+            red, green, blue = colours[row, column]
+            lines.append(
+                f"{x:.6g} {y:.6g} 0 {red} {green} {blue} "
+                f"{found.stiffness[row, column]:.6g} {found.log_std[row, column]:.6g}"
+            )
+    lines += ["4 " + " ".join(map(str, face)) for face in faces]
+    return ("\n".join(lines) + "\n").encode()

@@ -1,0 +1,272 @@
+"""The page of one run: verdict, charts, tables, and how to make it again."""
+
+from __future__ import annotations
+
+import html
+import shlex
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from hc_bringup.dashboard.columns import COLUMNS, HYPOTHESES
+from hc_bringup.dashboard.nis import nis_bands
+from hc_bringup.dashboard.palpation import MAP_COLUMNS
+from hc_bringup.errors import UserError
+from hc_bringup.report.contacts import Contact, ContactRules, find_contacts
+from hc_bringup.report.page import PANELS, encode_numbers, items, render, table
+from hc_bringup.report.palpation_map import StiffnessMap, felt_places, fit_map, usual_depth
+from hc_bringup.report.rows import column_blocks, map_cells, page_contacts, page_events, page_rows
+from hc_bringup.report.verdict import Sentence, settled, verdict
+from hc_bringup.run_data import RunData
+from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_spaced
+from hc_msgs_py.units import METRE_IN_MM
+
+MOST_CONTACT_ROWS: Final = 200
+CONTACT_DEPTH_MM: Final = 0.05
+"""Shallower touches are no contacts worth a row."""
+UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "1", "1")
+
+
+def run_page(data: RunData, command: Sequence[str]) -> str:
+    """Return the page of a run.
+
+    Args:
+        data: the run.
+        command: the command line that makes it, for who wants to make it again.
+    """
+    contacts = find_contacts(data, ContactRules(minimum_depth_mm=CONTACT_DEPTH_MM))
+    channels, why_not = _diagnosis(data)
+    found = _map(data, contacts)
+    rows = page_rows(data)
+    cell_mm, cells = map_cells(data, rows)
+    content = {
+        "columns": COLUMNS,
+        "rows": len(rows),
+        "blocks": {
+            name: encode_numbers(values, exact=name in ("time", "sequence"))
+            for name, values in column_blocks(rows).items()
+        },
+        "map_columns": MAP_COLUMNS,
+        "cell_mm": cell_mm,
+        "cells": encode_numbers(cells, exact=True),
+        "cell_count": len(cells),
+        "hypotheses": HYPOTHESES,
+        "nis_band": nis_bands(),
+        "contacts": page_contacts(contacts),
+        "events": page_events(data, contacts),
+        "truth": data.truth is not None,
+    }
+    body = _body(data, verdict(data, contacts, channels, found), _has_map(cells, contacts))
+    body += _tables(data, contacts, channels, why_not, command)
+    return render(data.title, body, content, PANELS, "report.js")
+
+
+def _has_map(cells: Any, contacts: Sequence[Contact]) -> bool:
+    return len(cells) > 1 or len(contacts) > 1
+
+
+def _diagnosis(data: RunData) -> tuple[ChannelDiagnosis | None, str]:
+    """Return what stands between the channels, or why that cannot be told."""
+    used = data.used
+    try:
+        return (
+            diagnose_channels(
+                *evenly_spaced(data.time_s[used], data.displacement_mm[used], data.force_n[used])
+            ),
+            "",
+        )
+    except ValueError as error:
+        return None, str(error)
+
+
+def _map(data: RunData, contacts: Sequence[Contact]) -> StiffnessMap | None:
+    if data.tip is None:
+        return None
+    try:
+        return fit_map(felt_places(data, contacts, usual_depth(contacts)))
+    except UserError:
+        return None  # too few places, or no library: the page does without
+
+
+def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
+    said = "".join(
+        f'<li class="is-{one.level.value}">{html.escape(one.text)}</li>' for one in sentences
+    )
+    truth = ' <span class="key truth">true</span>' if data.truth is not None else ""
+    cards = "".join(
+        f'<section class="panel card" id="parameter-{name}"><h2><b>{name}</b>'
+        f'<small></small></h2><p class="big"><span class="value">–</span>'
+        f'<small class="unit">{html.escape(unit)}</small></p><p class="under">'
+        '<meter class="known" min="0" max="1" value="0"></meter><span class="share"></span>'
+        '<span class="true"></span></p></section>'
+        for name, unit in zip("KBnp", UNITS, strict=True)
+    )
+    map_panel = (
+        '<section id="map" class="panel wide"><h2>Palpation map</h2><p class="under">Stiffness '
+        'where it was felt, at a depth of <label class="inline"><input type="range" min="0.2" '
+        'max="10" step="0.1" value="2" aria-label="depth of the map in mm"> <output>2.0 mm'
+        '</output></label> <span class="scale" hidden><span class="low"></span> <span class="ramp">'
+        '</span> <span class="high"></span></span></p><p class="note"></p></section>'
+        if has_map
+        else ""
+    )
+    wide = "" if has_map else " full"
+    return f"""
+<header><h1>{html.escape(data.name)}</h1><p id="headline">{html.escape(data.estimator)}</p>
+<div class="tools"><span id="zoomed" hidden></span>
+<button id="whole" type="button" hidden>Whole recording</button>
+<button id="theme" type="button" aria-label="light or dark">◐</button></div></header>
+<main class="report">
+<section class="panel verdict"><h2>In words</h2><ol>{said}</ol></section>
+{map_panel}
+<section id="depth" class="panel{wide}"><h2>Force over depth</h2><p class="under">
+<span class="key measured">measured</span> <span class="key estimate">law at rest ± 2 sd</span>,
+at the end of what is shown</p></section>
+<p class="hint">Drag over a chart to look closer; double-click for the whole.
+<span class="key estimate">estimate, band of 2 standard deviations</span>{truth}</p>
+<section class="cards">{cards}</section>
+<section id="force" class="panel"><h2>Force <small>[N]</small></h2><p class="under">
+<span class="key measured">measured</span> <span class="key estimate">one step ahead</span></p>
+</section>
+<section id="error" class="panel"><h2>Error one step ahead <small>[mN]</small></h2>
+<p class="under">measured minus foretold</p></section>
+<section id="nis" class="panel"><h2>Consistency (mean NIS)</h2><p class="under">
+<span class="key good">where 95 % of a consistent filter lie</span></p></section>
+<section id="timeline" class="panel"><h2>What happened</h2><div class="lanes"></div>
+<p class="under lanes-key"><span class="key good">contact; law fits</span>
+<span class="key alarm">law does not fit</span></p><ol tabindex="0"></ol></section>
+<section id="hypotheses" class="panel"><h2>What the tissue does</h2><p class="note under"></p>
+<div class="hypotheses"></div><p class="faults"></p></section>
+"""
+
+
+def _tables(
+    data: RunData,
+    contacts: Sequence[Contact],
+    channels: ChannelDiagnosis | None,
+    why_not: str,
+    command: Sequence[str],
+) -> str:
+    parts = [
+        _section("Parameters at the end", _parameter_table(data)),
+        _section("Figures", _figure_table(data)),
+        _section("Between force and displacement", _channel_table(channels, why_not)),
+        _section(f"Contacts ({len(contacts)})", _contact_table(contacts), "full"),
+        _section("Settings", _settings(data), "wide"),
+        _section("How to make it again", _reproduce(data, command)),
+    ]
+    if data.findings:
+        parts.append(_section("About the recording", items(data.findings)))
+    return "".join(parts) + "</main>"
+
+
+def _section(title: str, content: str, css_class: str = "") -> str:
+    return f'<section class="panel {css_class}"><h2>{html.escape(title)}</h2>{content}</section>\n'
+
+
+def _parameter_table(data: RunData) -> str:
+    head = ["", "estimate", "± 2 sd", "unit", "known"]
+    if data.truth is not None:
+        head += ["true", "error"]
+    rows = []
+    for i, (symbol, unit) in enumerate(zip("KBnp", UNITS, strict=True)):
+        value, deviation = data.parameters[-1, i], data.parameters_std[-1, i]
+        known = f"{100 * data.identifiability[-1, i]:.0f} %"
+        row = [symbol, f"{value:.5g}", f"{2.0 * deviation:.2g}", unit, known]
+        if data.truth is not None:
+            true = data.truth[-1, i]
+            row += [f"{true:.5g}", f"{100 * (value / true - 1):+.2f} %"]
+        rows.append(row)
+    return table(head, rows, "numbers")
+
+
+def _figure_table(data: RunData) -> str:
+    chosen = settled(data)
+    error = (data.force_n - data.force_predicted_n)[chosen]
+
+    def rms(values: Any) -> str:
+        finite = values[np.isfinite(values)]
+        return f"{1e3 * np.sqrt(np.mean(finite**2)):.3g} mN" if len(finite) else "–"
+
+    nis = data.nis[chosen]
+    nis = nis[np.isfinite(nis)]
+    touching = data.contact & data.used
+    mismatch = np.mean(data.model_mismatch[touching]) if touching.any() else 0.0
+    rows = [
+        ["samples", str(len(data.time_s))],
+        ["length", f"{data.time_s[-1] - data.time_s[0]:.2f} s"],
+        ["in contact", f"{100 * np.mean(data.contact):.0f} %"],
+        ["force error one step ahead, after the first second of contact (RMS)", rms(error)],
+        ["the same over the second half", rms(error[len(error) // 2 :])],
+        ["mean NIS (ideal 2)", f"{np.mean(nis):.2f}" if len(nis) else "–"],
+        ["changes of the tissue", str(int(np.count_nonzero(data.change_detected)))],
+        ["contact law did not fit", f"{100 * mismatch:.0f} % of the contact"],
+        ["deepest", f"{np.nanmax(data.displacement_mm):.3g} mm"],
+        ["largest force", f"{np.nanmax(data.force_n):.3g} N"],
+        ["fastest", f"{np.nanmax(np.abs(data.estimates['velocity'])) * METRE_IN_MM:.3g} mm/s"],
+    ]
+    return table(["", ""], rows)
+
+
+def _channel_table(channels: ChannelDiagnosis | None, why_not: str) -> str:
+    """Say what stands between the channels: it looks like damping and like other exponents."""
+    if channels is None:
+        return f"<p>Not compared: {html.escape(why_not)}.</p>\n"
+    clear = channels.clear_faults
+    late = "displacement after force" if channels.delay_s < 0.0 else "force after displacement"
+    rows = [
+        [what, f"{value:.3g}", f"{2.0 * deviation:.2g}", unit, "yes" if name in clear else "no"]
+        for name, what, value, deviation, unit in (
+            ("delay", late, 1e3 * abs(channels.delay_s), 1e3 * channels.delay_std_s, "ms"),
+            ("zero", "force zero", 1e3 * channels.zero_n, 1e3 * channels.zero_std_n, "mN"),
+            ("contact", "contact position", channels.contact_mm, channels.contact_std_mm, "mm"),
+        )
+    ]
+    stiffness, damping, exponent, power = channels.parameters
+    text = (
+        f"One fit to the whole recording, as for one tissue. With the three taken out: "
+        f"K = {stiffness:.4g}, B = {damping:.4g}, n = {exponent:.4g}, p = {power:.4g}; force "
+        f"residual {1e3 * channels.residual_rms_n:.3g} mN, left in "
+        f"{1e3 * channels.residual_rms_without_n:.3g} mN."
+    )
+    head = ["", "value", "± 2 sd", "unit", "stands out"]
+    return table(head, rows, "numbers") + f'<p class="under">{html.escape(text)}</p>\n'
+
+
+def _contact_table(contacts: Sequence[Contact]) -> str:
+    if not contacts:
+        return "<p>None.</p>"
+    place = any(np.isfinite(c.position_mm).all() for c in contacts)
+    head = ["", "from [s]", "to [s]", *(["x [mm]", "y [mm]"] if place else [])]
+    head += ["depth [mm]", "force [N]", "K", "B", "n", "p", "loss [mJ]", "misfit"]
+    rows = []
+    for contact in contacts[:MOST_CONTACT_ROWS]:
+        row = [str(contact.number), f"{contact.start_s:.2f}", f"{contact.end_s:.2f}"]
+        if place:
+            row += [f"{v:.1f}" if np.isfinite(v) else "–" for v in contact.position_mm]
+        row += [f"{contact.peak_depth_mm:.2f}", f"{contact.peak_force_n:.2f}"]
+        row += [
+            f"{value:.3g} ± {2.0 * spread:.1g}"
+            for value, spread in zip(contact.parameters, contact.parameters_std, strict=True)
+        ]
+        row += [f"{contact.energy_loss_mj:.3g}", f"{100 * contact.mismatch_share:.0f} %"]
+        rows.append(row)
+    more = len(contacts) - MOST_CONTACT_ROWS
+    note = f"<p>and {more} more: hc contacts writes all of them</p>" if more > 0 else ""
+    return table(head, rows, "numbers") + note
+
+
+def _settings(data: RunData) -> str:
+    rows = [[name, _text(value)] for name, value in sorted(data.settings.items())]
+    inside = table(["setting", "value"], rows) if rows else "<p>Not recorded.</p>"
+    return f"<details><summary>{len(rows)} settings</summary>{inside}</details>"
+
+
+def _reproduce(data: RunData, command: Sequence[str]) -> str:
+    versions = table(["", ""], [[name, value] for name, value in sorted(data.versions.items())])
+    return f"<pre>{html.escape(shlex.join(command))}</pre>{versions}"
+
+
+def _text(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,237 @@
+"""What a recording says, in sentences: what was felt, how sure it is, what stands in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_bringup.explanation import explain
+from hc_bringup.report.contacts import Contact
+from hc_bringup.report.palpation_map import StiffnessMap
+from hc_bringup.run_data import RunData
+from hc_evaluation.metrics import chi_square_band
+
+Array = NDArray[np.float64]
+
+SETTLING_S: Final = 1.0
+MISMATCH_SHARE: Final = 0.05
+UNKNOWN: Final = 0.5
+"""Identifiability below which a parameter cannot be seen, and relative deviation above which."""
+DEPTH_MM: Final = 2.0
+_SYMBOLS: Final = ("K", "B", "n", "p")
+
+
+class Level(str, Enum):
+    """How good the news is."""
+
+    GOOD = "good"
+    NOTE = "note"
+    BAD = "bad"
+
+
+class Sentence(NamedTuple):
+    """One sentence of the verdict."""
+
+    level: Level
+    text: str
+
+
+def verdict(
+    data: RunData, contacts: Sequence[Contact], channels: Any | None, found: StiffnessMap | None
+) -> list[Sentence]:
+    """Return the verdict on a run, the most important first.
+
+    Args:
+        data: the run.
+        contacts: its contacts.
+        channels: hc_evaluation.channels.ChannelDiagnosis, or None where it cannot be made.
+        found: the palpation map, or None where there is none.
+    """
+    if not data.contact.any():
+        return [Sentence(Level.BAD, "The tool never touched anything: nothing can be said.")]
+    sentences = [
+        *_felt(data),
+        *_lump(found),
+        *_fit(data),
+        *_channels(data, channels),
+        *_unseen(data, channels),
+        *_changes(data),
+        *_honesty(data),
+        *_losses(data),
+    ]
+    if len(contacts) > 1:
+        sentences.append(_spread(contacts))
+    return sentences
+
+
+def settled(data: RunData) -> NDArray[np.bool_]:
+    """Mark the samples in contact that were used, without the first second of contact."""
+    touching = data.contact & data.used
+    if not touching.any():
+        return touching
+    elapsed = data.time_s - data.time_s[touching][0]
+    late: NDArray[np.bool_] = elapsed >= min(SETTLING_S, 0.5 * float(np.nanmax(elapsed)))
+    return touching & late
+
+
+def _felt(data: RunData) -> list[Sentence]:
+    last = int(np.flatnonzero(data.contact & data.used)[-1])
+    stiffness, _, exponent, _ = data.parameters[last]
+    covariance = data.covariance[last]
+    log_depth = float(np.log(DEPTH_MM))
+    force = float(stiffness * DEPTH_MM**exponent)
+    relative = np.array([1.0 / stiffness, log_depth])
+    variance = relative @ covariance[np.ix_([0, 2], [0, 2])] @ relative
+    if not variance < 0.25:
+        return [Sentence(Level.BAD, "The tissue was touched, but its stiffness is not known.")]
+    spread = 2.0 * force * float(np.sqrt(variance))
+    error = (data.force_n - data.force_predicted_n)[settled(data)]
+    rms = float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else np.nan
+    text = f"At rest the tissue takes {_with(force, spread)} N for {DEPTH_MM:g} mm of depth"
+    if np.isfinite(rms):
+        text += f"; one step ahead its force is foretold within {_force(rms)} (RMS)"
+    return [Sentence(Level.GOOD, text + ".")]
+
+
+def _lump(found: StiffnessMap | None) -> list[Sentence]:
+    if found is None or found.lump is None:
+        return []
+    x, y, factor = found.lump
+    where = f"{x:.1f} mm" if found.is_line else f"({x:.1f}, {y:.1f}) mm"
+    return [Sentence(Level.NOTE, f"A hard spot at {where}: {factor:.1f} times as stiff as around.")]
+
+
+def _fit(data: RunData) -> list[Sentence]:
+    used = data.contact & data.used
+    share = float(np.mean(data.model_mismatch[used]))
+    if share <= MISMATCH_SHARE:
+        return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
+    text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
+    reason = _reason(data)
+    return [Sentence(Level.BAD, f"{text}: {reason}." if reason else f"{text}.")]
+
+
+def _reason(data: RunData) -> str:
+    """Return why it does not fit, by the stretch in which it fits worst."""
+    at = np.flatnonzero(data.model_mismatch & data.used)
+    middle = data.time_s[at[len(at) // 2]]
+    near = data.used & (np.abs(data.time_s - middle) < 5.0)
+    rows = np.flatnonzero(near)[_increasing(data.time_s[near])]
+    return explain(data.time_s[rows], data.displacement_mm[rows], data.force_n[rows])
+
+
+def _increasing(times: Array) -> NDArray[np.bool_]:
+    return np.append(True, times[1:] > np.maximum.accumulate(times)[:-1])
+
+
+def _channels(data: RunData, channels: Any | None) -> list[Sentence]:
+    """Say by how much the two channels are out of step, or off their zeros."""
+    estimated = data.estimates["channel_delay"][-1], data.estimates["channel_delay_std"][-1]
+    if np.isfinite(estimated).all() and abs(estimated[0]) > 3.0 * estimated[1]:
+        return [Sentence(Level.NOTE, f"{_delay(estimated[0])}; the filter allows for it.")]
+    if channels is None:
+        return []
+    gain = channels.residual_rms_n / max(channels.residual_rms_without_n, 1e-12)
+    if gain > 0.85:  # putting it right makes little difference: leave it alone
+        return []
+    clear = channels.clear_faults
+    sentences = []
+    if "delay" in clear:
+        sentences.append(f"{_delay(channels.delay_s)}")
+    if "zero" in clear:
+        sentences.append(f"The force reads {_force(channels.zero_n)} without contact")
+    if "contact" in clear:
+        sentences.append(f"Contact begins at {channels.contact_mm:.2g} mm, not at 0")
+    better = f"what is left of the force falls to {100 * gain:.0f} % when put right"
+    return [Sentence(Level.BAD, f"{text}; {better}.") for text in sentences]
+
+
+def _delay(delay_s: float) -> str:
+    order = "behind" if delay_s > 0.0 else "ahead of"
+    return f"The force is {1e3 * abs(delay_s):.3g} ms {order} the displacement"
+
+
+def _unseen(data: RunData, channels: Any | None) -> list[Sentence]:
+    """Say what this motion does not show."""
+    last = int(np.flatnonzero(data.contact & data.used)[-1])
+    values, deviations = data.parameters[last], data.parameters_std[last]
+    known = data.identifiability[last]
+    sentences = []
+    for i, name in enumerate(("stiffness", "damping", "exponent n", "exponent p")):
+        relative = deviations[i] / max(abs(values[i]), 1e-12)
+        if known[i] < UNKNOWN or relative > UNKNOWN:
+            sentences.append(f"{name.capitalize()} cannot be seen from this motion")
+    if channels is not None and "delay" in channels.clear_faults:
+        damping = float(channels.parameters[1])
+        if damping < 0.3 * values[1]:
+            sentences.append(
+                f"What looks like damping (B = {values[1]:.3g}) is mostly the delay: "
+                f"{damping:.2g} without it"
+            )
+    return [Sentence(Level.NOTE, f"{text}.") for text in sentences]
+
+
+def _changes(data: RunData) -> list[Sentence]:
+    times = data.time_s[data.change_detected]
+    if not len(times):
+        return []
+    at = ", ".join(f"{t:.2f}" for t in times[:5]) + (" …" if len(times) > 5 else "")
+    what = "once" if len(times) == 1 else f"{len(times)} times"
+    return [Sentence(Level.NOTE, f"The tissue changed {what}, at {at} s.")]
+
+
+def _honesty(data: RunData) -> list[Sentence]:
+    """Say whether errors are as large as stated: those of the force, and of K where it is known."""
+    chosen = settled(data)
+    nis = data.nis[chosen]
+    nis = nis[np.isfinite(nis)]
+    if len(nis) < 50:
+        return []
+    mean = float(np.mean(nis))
+    _low, high = chi_square_band(2, len(nis) // 10)  # neighbours are not independent
+    if mean > 1.5 * high:
+        text = f"Errors are larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+        return [Sentence(Level.BAD, text)]
+    if data.truth is not None:
+        error = np.abs(data.parameters[:, 0] - data.truth[:, 0])[chosen]
+        inside = float(np.nanmean(error <= 3.0 * data.parameters_std[chosen, 0]))
+        level = Level.GOOD if inside > 0.9 else Level.BAD
+        where = f"within 3 of its stated deviations in {100 * inside:.0f} % of the contact"
+        return [Sentence(level, f"The true K lies {where}; mean NIS {mean:.2f} (ideal 2).")]
+    if np.mean(data.model_mismatch[chosen]) > MISMATCH_SHARE:
+        return []  # consistent only because the misfit counts as noise
+    return [Sentence(Level.GOOD, f"The filter is honest: mean NIS {mean:.2f} (ideal 2).")]
+
+
+def _losses(data: RunData) -> list[Sentence]:
+    refused = int(np.count_nonzero(~data.used))
+    sentences = []
+    if refused:
+        share = 100.0 * refused / len(data.time_s)
+        sentences.append(Sentence(Level.NOTE, f"{refused} samples were refused ({share:.2g} %)."))
+    steps = np.diff(data.estimates["sequence"].astype(np.int64))
+    missing = int(np.sum(steps[steps > 1] - 1))
+    if missing:
+        sentences.append(Sentence(Level.NOTE, f"{missing} samples are missing."))
+    return sentences
+
+
+def _spread(contacts: Sequence[Contact]) -> Sentence:
+    values = np.array([c.parameters[0] for c in contacts])
+    return Sentence(
+        Level.NOTE,
+        f"{len(contacts)} contacts: K from {values.min():.3g} to {values.max():.3g} N/mm^n.",
+    )
+
+
+def _with(value: float, spread: float) -> str:
+    places = max(0, min(6, 1 - int(np.floor(np.log10(spread))))) if spread > 0.0 else 3
+    return f"{value:.{places}f} ± {spread:.{places}f}"
+
+
+def _force(force_n: float) -> str:
+    return f"{force_n:.3g} N" if abs(force_n) >= 1.0 else f"{1e3 * force_n:.3g} mN"

@@ -1,0 +1,130 @@
+"""The files that `hc setup` writes: the estimator's parameters, and a run with it."""
+
+from __future__ import annotations
+
+import math
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.robot_streams import Stream
+from hc_estimator.input.sensor_setup import SensorProposal, SetupProposal
+from hc_logger.errors import BagError
+from hc_logger.new_file import write_new_text
+
+_RUN = """\
+# A run with {name}.yaml, written by `hc setup` on {day}: start it with `hc run {run}`.
+duration_s: 0.0   # 0: until Ctrl-C
+
+nodes:
+  - name: estimator
+    module: hc_estimator.node
+    parameter_files: [{name}.yaml]
+    respawn: true                        # a node that died goes on from what it had learnt
+    parameters:
+      state.folder: {name}_state         # here, in the folder where hc was started
+      expected_estimate_subscribers: 2   # recorder and the live display
+  - name: recorder
+    module: hc_logger.recorder_node
+    parameters:
+      topics: ["*"]
+      exclude: [/parameter_events, /rosout, /hc/reconstructed_wrench]
+      expected_topics: [hc/estimate]
+"""
+
+
+def check_free(parameters: Path) -> Path:
+    """Return where the run goes beside a parameter file.
+
+    Raises:
+        UserError: if one of the two files exists, or their folder does not.
+    """
+    run = parameters.with_name(f"{parameters.stem}_run.yaml")
+    for path in (parameters, run):
+        if path.exists():
+            raise UserError(f"{path} exists already: choose another name with -o", WRONG_USE)
+    if not parameters.parent.is_dir():
+        raise UserError(f"there is no folder {parameters.parent}", WRONG_USE)
+    return run
+
+
+def write_files(
+    parameters: Path,
+    force: Stream,
+    position: Stream,
+    found: SetupProposal,
+    offsets: dict[str, float],
+) -> Path:
+    """Write both files; returns that of the run.
+
+    Args:
+        parameters: where the estimator's parameters go.
+        force: the force stream.
+        position: the position stream.
+        found: how they are to be read.
+        offsets: time offsets [s] of "force" and "position".
+
+    Raises:
+        UserError: if they exist or cannot be written.
+    """
+    run = check_free(parameters)
+    day = date.today().isoformat()
+    text = _parameters(parameters.stem, day, force, position, found, offsets)
+    try:
+        write_new_text(parameters, [text])
+        write_new_text(run, [_RUN.format(name=parameters.stem, run=run, day=day)])
+    except BagError as error:
+        raise UserError(str(error)) from error
+    return run
+
+
+def _parameters(
+    name: str,
+    day: str,
+    force: Stream,
+    position: Stream,
+    found: SetupProposal,
+    offsets: dict[str, float],
+) -> str:
+    peak = float(max(abs(found.force_n)))
+    lines = [
+        f"# {name}: written by `hc setup` on {day} from {found.time_s[-1]:.0f} s of readings.",
+        f"# Force noise {found.force.noise:.2g} N, position noise {found.position.noise:.2g} mm, "
+        f"largest force {peak:.3g} N.",
+        "# docs/node.md explains every setting; hc doctor looks whether they still fit.",
+        "estimator:",
+        "  ros__parameters:",
+        "    # force_limit: 60.0        # N; set it just below your sensor's range",
+        "    input:",
+        "      source: sensors",
+        "      force:",
+        *_sensor(force, found.force, "N", offsets.get("force", 0.0)),
+        "      position:",
+        f"        type: {position.kind}",
+        *_sensor(position, found.position, "mm", offsets.get("position", 0.0)),
+    ]
+    lines += [f"# {note}" for note in found.notes]
+    return "\n".join(lines) + "\n"
+
+
+def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -> list[str]:
+    lines = [f"        topic: {stream.topic}"]
+    lines[0] += f"   # {stream.rate_hz:.0f} Hz, frame {stream.frame or '-'}"
+    settings: list[tuple[str, Any, str]] = []
+    if found.joint:
+        settings.append(("joint", found.joint, ""))
+    elif found.axis:
+        settings.append(("axis", found.axis, ""))
+    if found.axis == "direction":
+        settings.append(("direction", [round(c, 4) for c in found.direction], ""))
+    settings.append(("sign", found.sign, ""))
+    if math.isnan(found.zero):
+        settings.append(("zero", 0.0, f"{unit}; not known yet: hc tare or hc find-surface"))
+    else:
+        settings.append(("zero", round(found.zero, 4), f"{unit}"))
+    if offset_s:
+        settings.append(("time_offset", offset_s, "s"))
+    for name, value, comment in settings:
+        lines.append(f"        {name}: {value}" + (f"   # {comment}" if comment else ""))
+    return lines

@@ -1,0 +1,201 @@
+"""Calls of services from the command line: discovered, asked once, answered or told why not.
+
+A request is sent once, for it may do something that must not happen twice. A server that has not
+discovered the client yet answers into the void, so the client waits a moment between finding the
+server and asking it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable
+from typing import Any
+
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.graph import Graph, absolute
+from hc_msgs_py.qos import CONFIGURATION_QOS
+from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
+
+SETTLE_S = 0.6
+"""Three announcements of a participant: by then a server has discovered a new client."""
+ANSWER_S = 10.0
+
+
+def services(graph: Graph, *, hidden: bool = False) -> list[tuple[str, list[str]]]:
+    """Return names and types of all services."""
+    return sorted(
+        (name, types)
+        for name, types in graph.node.get_service_names_and_types()
+        if hidden or not any(part.startswith("_") for part in name.split("/"))
+    )
+
+
+def require_service(graph: Graph, name: str) -> tuple[str, str]:
+    """Return the full name and the type of a service once it is discovered.
+
+    Raises:
+        UserError: if it does not appear; the message lists those that do.
+    """
+    full = absolute(name)
+
+    def types() -> list[str]:
+        return next((t for n, t in services(graph, hidden=True) if n == full), [])
+
+    if not graph.wait_for(lambda: bool(types())):
+        known = ", ".join(
+            n for n, _ in services(graph) if not n.endswith(("_parameters", "_atomically"))
+        )
+        raise UserError(f"there is no service {full}; services: {known or 'none'}", FAILURE)
+    return full, types()[0]
+
+
+def service_class(type_name: str) -> Any:
+    """Return the Python class of a service type such as std_srvs/srv/Trigger.
+
+    Raises:
+        UserError: if the name is not of that form or the type is not installed.
+    """
+    parts = type_name.split("/")
+    if len(parts) == 2:
+        parts.insert(1, "srv")
+    if len(parts) != 3 or parts[1] != "srv":
+        raise UserError(f"{type_name!r} is not a service type like std_srvs/srv/Trigger", WRONG_USE)
+    try:
+        return getattr(importlib.import_module(f"{parts[0]}.srv"), parts[2])
+    except (ImportError, AttributeError) as error:
+        raise UserError(f"service type {'/'.join(parts)} is not installed", FAILURE) from error
+
+
+class Client:
+    """A client of one service, for one or more calls."""
+
+    def __init__(self, graph: Graph, service_type: Any, name: str) -> None:
+        """Find the server and let it find this client.
+
+        Raises:
+            UserError: if nobody offers the service.
+        """
+        self._graph = graph
+        self._name = name
+        self._client = graph.node.create_client(service_type, name)
+        if not graph.wait_for(self._client.service_is_ready):
+            raise UserError(f"nobody offers the service {name}", FAILURE)
+        graph.spin(SETTLE_S)
+
+    def call(self, request: Any, timeout_s: float = ANSWER_S) -> Any:
+        """Send a request once and return the answer.
+
+        Raises:
+            UserError: if no answer comes in time.
+        """
+        future = self._client.call_async(request)
+        if not self._graph.wait_for(future.done, timeout_s):
+            raise UserError(
+                f"{self._name} did not answer within {timeout_s:g} s: is its node busy or stopped?",
+                FAILURE,
+            )
+        return future.result()
+
+
+class EstimatorServices:
+    """The Trigger services of an estimator node, and what it says of their outcome."""
+
+    def __init__(self, graph: Graph, node: str) -> None:
+        """Find the node.
+
+        Raises:
+            UserError: if there is no such node.
+        """
+        self._graph = graph
+        self.node = graph.require_node(node)
+        self._namespace = self.node.rpartition("/")[0]
+        self._events: list[Any] = []
+
+    def listen(self) -> None:
+        """Listen to the node's events from now on."""
+        from hc_msgs.msg import EstimatorEvent
+
+        self._graph.node.create_subscription(
+            EstimatorEvent,
+            f"{self._namespace}/{EVENTS}",
+            lambda event: self._events.append(event),
+            CONFIGURATION_QOS,
+        )
+        self._graph.spin(SETTLE_S)  # events of before come at once, and are forgotten
+
+    def trigger(self, service: str) -> str:
+        """Call a service; return what it says.
+
+        Raises:
+            UserError: if it refuses, with its reason, or does not answer.
+        """
+        from std_srvs.srv import Trigger
+
+        client = Client(self._graph, Trigger, f"{self.node}/{service}")
+        self._events.clear()
+        answer = client.call(Trigger.Request())
+        if not answer.success:
+            raise UserError(answer.message, FAILURE)
+        return str(answer.message)
+
+    def outcome(self, kinds: tuple[int, ...], timeout_s: float | None) -> Any:
+        """Wait for an event of one of some kinds, begun to listen to before.
+
+        Args:
+            kinds: of hc_msgs/EstimatorEvent.
+            timeout_s: how long; None waits until a signal.
+
+        Returns:
+            The event; None if it did not come, or a signal did.
+        """
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while end is None or time.monotonic() < end:
+            for event in self._events:
+                if event.kind in kinds:
+                    return event
+            if not self._graph.spin(0.02):
+                return None
+        return None
+
+    def with_parameter(self, name: str, value: Any, act: Callable[[], Any]) -> Any:
+        """Do something while a parameter of the node has a value, and put the old one back.
+
+        Raises:
+            UserError: if the node refuses the value.
+        """
+        from rclpy.parameter import Parameter, parameter_value_to_python
+
+        client = self._graph.parameter_client(self.node)
+
+        def change(to: Any) -> None:
+            answer = self._graph.call(
+                lambda: client.set_parameters([Parameter(name, value=to)]), name
+            )
+            if not answer.results[0].successful:
+                raise UserError(f"{name} = {to}: {answer.results[0].reason}", FAILURE)
+
+        got = self._graph.call(lambda: client.get_parameters([name]), name)
+        before = parameter_value_to_python(got.values[0])
+        change(value)
+        try:
+            return act()
+        finally:
+            change(before)
+
+
+def add_node_option(parser: Any) -> None:
+    """Declare which estimator is meant."""
+    parser.add_argument(
+        "--node",
+        default=NODE_ESTIMATOR,
+        metavar="NAME",
+        help=f"the estimator node (default: {NODE_ESTIMATOR})",
+    )
+
+
+def trigger(node: str, service: str) -> int:
+    """Call one of the estimator's services and print its answer; for a command's `run`."""
+    with Graph() as graph:
+        print(EstimatorServices(graph, node).trigger(service))
+    return 0

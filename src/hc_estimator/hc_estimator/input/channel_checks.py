@@ -1,0 +1,138 @@
+"""Faults that one channel shows by itself, each a sentence, or nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hc_estimator.input.readings import (
+    LEAST_SAMPLES,
+    FloatArray,
+    Readings,
+    moves,
+    robust_range,
+    runs,
+)
+
+
+def stuck(readings: Readings, other: Readings) -> str:
+    """A channel that does not change while the other one does, or has stopped changing."""
+    name, unit, time_s, values = readings
+    low, high = float(values.min()), float(values.max())
+    if low == high:
+        if name == "force" and low == 0.0 and not (other.values > 0.0).any():
+            return ""  # a simulated force in free motion
+        if len(other.values) >= LEAST_SAMPLES and moves(other.values):
+            first, last = robust_range(other.values)
+            return (
+                f"the {name} reads {low:.4g} {unit} all the time while the {other.name} goes from "
+                f"{first:.3g} to {last:.3g} {other.unit}: is its sensor connected, is it the right "
+                "axis?"
+            )
+        return ""
+    starts, lengths = runs(values)
+    longest = int(np.argmax(lengths))
+    length, start = int(lengths[longest]), int(starts[longest])
+    begin, end = time_s[start], time_s[start + length - 1]
+    repeats = (len(values) - len(lengths) - (length - 1)) / max(len(values) - length, 1)
+    alive = repeats < 0.05  # elsewhere hardly two readings in a row are equal
+    during = (other.time_s >= begin) & (other.time_s <= end)
+    moving = during.sum() >= LEAST_SAMPLES and moves(other.values[during])
+    free = name == "force" and values[start] == 0.0
+    if length >= LEAST_SAMPLES and alive and moving and not free:
+        return (
+            f"the {name} stands at {values[start]:.4g} {unit} for {end - begin:.3g} s while the "
+            f"{other.name} changes: its sensor stops now and then"
+        )
+    return ""
+
+
+def held(readings: Readings) -> str:
+    """A channel that is repeated at a higher rate than it is measured at."""
+    name, _unit, time_s, values = readings
+    _starts, lengths = runs(values)
+    inner = lengths[1:-1]
+    if len(inner) < 20:
+        return ""
+    usual = float(np.median(inner))
+    regular = np.mean((inner > 0.5 * usual) & (inner < 1.5 * usual))
+    if usual < 2.0 or regular < 0.8 or _step(values) > 0.0:
+        return ""
+    rate = _rate(time_s)
+    return (
+        f"the {name} changes only with every {usual:.0f}th sample: it comes at {rate / usual:.4g} "
+        f"Hz, not at {rate:.4g} Hz; give each reading once, at its own stamp"
+    )
+
+
+def _rate(time_s: FloatArray) -> float:
+    steps = np.diff(time_s)
+    steps = steps[steps > 0.0]
+    return 1.0 / float(np.median(steps)) if len(steps) else math.nan
+
+
+def irregular(readings: Readings) -> str:
+    """Stamps that are no times of measurement."""
+    name, _unit, time_s, _values = readings
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    if usual <= 0.0:
+        return f"most samples of the {name} repeat the stamp of the one before"
+    typical = float(np.quantile(steps, 0.95))
+    together = float(np.mean(steps < 0.1 * typical))
+    mean = float(np.mean(steps[(steps > 0.0) & (steps < 20.0 * usual)]))
+    if together > 0.2:
+        return (
+            f"the {name} comes in bursts, {100 * together:.0f} % of the readings at the time of "
+            "the one before, as stamps of arrival do: stamp them when they are measured"
+        )
+    if mean > 1.2 * usual:
+        return (
+            f"the {name} comes at {1.0 / mean:.4g} Hz on average, though mostly every "
+            f"{1e3 * usual:.3g} ms: readings are lost or late"
+        )
+    return ""
+
+
+def _step(values: FloatArray) -> float:
+    """Return the step in which values come; 0 if they come in none."""
+    distinct = np.unique(values)
+    if not 3 <= len(distinct) < 0.25 * len(values):
+        return 0.0
+    gaps = np.diff(distinct)
+    step = float(np.quantile(gaps, 0.1))
+    multiples = gaps / step
+    regular = np.mean(np.abs(multiples - np.round(multiples)) < 0.05)
+    return step if step > 0.0 and regular > 0.8 else 0.0
+
+
+def coarse(readings: Readings) -> str:
+    """Steps that are coarse against what the channel shows."""
+    name, unit, _time_s, values = readings
+    step = _step(values)
+    low, high = float(values.min()), float(values.max())
+    if step == 0.0 or step < 0.02 * (high - low):
+        return ""
+    return (
+        f"the {name} comes in steps of {step:.3g} {unit}, a {(high - low) / step:.0f}th of its "
+        "range: choose a finer range or a better resolution"
+    )
+
+
+def saturated(force: Readings) -> str:
+    """A force that stays at its largest or smallest value and nowhere else."""
+    _name, unit, _time_s, values = force
+    if values.min() == values.max():
+        return ""
+    starts, lengths = runs(values)
+    for limit, word in ((values.max(), "largest"), (values.min(), "smallest")):
+        at_limit = values[starts] == limit
+        repeats = int(np.sum(lengths[~at_limit] - 1)) / max(int(np.sum(lengths[~at_limit])), 1)
+        share = float(np.sum(lengths[at_limit])) / len(values)
+        if limit != 0.0 and share > 0.005 and lengths[at_limit].max() >= 5 and repeats < 0.02:
+            return (
+                f"the force stays at {limit:.4g} {unit}, its {word} value, in {100 * share:.1f} % "
+                "of the samples: the sensor is at the end of its range; set force_limit just below"
+            )
+    return ""

@@ -1,0 +1,79 @@
+"""Readings of one channel with what can be said of them, and doubts about them."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+LEAST_SAMPLES = 100
+CLEAR = 10.0
+"""A channel moves if its range is so many times its noise."""
+
+
+class Check(Enum):
+    """What is doubted."""
+
+    STUCK = "stuck"
+    RATE = "rate"
+    SATURATION = "saturation"
+    QUANTISATION = "quantisation"
+    SIGN = "sign"
+    UNITS = "units"
+    FORCE_ZERO = "force zero"
+    POSITION_ZERO = "position zero"
+
+
+class Suspicion(NamedTuple):
+    """A reading that cannot be right.
+
+    Attributes:
+        check: what is doubted.
+        channel: displacement or force.
+        sentence: what is seen, and what to do about it.
+        remedy: what would put it right: the factor of a sign or a unit, the zero to take off [N] or
+            [mm]; NaN where no number would.
+    """
+
+    check: Check
+    channel: str
+    sentence: str
+    remedy: float = math.nan
+
+
+class Readings(NamedTuple):
+    """One channel: times [s] and values (mm or N), shape (samples,) each, all finite."""
+
+    name: str
+    unit: str
+    time_s: FloatArray
+    values: FloatArray
+
+
+def robust_range(values: FloatArray) -> tuple[float, float]:
+    """Return the values that half a percent lie below and above: spikes do not count."""
+    low, high = np.quantile(values, (0.005, 0.995))
+    return float(low), float(high)
+
+
+def noise(values: FloatArray) -> float:
+    """Return the standard deviation of white noise on a smooth signal, from second differences."""
+    second = np.diff(values, 2)
+    return float(1.4826 * np.median(np.abs(second - np.median(second))) / math.sqrt(6.0))
+
+
+def moves(values: FloatArray) -> bool:
+    """Whether a channel changes by more than its noise."""
+    low, high = robust_range(values)
+    return high - low > CLEAR * noise(values)
+
+
+def runs(values: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return starts and lengths of the runs of equal values."""
+    starts = np.flatnonzero(np.concatenate(([True], values[1:] != values[:-1])))
+    return starts, np.diff(np.append(starts, len(values)))

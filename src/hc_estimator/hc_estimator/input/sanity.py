@@ -1,0 +1,336 @@
+"""Readings that cannot be right, each in a sentence: what is seen, and what to do about it.
+
+A wrong sign, unit or zero gives estimates that look like estimates. Soft tissue pushes back the
+harder the deeper the tool goes, it does not push before it is touched, and its stiffness lies in a
+range that no mistaken unit reaches. The checks speak only where the readings show the fault: what
+passes them may still be wrong, what does not is worth a look.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+
+from hc_estimator.input import channel_checks
+from hc_estimator.input.readings import (
+    LEAST_SAMPLES,
+    Check,
+    FloatArray,
+    Readings,
+    Suspicion,
+    moves,
+    noise,
+    robust_range,
+)
+
+RELATED = 0.4
+"""Correlation of force and depth from which on the tool is in contact for a good part."""
+
+STIFFNESS = (1e-3, 100.0)
+"""Secant stiffness of soft tissue and phantoms under a tool [N/mm]: brain and fat to silicone."""
+STROKE_MM = (0.02, 60.0)
+PEAK_N = (0.005, 1500.0)
+
+_BINS = 40
+_FLAT_BINS = 6
+_FLAT_SHARE = 0.005
+"""Of the force's range: as flat as free motion is."""
+_RISE_SHARE = 0.2
+_ZERO_SHARE = 0.05
+_SURFACE_SHARE = 0.4
+"""Of the depth: a stiffening tissue is hardly felt in the first quarter."""
+_FREE_BUT_PRESSED = 0.2
+_DOWN_SHARE = 0.2
+_FAR = 10.0
+
+
+def check_samples(
+    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
+) -> list[Suspicion]:
+    """Check a recording of both channels at common times.
+
+    Args:
+        time_s: stamps [s], shape (samples,).
+        displacement_mm: penetration [mm], shape (samples,); NaN where there is no reading.
+        force_n: contact force [N], shape (samples,); NaN where there is no reading.
+
+    Returns:
+        What is suspicious, the most fundamental first; empty for readings that may be right.
+    """
+    return check_channels(
+        _finite("displacement", "mm", time_s, displacement_mm),
+        _finite("force", "N", time_s, force_n),
+    )
+
+
+def check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
+    """Check two channels, each at times of its own.
+
+    Args:
+        displacement: penetration [mm].
+        force: contact force [N].
+
+    Returns:
+        As `check_samples`.
+    """
+    result: list[Suspicion] = []
+    for readings, other in ((displacement, force), (force, displacement)):
+        if len(readings.values) >= LEAST_SAMPLES:
+            saturated = channel_checks.saturated(readings) if readings is force else ""
+            _add(result, Check.SATURATION, readings, saturated)
+            _add(
+                result,
+                Check.STUCK,
+                readings,
+                "" if saturated else channel_checks.stuck(readings, other),
+            )
+            _add(
+                result,
+                Check.RATE,
+                readings,
+                channel_checks.irregular(readings) or channel_checks.held(readings),
+            )
+            _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
+    if min(len(displacement.values), len(force.values)) >= LEAST_SAMPLES:
+        coarse = any(suspicion.check is Check.QUANTISATION for suspicion in result)
+        result += _check_together(displacement, force, fine=not coarse)
+    order = list(Check)
+    return sorted(result, key=lambda s: order.index(s.check))
+
+
+def _add(result: list[Suspicion], check: Check, readings: Readings, sentence: str) -> None:
+    if sentence:
+        result.append(Suspicion(check, readings.name, sentence))
+
+
+def _finite(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> Readings:
+    use = np.isfinite(time_s) & np.isfinite(values)
+    return Readings(name, unit, np.asarray(time_s)[use], np.asarray(values)[use])
+
+
+# Both channels.
+
+
+def _check_together(displacement: Readings, force: Readings, *, fine: bool) -> list[Suspicion]:
+    """Check what displacement and force say of each other; zeros only of fine readings."""
+    if not (moves(displacement.values) and moves(force.values)):
+        return _check_still(displacement, force)
+    order = np.argsort(displacement.time_s, kind="stable")
+    inside = (force.time_s >= displacement.time_s.min()) & (
+        force.time_s <= displacement.time_s.max()
+    )
+    newtons = force.values[inside]
+    depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
+    if len(newtons) < LEAST_SAMPLES:
+        return []
+    related = float(np.corrcoef(depth, newtons)[0, 1])
+    result: list[Suspicion] = []
+    result += _units(depth, newtons, related)
+    result += _sign(depth, newtons, related)
+    if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
+        result += _zeros(depth, newtons, related)
+    return result
+
+
+def _check_still(displacement: Readings, force: Readings) -> list[Suspicion]:
+    """A tool that does not move shows at most a zero that was never taken."""
+    low, high = robust_range(displacement.values)
+    if moves(displacement.values) and low > _FAR * (high - low) > 0.0:
+        return [_far_from_zero(low, high)]
+    return []
+
+
+def _far_from_zero(low: float, high: float) -> Suspicion:
+    return Suspicion(
+        Check.POSITION_ZERO,
+        "displacement",
+        f"the displacement lies between {low:.4g} and {high:.4g} mm, far from zero: tare at the "
+        "surface, or find the surface in an approach (position.zero)",
+    )
+
+
+def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
+    low, high = robust_range(newtons)
+    shallow, deep = robust_range(depth)
+    if related < -RELATED and _pulls(depth, newtons):
+        sentence = (
+            f"the force falls to {low:.3g} N as the displacement grows: it reads a push as a "
+            "pull; turn its sign (force.sign)"
+        )
+        return [Suspicion(Check.SIGN, "force", sentence, -1.0)]
+    if related < -RELATED:
+        sentence = (
+            f"the force grows to {high:.3g} N as the displacement falls to {shallow:.3g} mm: "
+            "turn the sign of the displacement (position.sign)"
+        )
+        return [Suspicion(Check.SIGN, "displacement", sentence, -1.0)]
+    below = -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0)
+    if related > RELATED and pressed_way(depth, newtons, 1.0 if below else 0.0) > 0.0:
+        sentence = (
+            f"force and displacement go down together, to {low:.3g} N and {shallow:.3g} mm: turn "
+            "the signs of both (force.sign, position.sign)"
+        )
+        return [Suspicion(Check.SIGN, "both", sentence, -1.0)]
+    return []
+
+
+def _pulls(depth: FloatArray, newtons: FloatArray) -> bool:
+    """Whether, of two channels that go against each other, it is the force that is turned."""
+    low, high = robust_range(newtons)
+    return pressed_way(-depth, newtons, float(abs(low) > abs(high)) - 0.5) > 0.0
+
+
+def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> float:
+    """Say whether two channels that go together are both turned round.
+
+    A force that is flat at one end of the motion is free there, whatever its zero.
+
+    Args:
+        depth: penetration or its negative [mm], shape (n,).
+        newtons: force or its negative, turned so that it grows with the depth, shape (n,).
+        unknown: what to return if no end is flat, or both are.
+
+    Returns:
+        -1 if neither is turned, 1 if both are.
+    """
+    right, turned = free_motion(depth, newtons), free_motion(-depth, -newtons)
+    if (right is None) == (turned is None):
+        return unknown
+    return 1.0 if right is None else -1.0
+
+
+def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
+    """A unit that was mistaken makes the stiffness a thousand times too large or too small."""
+    if abs(related) < RELATED:
+        return []
+    low, high = robust_range(depth)
+    stroke = high - low
+    low, high = robust_range(newtons)
+    peak = high - low
+
+    def possible(stroke_mm: float, peak_n: float) -> bool:
+        return all(
+            limits[0] <= value <= limits[1]
+            for value, limits in (
+                (stroke_mm, STROKE_MM),
+                (peak_n, PEAK_N),
+                (peak_n / stroke_mm, STIFFNESS),
+            )
+        )
+
+    if possible(stroke, peak):
+        return []
+    readings = f"{peak:.3g} N over {stroke:.3g} mm ({peak / stroke:.3g} N/mm)"
+    guesses = [
+        (channel, unit, factor)
+        for channel, unit, factor in (
+            ("displacement", "metres", 1e3),
+            ("displacement", "micrometres", 1e-3),
+            ("force", "millinewtons", 1e-3),
+        )
+        if possible(
+            stroke * (factor if channel == "displacement" else 1.0),
+            peak * (factor if channel == "force" else 1.0),
+        )
+    ]
+    if len(guesses) == 1:
+        channel, unit, factor = guesses[0]
+        name = "position" if channel == "displacement" else "force"
+        sentence = (
+            f"{readings} is no soft tissue, but would be if the {channel} were in {unit}: scale it "
+            f"by {factor:g} ({name}.scale)"
+        )
+        return [Suspicion(Check.UNITS, channel, sentence, factor)]
+    if not STIFFNESS[0] <= peak / stroke <= STIFFNESS[1]:
+        sentence = (
+            f"{readings} is no soft tissue: check the units of both (force.scale, position.scale)"
+        )
+        return [Suspicion(Check.UNITS, "both", sentence)]
+    return []
+
+
+def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
+    """Zeros, where the readings go from free motion into contact."""
+    low, high = robust_range(depth)
+    least, most = robust_range(newtons)
+    span = most - least
+    result = []
+    free = free_motion(depth, newtons)
+    if free is not None:
+        level, surface = free
+        if abs(level) > _ZERO_SHARE * span:
+            what = f"the force reads {level:.3g} N free of contact"
+            result.append(_force_zero(what, level))
+        if abs(surface) > _SURFACE_SHARE * (high - surface):
+            result.append(
+                Suspicion(
+                    Check.POSITION_ZERO,
+                    "displacement",
+                    f"contact begins near {surface:.2g} mm, not at 0: tare at the surface, or find "
+                    "the surface in an approach (position.zero)",
+                    surface,
+                )
+            )
+        return result
+    if related < RELATED:
+        return result
+    if most < 0.0:
+        result.append(_force_zero(f"the force stays below zero, at most {most:.3g} N, in contact"))
+    pressed = (depth <= 0.0) & (newtons > _RISE_SHARE * most)
+    if low > _FAR * (high - low):
+        result.append(_far_from_zero(low, high))
+    elif most > 0.0 and np.mean(pressed) > _FREE_BUT_PRESSED:
+        result.append(
+            Suspicion(
+                Check.POSITION_ZERO,
+                "displacement",
+                f"the force is up to {float(np.max(newtons[pressed])):.3g} N where the "
+                "displacement says free motion: tare at the surface, or find the surface in an "
+                "approach (position.zero, force.zero)",
+            )
+        )
+    return result
+
+
+def _force_zero(what: str, level: float = math.nan) -> Suspicion:
+    return Suspicion(
+        Check.FORCE_ZERO, "force", f"{what}: tare the tool free of contact (force.zero)", level
+    )
+
+
+def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] | None:
+    """Find the flat part of force over depth before it rises, on the way down where there is one.
+
+    On the way up a damped tissue lets go of the tool early, and the force is zero in the tissue.
+
+    Returns:
+        The force there [N] and the depth where it ends [mm]; None if there is no such part.
+    """
+    lag = max(1, len(depth) // 500)
+    advance = np.zeros(len(depth))
+    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
+    down = advance > 4.0 * noise(depth)
+    if np.mean(down) > _DOWN_SHARE:
+        depth, newtons = depth[down], newtons[down]
+    low, high = robust_range(depth)
+    edges = np.linspace(low, high, _BINS + 1)
+    place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, _BINS - 1)
+    order = np.argsort(place, kind="stable")
+    bounds = np.searchsorted(place[order], np.arange(_BINS + 1))
+    groups = [newtons[order[a:b]] for a, b in itertools.pairwise(bounds)]
+    medians = np.array([np.median(g) if len(g) >= 3 else np.nan for g in groups])
+    if np.isnan(medians[:_FLAT_BINS]).any():
+        return None
+    least, most = robust_range(newtons)
+    level = float(np.median(medians[:_FLAT_BINS]))
+    sizes = np.array([max(len(g), 1) for g in groups])
+    errors = 1.25 * noise(newtons) / np.sqrt(sizes)  # standard errors of medians
+    allowed = np.maximum(_FLAT_SHARE * (most - least), 4.0 * errors)
+    felt = np.flatnonzero(~(np.abs(medians - level) <= allowed))
+    flat = int(felt[0]) if len(felt) else _BINS
+    last = medians[~np.isnan(medians)][-1]
+    if flat < _FLAT_BINS or flat == _BINS or last - level < _RISE_SHARE * (most - least):
+        return None
+    return level, float(edges[flat])

@@ -1,0 +1,276 @@
+"""How a robot's sensors are to be read, found from readings of a tool that presses some times.
+
+The force of a press changes along one direction of the force sensor, and the tool moves along one
+direction of the position sensor; which way is "into the tissue" is where the force rises steeper
+and steeper, for tissue stiffens and free motion is flat.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.input.readings import CLEAR, LEAST_SAMPLES, FloatArray, noise, robust_range
+from hc_estimator.input.sanity import free_motion, pressed_way
+from hc_estimator.input.surface import find_surface
+
+AXIS_ALIGNED = math.cos(math.radians(10.0))
+"""A direction that is so near to an axis is taken for that axis."""
+RELATED = 0.4
+"""Correlation of force and position from which on they belong to one tool."""
+_AXES = "xyz"
+_RIDGE = 0.02
+"""Of the position's whole variance."""
+
+
+class SetupError(ValueError):
+    """Why the readings do not show how the sensors are to be read, in one line."""
+
+
+class VectorReadings(NamedTuple):
+    """Readings of a sensor: times [s], shape (n,), and components, shape (n, k).
+
+    Attributes:
+        time_s: when each was measured.
+        values: in N or mm; one column a component.
+        names: of the components: x, y, z, or names of joints.
+    """
+
+    time_s: FloatArray
+    values: FloatArray
+    names: tuple[str, ...]
+
+
+class SensorProposal(NamedTuple):
+    """How one sensor is to be read, as the parameters input.force.* and input.position.* say it.
+
+    Attributes:
+        axis: x, y, z or direction; empty for a joint.
+        direction: unit vector in the sensor's frame, shape (3,); along the axis if it is one.
+        sign: 1 or -1; 1 for a direction.
+        joint: name of the joint; empty for a vector.
+        zero: reading free of contact [N] or at the surface [mm]; NaN if that is not shown.
+        zero_std: its standard deviation.
+        noise: standard deviation of the reading's noise [N] or [mm].
+        rate_hz: median rate of the readings.
+    """
+
+    axis: str
+    direction: tuple[float, ...]
+    sign: int
+    joint: str
+    zero: float
+    zero_std: float
+    noise: float
+    rate_hz: float
+
+
+class SetupProposal(NamedTuple):
+    """How both sensors are to be read, and the readings read that way.
+
+    Attributes:
+        force: the force sensor.
+        position: the position sensor.
+        time_s: stamps of the force, shape (n,).
+        displacement_mm: interpolated there, zero taken off if it is known, shape (n,).
+        force_n: zero taken off, shape (n,).
+        notes: what a user should know, one line each.
+    """
+
+    force: SensorProposal
+    position: SensorProposal
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_n: FloatArray
+    notes: tuple[str, ...]
+
+    def corrected(self, force_n: float, displacement_mm: float) -> SetupProposal:
+        """Return the proposal with zeros that were found to be off by so much."""
+        return self._replace(
+            force=self.force._replace(zero=self.force.zero + force_n),
+            position=self.position._replace(zero=self.position.zero + displacement_mm),
+            force_n=self.force_n - force_n,
+            displacement_mm=self.displacement_mm - displacement_mm,
+        )
+
+
+def propose(
+    force: VectorReadings, position: VectorReadings, *, rest_s: float | None = None
+) -> SetupProposal:
+    """Find out how two sensors are to be read.
+
+    Args:
+        force: force readings [N], three components.
+        position: positions [mm], three components, or joint positions, one column a joint.
+        rest_s: until when the tool rested free of contact; None if nobody said so.
+
+    Raises:
+        SetupError: if the readings do not show it.
+    """
+    for readings, what in ((force, "force"), (position, "position")):
+        if len(readings.time_s) < LEAST_SAMPLES:
+            raise SetupError(f"{len(readings.time_s)} readings of the {what} are too few")
+    resting = None if rest_s is None else force.time_s <= rest_s
+    push = _main_direction(force.values)
+    pushed = force.values @ push
+    low, high = robust_range(pushed)
+    noise_n = noise(pushed)
+    if high - low < CLEAR * max(noise_n, 1e-9):
+        raise SetupError(
+            f"the force changes by {high - low:.2g} N only, hardly more than its noise "
+            f"({noise_n:.2g} N): press into the tissue meanwhile"
+        )
+    order = np.argsort(position.time_s, kind="stable")
+    inside = (force.time_s >= position.time_s.min()) & (force.time_s <= position.time_s.max())
+    if inside.sum() < LEAST_SAMPLES:
+        raise SetupError("force and position have no time in common: compare their clocks")
+    places = np.column_stack(
+        [
+            np.interp(force.time_s[inside], position.time_s[order], column[order])
+            for column in position.values.T
+        ]
+    )
+    is_joint = position.names != tuple(_AXES)
+    move = _joint(places, pushed[inside]) if is_joint else _towards(places, pushed[inside])
+    moved = places @ move
+    related = abs(float(np.corrcoef(moved, pushed[inside])[0, 1]))
+    if not related > RELATED:
+        raise SetupError(
+            f"force and position hardly go together (correlation {related:.2f}): are both of the "
+            "tool that presses?"
+        )
+    if _presses_backwards(moved, pushed, inside, resting):
+        push, move = -push, -move
+    # From here on along the directions that are told: far from the frame's origin a degree matters.
+    push, move = _snapped(push), _snapped(move)
+    pushed, moved = force.values @ push, places @ move
+    zero_n, surface_mm, surface_std, notes = _zeros(moved, pushed, inside, resting)
+    return SetupProposal(
+        _described(push, force, zero_n, noise_n / math.sqrt(LEAST_SAMPLES), noise_n),
+        _described(move, position, surface_mm, surface_std, noise(position.values @ move)),
+        force.time_s[inside],
+        moved - (0.0 if math.isnan(surface_mm) else surface_mm),
+        pushed[inside] - (0.0 if math.isnan(zero_n) else zero_n),
+        tuple(notes),
+    )
+
+
+def _main_direction(values: FloatArray) -> FloatArray:
+    """Return the unit vector along which vectors change most, spikes apart."""
+    centred = values - np.median(values, axis=0)
+    size = np.linalg.norm(centred, axis=1)
+    usual = size <= np.quantile(size, 0.995)
+    _values, vectors = np.linalg.eigh(centred[usual].T @ centred[usual])
+    direction: FloatArray = vectors[:, -1]
+    return direction
+
+
+def _towards(places: FloatArray, pushed: FloatArray) -> FloatArray:
+    """Return the unit vector along which the tool moves as the force rises.
+
+    Ridge regression of the force on the position: a tool that slides meanwhile moves along other
+    directions too, and along those that it does not move there is nothing but noise.
+    """
+    centred = places - places.mean(axis=0)
+    spread = centred.T @ centred
+    covariance = centred.T @ (pushed - pushed.mean())
+    ridge = _RIDGE * float(np.trace(spread))
+    if ridge == 0.0:
+        raise SetupError("the position does not change: is it that of the tool?")
+    direction: FloatArray = np.linalg.solve(spread + ridge * np.eye(3), covariance)
+    return direction / float(np.linalg.norm(direction))
+
+
+def _snapped(direction: FloatArray) -> FloatArray:
+    """Return the axis that a direction is near to, or else the direction."""
+    largest = int(np.argmax(np.abs(direction)))
+    if abs(direction[largest]) < AXIS_ALIGNED:
+        return direction
+    axis = np.zeros_like(direction)
+    axis[largest] = math.copysign(1.0, direction[largest])
+    return axis
+
+
+def _joint(places: FloatArray, pushed: FloatArray) -> FloatArray:
+    """Return a vector with 1 or -1 at the joint that moves with the force."""
+    spread = places.std(axis=0)
+    if not (spread > 0.0).any():
+        raise SetupError("no joint moves: is it the right topic?")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        related = np.array([np.corrcoef(column, pushed)[0, 1] for column in places.T])
+    related = np.where(spread > 0.0, np.nan_to_num(related), 0.0)
+    # Of joints that go together with the force, the one that moves most.
+    strength = np.abs(related) * (np.abs(related) > 0.9 * np.abs(related).max()) * spread
+    best = int(np.argmax(strength))
+    direction = np.zeros(places.shape[1])
+    direction[best] = math.copysign(1.0, related[best])
+    return direction
+
+
+def _presses_backwards(
+    moved: FloatArray,
+    pushed: FloatArray,
+    inside: NDArray[np.bool_],
+    resting: NDArray[np.bool_] | None,
+) -> bool:
+    """Whether the tool presses where position and force are least, not where they are largest."""
+    if resting is not None and resting.sum() >= LEAST_SAMPLES // 2:
+        free = float(np.median(pushed[resting]))
+        low, high = robust_range(pushed[~resting])
+        return free - low > high - free
+    scale = max(float(np.ptp(moved)), 1e-12)
+    centred = (moved - moved.mean()) / scale
+    curvature = float(np.polyfit(centred, pushed[inside], 2)[0])
+    sense = 1.0 if np.corrcoef(moved, pushed[inside])[0, 1] > 0.0 else -1.0
+    return pressed_way(moved, sense * pushed[inside], -curvature) > 0.0
+
+
+def _zeros(
+    moved: FloatArray,
+    pushed: FloatArray,
+    inside: NDArray[np.bool_],
+    resting: NDArray[np.bool_] | None,
+) -> tuple[float, float, float, list[str]]:
+    """Return force zero, surface and its deviation, NaN where they are not shown, and notes."""
+    coarse = 0.05 * float(np.ptp(moved))
+    found = find_surface(moved, pushed[inside])
+    if found is not None and found.displacement_std_mm <= coarse:
+        return found.force_n, found.displacement_mm, found.displacement_std_mm, []
+    free = free_motion(moved, pushed[inside])
+    if free is not None:  # pieces of approaches, none of them whole
+        return free[0], free[1], coarse, []
+    notes = [
+        "no approach from free motion into the tissue was seen, so that nobody knows where the "
+        "surface is: hc find-surface while it runs"
+    ]
+    zero = math.nan
+    if resting is not None and resting.sum() >= LEAST_SAMPLES // 2:
+        zero = float(np.median(pushed[resting]))
+    else:
+        notes.append("nor was the tool free of contact: hc tare while it runs")
+    return zero, math.nan, math.nan, notes
+
+
+def _described(
+    direction: FloatArray,
+    readings: VectorReadings,
+    zero: float,
+    zero_std: float,
+    noise_level: float,
+) -> SensorProposal:
+    steps = np.diff(np.sort(readings.time_s))
+    rate = 1.0 / float(np.median(steps[steps > 0.0]))
+    largest = int(np.argmax(np.abs(direction)))
+    sign = 1 if direction[largest] > 0.0 else -1
+    if readings.names != tuple(_AXES):
+        joint = readings.names[largest]
+        return SensorProposal("", (), sign, joint, zero, zero_std, noise_level, rate)
+    if abs(direction[largest]) == 1.0:
+        unit = tuple(float(i == largest) for i in range(3))
+        return SensorProposal(_AXES[largest], unit, sign, "", zero, zero_std, noise_level, rate)
+    return SensorProposal(
+        "direction", tuple(map(float, direction)), 1, "", zero, zero_std, noise_level, rate
+    )

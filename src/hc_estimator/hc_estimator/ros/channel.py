@@ -1,0 +1,178 @@
+"""One topic of the node's input: its subscription, its backlog, and which publisher it follows.
+
+The executor hands messages over one at a time and does not say how many wait. A channel takes all
+that wait, so that a backlog can be seen: when the node cannot keep up, the newest samples are worth
+more than the oldest, and those beyond the allowed backlog are left out and counted. It works off
+the rest in slices, with the executor's other work between them, so that parameters, services and
+diagnostics are answered however far behind the node is.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from hc_estimator.input.publishers import PublisherLines
+from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
+
+SLICE_S = 0.01
+"""So long a channel works off its backlog before others have their turn."""
+LATELY_NS = 2_000_000_000
+"""A publisher that sent a message within this time speaks."""
+
+
+class SubscriptionError(Exception):
+    """Why a topic cannot be subscribed to, in one line."""
+
+
+class Channel:
+    """Hands on, one by one, the messages of one publisher of a topic.
+
+    Attributes:
+        topic: name of the topic as it was given.
+        type_name: name of the messages' type, as the graph names it.
+        maximum_backlog: messages that may wait; more are skipped, the oldest first.
+        received: messages that came, whoever sent them.
+        lines: tells the publishers apart.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: Any,
+        topic: str,
+        take: Callable[[Any], None],
+        *,
+        skip: Callable[[int], None],
+        fail: Callable[[Exception], None],
+        raw: bool = False,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: the node, which destroys subscriptions late (hc_msgs_py.late_destruction).
+            message_type: class of the messages.
+            topic: name of the topic.
+            take: takes one message.
+            skip: hears how many messages were left out.
+            fail: hears of what `take` raised where no executor would.
+            raw: hand on the messages' bytes.
+
+        Raises:
+            SubscriptionError: if the middleware refuses; it has one type for each topic of a
+                process, and a subscription of another type that was just given up still has it.
+        """
+        self.topic = topic
+        self.type_name = "/msg/".join(
+            (message_type.__module__.split(".")[0], message_type.__name__)
+        )
+        self.maximum_backlog = STREAM_DEPTH
+        self.received = 0
+        self._node = node
+        self._message_type = message_type
+        self._raw = raw
+        self._take, self._skip, self._fail = take, skip, fail
+        self._waiting: deque[tuple[Any, dict[str, Any]]] = deque()
+        self._continues = False
+        self._closed = False
+        try:
+            self._subscription = node.create_subscription(
+                message_type, topic, self._on_message, SAMPLE_QOS, raw=raw
+            )
+        except RCLError as error:
+            raise SubscriptionError(
+                f"cannot subscribe to {topic} as {self.type_name}: this node has it with another "
+                "type"
+            ) from error
+        # rclpy's signature check would give a callback of this form the message alone.
+        self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo
+        self.lines = PublisherLines(self._subscription.get_publisher_count)
+
+    @property
+    def publishers(self) -> int:
+        """Number of matched publishers."""
+        return int(self._subscription.get_publisher_count())
+
+    @property
+    def speaking(self) -> int:
+        """Number of publishers that sent something lately."""
+        return self.lines.speaking(time.time_ns(), LATELY_NS)
+
+    @property
+    def publisher_names(self) -> list[str]:
+        """Full names of the nodes that publish the topic, with another type in brackets."""
+        names = []
+        for info in self._node.get_publishers_info_by_topic(self._subscription.topic_name):
+            name = f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            names.append(
+                name if info.topic_type == self.type_name else f"{name} ({info.topic_type})"
+            )
+        return sorted(names)
+
+    def close(self) -> None:
+        """Stop listening; what waits is dropped."""
+        self._closed = True
+        self._waiting.clear()
+        self._node.destroy_subscription(self._subscription)
+
+    def flush(self) -> None:
+        """Hand on all that waits now."""
+        if not self._closed:
+            self._fetch()
+            self._work(deadline_s=float("inf"))
+
+    def _on_message(self, message: Any, info: dict[str, Any] | None = None) -> None:
+        """Take a message that the executor hands over.
+
+        rclpy's EventsExecutor gives message and info as one tuple, its other executors as two
+        arguments.
+        """
+        if self._closed:  # an event of the executor's that was on its way
+            return
+        self._waiting.append(message if info is None else (message, info))
+        self._fetch()
+        if not self._continues:
+            self._work(time.perf_counter() + SLICE_S)
+
+    def _fetch(self) -> None:
+        """Take what waits in the middleware, and leave out what is too much."""
+        waiting = self._waiting
+        handle = self._subscription.handle
+        with handle:
+            while len(waiting) <= STREAM_DEPTH:
+                taken = handle.take_message(self._message_type, self._raw)
+                if taken is None:
+                    break
+                waiting.append(taken)
+        surplus = len(waiting) - self.maximum_backlog
+        if surplus > 0:
+            for _ in range(surplus):
+                waiting.popleft()
+            self._skip(surplus)
+
+    def _work(self, deadline_s: float) -> None:
+        waiting = self._waiting
+        lines = self.lines
+        while waiting:
+            message, info = waiting.popleft()
+            self.received += 1
+            if lines.follows(info["publication_sequence_number"], info["received_timestamp"]):
+                self._take(message)
+            if waiting and time.perf_counter() > deadline_s:
+                self._continues = True
+                self._node.executor.create_task(self._continue)
+                return
+
+    def _continue(self) -> None:
+        """Go on after a slice: a task of the executor's."""
+        self._continues = False
+        try:
+            self._work(time.perf_counter() + SLICE_S)
+        except Exception as error:  # noqa: BLE001 - a task that raises ends this executor in a crash
+            self._fail(error)

@@ -1,0 +1,296 @@
+"""The page in a real browser, fed by a server without ROS: what it shows, and what it survives."""
+
+from __future__ import annotations
+
+import http.server
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hc_bringup.dashboard.columns import INDEX
+from hc_bringup.dashboard.digest import Digest
+from hc_bringup.dashboard.palpation import MAP_COLUMNS
+
+Make = Callable[..., Any]
+
+pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
+
+
+def feed(served: Any, table: Any, stamps: Any, digest: Digest | None = None) -> Any:
+    """Show estimates; returns the rows that the page gets."""
+    digest = digest or Digest()
+    rows = np.concatenate([digest.add(table, stamps, estimates=True), digest.flush()])
+    served.server.publish_rows(digest.epoch, rows)
+    return rows
+
+
+def opened(page: Any, served: Any, make_status: Make, **fields: Any) -> None:
+    """Open the page and wait until it is connected."""
+    page.open(served.address)
+    page.wait_for("HC.app && HC.app.state === 'connected'")
+    served.server.publish_text("status", make_status(**fields))
+
+
+def test_values_are_those_of_the_estimates(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    table = make_estimates(3000)
+    rows = feed(served, table, make_stamps(table))
+    opened(page, served, make_status)
+    page.wait_for(f"HC.app.store.count === {len(rows)}")
+    names = ["K", "B_std", "force", "force_min", "predicted", "nis_sum", "hypothesis", "time"]
+    shown = page.run(
+        "return arguments[0].map((n) => Array.from({length: HC.app.store.count}, "
+        "(_, row) => HC.app.store.at(row, n)))",
+        names,
+    )
+    for name, values in zip(names, shown, strict=True):
+        np.testing.assert_array_equal(values, rows[:, INDEX[name]], err_msg=name)
+    # What is drawn is what arrived, and what is written is the last of it.
+    drawn = page.wait_for("HC.app.parameters[0].chart.plot.data[3].at(-1)")
+    assert drawn == table["stiffness"][-1]
+    deviation = 2 * table["stiffness_std"][-1]
+    page.wait_for("document.querySelector('#parameter-K .value').textContent !== '–'")
+    value, written = page.text("#parameter-K .value").split(" ± ")
+    assert float(value) == pytest.approx(table["stiffness"][-1], abs=0.01)
+    assert float(written) == pytest.approx(deviation, abs=0.05)
+    assert "#token" not in page.driver.current_url
+    assert page.complaints() == []
+
+
+def test_the_lump_is_found_and_said(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    table = make_estimates(100)
+    table["model_mismatch"] = False
+    feed(served, table, make_stamps(table))
+    cells = np.zeros((80, len(MAP_COLUMNS)))
+    place = {name: index for index, name in enumerate(MAP_COLUMNS)}
+    cells[:, place["x"]] = np.arange(80) * 0.5 + 0.25
+    cells[:, place["count"]] = 5.0
+    stiffness = 0.2 + 0.4 * np.exp(-(((cells[:, 0] - 20.0) / 4.0) ** 2))
+    cells[:, place["ln_K"]] = np.log(stiffness)
+    cells[:, place["n"]] = 1.6
+    cells[:, place["var_ln_K"]] = 1e-4
+    cells[:, place["deepest"]] = 4.0
+    served.server.publish_map(0, 0.5, cells)
+    opened(page, served, make_status)
+    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
+    lump = page.run("return HC.app.map.lump")
+    assert lump["x"] == pytest.approx(20.0, abs=0.5)
+    assert lump["factor"] == pytest.approx(3.0, abs=0.1)
+    page.wait(lambda: "hard spot" in page.text("#headline"), "the sentence")
+    shown = page.run("return HC.app.map.spots[40].value")
+    assert shown == pytest.approx(stiffness[40] * 1.6 * 2.0**0.6, rel=1e-9)
+    assert page.complaints() == []
+
+
+def test_says_when_data_stop_and_comes_back(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    table = make_estimates(500)
+    digest = Digest()
+    feed(served, table, make_stamps(table), digest)
+    opened(page, served, make_status)
+    page.wait(lambda: page.text("#state") == "in contact" or page.words()["state"], "a state")
+    silent_from = time.monotonic()
+    served.server.publish_text("status", make_status(silent_s=0.9))
+    page.wait(lambda: page.text("#state") == "stopped", "stopped", 2.0)
+    assert time.monotonic() - silent_from < 2.0
+    assert "no estimates for" in page.text("#banner")
+    later = make_estimates(500, first=500)
+    feed(served, later, make_stamps(later), digest)
+    served.server.publish_text("status", make_status(silent_s=0.0))
+    page.wait(lambda: page.text("#state") != "stopped", "going on", 2.0)
+
+
+def test_reconnects_and_fills_the_gap(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    digest = Digest()
+    table = make_estimates(1000)
+    rows = len(feed(served, table, make_stamps(table), digest))
+    opened(page, served, make_status)
+    page.wait_for(f"HC.app.store.count === {rows}")
+    page.run("HC.app.connection.socket.close()")
+    page.wait(lambda: page.text("#state") == "disconnected", "disconnected", 3.0)
+    assert "what you see is old" in page.text("#banner")
+    later = make_estimates(1000, first=1000)
+    rows += len(feed(served, later, make_stamps(later), digest))
+    page.wait_for(f"HC.app.store.count === {rows}")
+    assert page.run("return HC.app.store.first") == 0
+    assert page.run("return HC.app.state") == "connected"
+
+
+def test_another_epoch_clears_the_page(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    digest = Digest()
+    table = make_estimates(1000)
+    feed(served, table, make_stamps(table), digest)
+    opened(page, served, make_status)
+    page.wait_for("HC.app.store.count > 0")
+    again = make_estimates(200)
+    rows = feed(served, again, make_stamps(again) - 10**12, digest)
+    page.wait_for("HC.app.store.epoch === 1")
+    page.wait_for(f"HC.app.store.count === {len(rows)}")
+
+
+def test_without_the_token_the_page_says_what_to_do(page: Any, serve: Make) -> None:
+    served = serve()
+    page.open(served.origin)
+    page.wait(lambda: "open the page by the address" in page.text("#banner"), "the banner", 5.0)
+    assert served.backend.viewers == 0
+
+
+class Hostile(http.server.BaseHTTPRequestHandler):
+    """A page of somebody else on this machine, without any policy of its own."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><title>evil</title>")
+
+    def log_message(self, *_arguments: object) -> None:
+        """Say nothing."""
+
+
+def test_another_site_cannot_connect(page: Any, serve: Make) -> None:
+    """A page from another port of this machine, in a browser that has the cookie, gets nothing."""
+    served = serve()
+    page.open(served.address)
+    page.wait_for("HC.app && HC.app.state === 'connected'")
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Hostile) as evil:
+        threading.Thread(target=evil.serve_forever, daemon=True).start()
+        page.open(f"http://127.0.0.1:{evil.server_port}/")
+        answer = page.driver.execute_async_script(
+            """
+            const [host, done] = arguments;
+            const tried = (path) => new Promise((end) => {
+              const socket = new WebSocket(`ws://${host}${path}`);
+              socket.onopen = () => end("opened");
+              socket.onerror = () => end("refused");
+            });
+            const fetched = (path, options) => fetch(`http://${host}${path}`, options).then(
+              (r) => r.text().then((text) => "read " + text.length), () => "refused");
+            const post = {method: "POST", body: "{}"};
+            Promise.all([tried("/ws"), tried("/"), fetched("/session", post),
+              fetched("/", {credentials: "include"})]).then(done);
+            """,
+            served.host,
+        )
+        evil.shutdown()
+    assert answer == ["refused"] * 4
+
+
+def test_controls_ask_and_say_the_answer(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("!document.getElementById('controls').hidden")
+    page.run("document.querySelector('[data-service=tare]').click()")
+    page.wait(lambda: page.text("#message") == "as you say", "the answer")
+    asked = {"op": "call", "node": "estimator", "service": "tare"}
+    assert any(asked.items() <= request.items() for request in served.backend.requests)
+    # A mark carries what was written.
+    page.run("document.getElementById('mark-text').value = 'here'")
+    page.run("document.querySelector('#mark-form button').click()")
+    page.wait(lambda: any(r.get("text") == "here" for r in served.backend.requests), "the mark")
+
+
+def test_read_only_switches_the_controls_off(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    served.backend.control = False
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("[...document.querySelectorAll('fieldset')].every((set) => set.disabled)")
+    assert page.run("return !document.querySelector('.read-only').hidden")
+
+
+def test_keys(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    opened(page, served, make_status)
+    page.press(" ")
+    assert page.run("return HC.app.frozen")
+    page.press(" ")
+    assert not page.run("return HC.app.frozen")
+    page.press("1")
+    assert page.run("return HC.app.seconds") == 5
+    dark = page.run("return HC.isDark()")
+    page.press("t")
+    assert page.run("return HC.isDark()") != dark
+    page.press("t")
+    page.press("?")
+    assert page.run("return document.getElementById('keys').open")
+
+
+def test_names_from_outside_stay_text(page: Any, serve: Make, make_status: Make) -> None:
+    """What comes from topics is shown as text, whatever it contains."""
+    served = serve()
+    evil = "<img src=x onerror=document.title='caught'>"
+    node = {"level": 1, "message": evil, "hardware": evil, "values": {}, "age_s": 0.0}
+    opened(page, served, make_status, nodes={evil: node})
+    event = {"time": 1.7e9, "kind": 64, "sequence": 1, "reason": evil}
+    served.server.publish_text("events", {"items": [event]})
+    page.wait(lambda: evil in page.text("#timeline ol"), "the event")
+    page.wait(lambda: evil in page.text("#health tbody"), "the node")
+    assert page.run("return document.querySelectorAll('main img').length") == 0
+    assert page.driver.title != "caught"
+
+
+def test_narrow_page_has_no_sideways_scroll(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    table = make_estimates(1000)
+    page.resize(360, 700)
+    feed(served, table, make_stamps(table))
+    opened(page, served, make_status)
+    page.wait_for("HC.app.store && HC.app.store.count > 0")
+    page.run("document.getElementById('open-controls').click()")
+    for part in ("document.documentElement", "document.getElementById('controls')"):
+        wide = page.run(f"return [{part}.scrollWidth, {part}.clientWidth]")
+        assert wide[0] <= wide[1], part
+    outside = page.run(
+        "return [...document.querySelectorAll('main *')].filter((e) => "
+        "!e.closest('.chart') && e.getBoundingClientRect().right > innerWidth + 1)"
+        ".map((e) => e.className || e.tagName)"
+    )
+    assert outside == []
+
+
+def test_memory_is_flat_over_an_hour(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """An hour of rows in a few seconds: what the page keeps does not grow after the first part."""
+    served = serve()
+    opened(page, served, make_status)
+    table = make_estimates(12_000)
+    digest = Digest()
+    one = np.concatenate([digest.add(table, make_stamps(table), estimates=True), digest.flush()])
+    sizes = []
+    sent = 0
+    for _minutes in range(6):
+        for number in range(50):  # 50 times 12 s
+            rows = one.copy()
+            rows[:, INDEX["time"]] += 0.02 * sent
+            rows[:, INDEX["sequence"]] += 20 * sent
+            served.server.publish_rows(0, rows)
+            sent += len(rows)
+            if number % 5 == 4:
+                page.wait_for(f"HC.app.store.count === {sent}")
+        page.run("gc()")
+        sizes.append(page.send("Runtime.getHeapUsage")["usedSize"] / 1e6)
+        assert page.run("return HC.app.store.count - HC.app.store.first") <= 30_000
+    assert sent == 180_000
+    assert sizes[-1] - sizes[1] < 3.0, sizes

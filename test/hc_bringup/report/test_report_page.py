@@ -1,0 +1,187 @@
+"""The report: right in words, right in numbers, and nothing in it that was not put there."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hc_bringup.cli import main
+from hc_bringup.dashboard.columns import INDEX
+from hc_bringup.report.contacts import find_contacts
+from hc_bringup.report.rows import page_rows
+from hc_bringup.report.run_page import run_page
+from hc_bringup.report.verdict import Level, verdict
+from hc_bringup.run_data import TipPath
+
+MakeRun = Callable[..., Any]
+EVIL = "<img src=x onerror=document.title='caught'>.csv"
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Any]:
+    """A browser, where there is one."""
+    sys.path.insert(0, str(Path(__file__).parents[1] / "dashboard"))
+    import browser
+
+    reason = browser.why_not()
+    if reason:
+        pytest.skip(reason)
+    opened = browser.Browser()
+    yield opened
+    opened.close()
+
+
+def said(data: Any, channels: Any = None) -> list[str]:
+    return [one.text for one in verdict(data, find_contacts(data), channels, None)]
+
+
+def test_words_for_a_good_run(make_run: MakeRun) -> None:
+    data = make_run(seconds=8.0)
+    words = said(data)
+    force = 0.3 * 2.0**1.5
+    number = float(re.search(r"takes ([\d.]+) ", words[0]).group(1))
+    assert number == pytest.approx(force, rel=0.02)
+    assert "The contact law describes what the sensors say." in words
+    assert any(text.startswith("The true K lies within 3") for text in words)
+
+
+def test_words_for_what_cannot_be_seen(make_run: MakeRun) -> None:
+    data = make_run(seconds=3.0)
+    data.estimates["damping_identifiability"][:] = 0.1
+    data.estimates["velocity_exponent_std"][:] = 2.0
+    words = said(data)
+    assert "Damping cannot be seen from this motion." in words
+    assert "Exponent p cannot be seen from this motion." in words
+
+
+def test_words_for_a_tool_in_the_air(make_run: MakeRun) -> None:
+    data = make_run(seconds=2.0)
+    data.estimates["contact"][:] = False
+    assert said(data) == ["The tool never touched anything: nothing can be said."]
+
+
+def test_words_for_a_delay(make_run: MakeRun) -> None:
+    from hc_evaluation.channels import diagnose_channels
+
+    data = make_run(seconds=8.0, lifted_mm=-0.3)
+    data.force_n[:] = np.interp(data.time_s + 0.03, data.time_s, data.force_n)
+    channels = diagnose_channels(data.time_s, data.displacement_mm, data.force_n)
+    sentences = verdict(data, [], channels, None)
+    told = [one for one in sentences if "ahead of the displacement" in one.text]
+    assert told
+    assert told[0].level is Level.BAD
+    assert float(told[0].text.split()[3]) == pytest.approx(30.0, abs=3.0)
+
+
+def test_words_for_losses(make_run: MakeRun) -> None:
+    data = make_run(seconds=3.0)
+    data.estimates["rejected"][5:9] = 1
+    data.estimates["sequence"][100:] += 7
+    words = said(data)
+    assert "7 samples are missing." in words
+    assert any(text.startswith("4 samples were refused") for text in words)
+
+
+@pytest.mark.parametrize("seconds", [0.01, 0.4, 3.0, 30.0])
+def test_rows_hold_the_estimates(make_run: MakeRun, seconds: float) -> None:
+    data = make_run(seconds=seconds)
+    rows = page_rows(data)
+    assert 1 <= len(rows) <= 4001
+    assert rows[:, INDEX["samples"]].sum() == len(data.time_s)
+    for row in rows[:: max(1, len(rows) // 50)]:
+        at = int(row[INDEX["sequence"]])
+        assert row[INDEX["K"]] == data.parameters[at, 0]
+        assert row[INDEX["force"]] == data.force_n[at]
+        assert row[INDEX["time"]] == pytest.approx(data.time_s[at])
+        assert row[INDEX["K_true"]] == data.truth[at, 0]
+
+
+def test_rows_of_a_recording_whose_time_goes_back(make_run: MakeRun) -> None:
+    data = make_run(seconds=2.0)
+    data.time_s[500:] -= 0.9
+    rows = page_rows(data)
+    assert (np.diff(rows[:, 0]) > 0.0).all()
+    assert rows[-1, 0] == pytest.approx(data.time_s[-1])
+
+
+def test_names_are_escaped_everywhere(make_run: MakeRun) -> None:
+    data = make_run(
+        seconds=2.0,
+        name=EVIL,
+        findings=(EVIL, "</script><script>alert(1)</script>"),
+        settings={EVIL: EVIL},
+        versions={EVIL: "<b>"},
+    )
+    text = run_page(data, ["hc", "report", EVIL, "-o", "x'y.html"])
+    assert "<img" not in text
+    assert "<b>" not in text.split('class="cards"')[0]
+    assert "alert(1)</script>" not in text
+    assert text.count("&lt;img src=x") >= 5
+
+
+def test_page_fetches_nothing_and_allows_only_its_own_scripts(make_run: MakeRun) -> None:
+    text = run_page(make_run(seconds=2.0), ["hc", "report"])
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text).group(1)
+    assert policy.startswith("default-src &#x27;none&#x27;")
+    assert "unsafe" not in policy
+    assert " src=" not in text
+    assert "<link" not in text
+    assert not re.search(r"\son\w+=", text)
+    addresses = set(re.findall(r"https?://[^\s\"')]+", text))
+    assert all("github.com/leeoniya" in one or "w3.org" in one for one in addresses), addresses
+    assert "Leon Sorokin" in text  # uPlot's licence goes with it
+
+
+def test_page_in_a_browser(page: Any, make_run: MakeRun, tmp_path: Path) -> None:
+    tip = TipPath(np.array([0.0, 8.0]), np.array([[0.0, 0.0], [40.0, 0.0]]))
+    data = make_run(seconds=8.0, tip=tip, name=EVIL)
+    path = tmp_path / "report.html"
+    path.write_text(run_page(data, ["hc", "report", EVIL]), encoding="utf-8")
+    page.complaints()
+    page.open(path.as_uri())
+    page.wait_for("HC.report && HC.report.store.count > 100")
+    assert page.complaints() == []
+    assert page.driver.title == f"{EVIL}, ukf on kinematic"
+    # What is shown is what was estimated, to the precision of float32.
+    shown = page.run(
+        "return ['K', 'force', 'predicted'].map((n) => Array.from({length: HC.report.store.count},"
+        " (_, row) => HC.report.store.at(row, n)))"
+    )
+    rows = page_rows(data)
+    for name, values in zip(("K", "force", "predicted"), shown, strict=True):
+        np.testing.assert_allclose(values, rows[:, INDEX[name]], rtol=1e-6)
+    assert page.run("return HC.report.timeline.chart.plot.data[0].length") > 100
+    # Looking closer: all charts follow.
+    page.run("HC.onZoom(2.0, 3.0)")
+    assert page.run("return HC.report.parameters[3].chart.plot.scales.x.min") == pytest.approx(2.0)
+    assert "2.00 to 3.00 s" in page.text("#zoomed")
+    page.run("document.getElementById('whole').click()")
+    assert page.run("return HC.report.parameters[3].chart.plot.scales.x.max") > 7.9
+    for width in (360, 1300):
+        page.resize(width, 900)
+        wide = page.run("return [document.documentElement.scrollWidth, innerWidth]")
+        assert wide[0] <= wide[1]
+    # Nothing is drawn where it cannot be: no parameter below zero.
+    lows = page.run("return HC.report.parameters.map((p) => p.chart.plot.scales.y.min)")
+    assert min(lows) >= 0.0
+
+
+def test_command_writes_each_format(
+    make_run: MakeRun, write_csv: Callable[..., Path], tmp_path: Path
+) -> None:
+    recording = write_csv(make_run(seconds=3.0), EVIL.replace("/", ""))
+    for suffix, begin in ((".html", b"<!doctype html>"), (".png", b"\x89PNG"), (".svg", b"<?xml")):
+        target = tmp_path / f"out{suffix}"
+        assert main(["report", str(recording), "--filter", "ukf", "-o", str(target)]) == 0
+        assert target.read_bytes().startswith(begin)
+    text = (tmp_path / "out.html").read_text(encoding="utf-8")
+    assert "--filter ukf" in text
+    data = json.loads(re.search(r'id="data">(.*?)</script>', text).group(1))
+    assert data["rows"] > 100

@@ -1,0 +1,262 @@
+"""The panel of the terminal: straight at every width, and outspoken about what is wrong."""
+
+from __future__ import annotations
+
+import math
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from hc_bringup.dashboard.columns import COLUMNS, INDEX
+from hc_bringup.terminal.ending import Profile, draw_depth, draw_profile, find_lump
+from hc_bringup.terminal.numbers import SteadyDecimals, decimals_of, engineering, file_size
+from hc_bringup.terminal.panel import PanelPainter
+from hc_bringup.terminal.sparkline import STEPS, sparkline
+from hc_bringup.terminal.view import PanelHistory, PanelView
+
+numbers = st.floats(allow_nan=True, allow_infinity=True, width=64)
+words = st.text(st.characters(codec="ascii", exclude_categories=("Cc",)), max_size=80)
+
+
+def lines_of(view: PanelView, width: int) -> list[str]:
+    console = Console(width=width, force_terminal=True, color_system=None)
+    with console.capture() as capture:
+        console.print(PanelPainter().draw(view, width))
+    return capture.get().splitlines()
+
+
+def usual(**fields: Any) -> PanelView:
+    history = PanelHistory()
+    for number in range(200):
+        history.force.append(math.sin(number / 4))
+        history.depth.append(math.cos(number / 4))
+        for curve in history.parameters:
+            curve.append(float(number % 17))
+    values: dict[str, Any] = {
+        "phase": "running",
+        "elapsed_s": 12.3,
+        "duration_s": 60.0,
+        "rate_hz": 1000.0,
+        "silent_s": 0.01,
+        "latency_s": (3e-4, 8e-4),
+        "parameters": (0.20005, 0.02, 1.6, 1.0),
+        "deviations": (1e-4, 2e-5, 4e-4, 4e-4),
+        "known": (0.999, 0.98, 1.0, 0.5),
+        "truth": (0.2, 0.02, 1.6, 1.0),
+        "force_n": 1.234,
+        "depth_mm": 2.345,
+        "force_error_n": 0.0121,
+        "contact": True,
+        "filter": "self_tuning_ukf",
+        "scenario": "palpation_scan",
+        "bag": "run_20260101_000000",
+        "bag_bytes": 12_345_678.0,
+        "processor": {"indenter": 19.0, "estimator": 20.0},
+        "keys": (("q", "stop"), ("m", "mark")),
+        "history": history,
+    }
+    return PanelView(**(values | fields))
+
+
+@pytest.mark.parametrize("width", [60, 61, 72, 79, 80, 100, 133, 200])
+def test_every_line_is_as_wide_as_the_panel(width: int) -> None:
+    lines = lines_of(usual(), width)
+    assert {len(line) for line in lines} == {width}
+    text = "\n".join(lines)
+    for part in ("0.20005", "0.02000", "palpation_scan", "12.3 MB", "12.1 mN", "1000 Hz", "[q]"):
+        assert part in text, part
+    assert any(step in text for step in STEPS)
+    rows = [line for line in lines if line[2:3] in "KBnp" and line[3:5] == "  "]
+    assert len(rows) == 4
+    ends = {len(row[:16].rstrip()) for row in rows}  # the estimates are aligned to the right
+    assert len(ends) == 1
+
+
+@given(
+    st.integers(60, 200),
+    st.tuples(numbers, numbers, numbers, numbers),
+    st.tuples(numbers, numbers, numbers, numbers),
+    numbers,
+    words,
+    words,
+    st.booleans(),
+)
+def test_nothing_makes_it_ragged(
+    width: int, values: Any, deviations: Any, force: float, name: str, said: str, contact: bool
+) -> None:
+    view = usual(
+        parameters=values,
+        deviations=deviations,
+        truth=deviations,
+        known=values,
+        force_n=force,
+        depth_mm=force,
+        force_error_n=force,
+        filter=name,
+        scenario=said,
+        bag=name,
+        answer=said,
+        explanation=said,
+        problems={name: said},
+        mismatch=True,
+        contact=contact,
+    )
+    widths = {len(line) for line in lines_of(view, width)}
+    assert widths == {width}
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"silent_s": 1.4}, "silent for 1.4 s"),
+        ({"silent_s": 1.4, "silent_reason": "no force"}, "no force"),
+        ({"contact": None, "elapsed_s": 2.0}, "does anybody publish"),
+        ({"mismatch": True, "explanation": "it relaxes"}, "the law does not fit: it relaxes"),
+        ({"depth_mm": 312.0}, "was nothing tared"),
+        ({"bag_dropped": 3}, "3 messages did not get into the bag"),
+        ({"problems": {"recorder": "disk full"}}, "recorder: disk full"),
+        ({"contact": False}, "in the air"),
+        ({"hypothesis": 2, "several_hypotheses": True}, "leads: stiffness trend"),
+    ],
+)
+def test_what_is_wrong_is_said(fields: dict[str, Any], says: str) -> None:
+    joined = " ".join(line.strip("│ ").strip() for line in lines_of(usual(**fields), 100))
+    assert says in joined
+    if "silent_s" in fields:
+        assert "in contact" not in joined
+
+
+@given(st.floats(1e-9, 1e6), st.integers(2, 4))
+def test_engineering_units_keep_the_value(value: float, digits: int) -> None:
+    number, unit = engineering(value, "N", digits).split(" ")
+    factor = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}[unit.removesuffix("N")]
+    assert float(number) * factor == pytest.approx(value, rel=0.6 * 10.0 ** (1 - digits))
+    assert 0.999 <= float(number) < 1000.5 or value < 1e-9
+
+
+@given(numbers, numbers)
+def test_decimals_are_always_possible(value: float, deviation: float) -> None:
+    assert 0 <= decimals_of(value, deviation) <= 7
+
+
+def test_decimals_stay_put_while_the_deviation_wanders() -> None:
+    steady = SteadyDecimals()
+    shown = [steady.update(0.2, 10.0**power) for power in (-3.0, -3.4, -2.9, -3.2, -2.7)]
+    assert len(set(shown)) == 1
+    assert steady.update(0.2, 1e-6) > shown[0]
+
+
+@given(st.lists(numbers, max_size=50), st.integers(0, 80))
+def test_sparkline_is_as_wide_as_asked(values: list[float], width: int) -> None:
+    line = sparkline(values, width)
+    assert len(line) == width
+    assert set(line) <= set(STEPS) | {" "}
+
+
+def test_sparkline_shows_the_curve() -> None:
+    assert sparkline([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0], 8) == STEPS
+    assert sparkline([5.0, 5.0], 4) == "  ▁▁"
+
+
+def test_file_sizes() -> None:
+    assert file_size(999) == "999 B"
+    assert file_size(12_345) == "12.3 kB"
+    assert file_size(2.5e9) == "2.50 GB"
+
+
+@pytest.mark.process
+@pytest.mark.timeout(180)
+def test_keys_in_a_real_terminal(command_line: Any) -> None:
+    """A run in a terminal of its own: m marks, q ends it cleanly, the panel is straight."""
+    leader, follower = pty.openpty()
+    os.set_blocking(leader, False)
+    environment = command_line.environment | {"COLUMNS": "72", "LINES": "40", "TERM": "xterm"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hc_bringup", "run", "--scenario", "palpation_scan"],
+        cwd=command_line.folder,
+        env=environment,
+        stdin=follower,
+        stdout=follower,
+        stderr=follower,
+        start_new_session=True,
+    )
+    os.close(follower)
+    text = ""
+
+    def read_until(condition: Any, what: str, timeout_s: float) -> None:
+        nonlocal text
+        end = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < end, f"{what}:\n{text[-3000:]}"
+            try:
+                text += os.read(leader, 65536).decode(errors="replace")
+            except BlockingIOError:
+                time.sleep(0.02)
+            except OSError:
+                assert condition(), what
+                return
+
+    try:
+        read_until(lambda: "in contact" in text and "leads:" in text, "estimates", 120.0)
+        read_until(lambda: "live page: http://127.0.0.1:" in text, "the address", 20.0)
+        os.write(leader, b"m")
+        read_until(lambda: "marked sample" in text, "the mark", 20.0)
+        os.write(leader, b"q")
+        read_until(lambda: "bag:" in text, "the summary", 60.0)
+        assert process.wait(30) == 0
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        os.close(leader)
+
+
+def scan(factor: float = 3.0, deviation: float = 0.01) -> Profile:
+    x = np.linspace(0.0, 30.0, 61)
+    stiffness = 0.5 * (1.0 + (factor - 1.0) * np.exp(-(((x - 12.0) / 3.5) ** 2)))
+    return Profile(x, stiffness, np.full(61, deviation))
+
+
+def test_a_lump_is_found_and_drawn_where_it_is() -> None:
+    lump = find_lump(scan())
+    assert lump is not None
+    assert lump.x_mm == 12.0
+    assert lump.factor == pytest.approx(3.0, rel=0.02)
+    lines = [line.plain for line in draw_profile(scan(), 60)]
+    tops = lines[1].index("█")
+    assert abs(tops - 2 - 60 * 12.0 / 30.0) < 4
+    assert {len(line) for line in lines[1:]} == {62}
+
+
+@pytest.mark.parametrize("profile", [scan(1.1), scan(2.0, 0.3), scan(3.0, math.inf)])
+def test_no_lump_is_made_up(profile: Profile) -> None:
+    assert find_lump(profile) is None
+
+
+def test_one_stray_estimate_is_no_lump() -> None:
+    profile = scan(1.0)
+    profile.stiffness[20] = 5.0
+    assert find_lump(profile) is None
+
+
+def test_force_over_depth_in_dots() -> None:
+    rows = np.full((400, len(COLUMNS)), np.nan)
+    depth = np.linspace(0.0, 2.0, 400)
+    rows[:, INDEX["displacement"]], rows[:, INDEX["force"]] = depth, depth**2
+    rows[:, INDEX["contact"]] = 1.0
+    lines = [line.plain for line in draw_depth(rows, 40)]
+    assert "4.00 N" in lines[0]
+    assert "2.0 mm" in lines[-1]
+    assert lines[1].rstrip()[-1] != "\u2800"  # the deepest is the strongest: top right
+    assert lines[-2][2] != "\u2800"
+    assert draw_depth(rows[:10], 40) == []

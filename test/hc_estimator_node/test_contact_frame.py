@@ -1,0 +1,158 @@
+"""Six axes: turned vectors, depth and force along a normal, weight off, payload identified."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from hc_estimator.input.contact_frame import (
+    ContactFrame,
+    NormalFinder,
+    Payload,
+    inverse,
+    product,
+    rotated,
+    unit_quaternion,
+    unit_vector,
+)
+from hc_estimator.input.payload import identify_payload, still_readings
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+number = st.floats(-10.0, 10.0)
+vectors = st.tuples(number, number, number)
+quaternions = st.tuples(number, number, number, number).filter(lambda q: math.hypot(*q) > 1e-3)
+
+
+@given(quaternions, quaternions, vectors)
+def test_turns_are_those_of_scipy(p, q, v):
+    p, q = unit_quaternion(p), unit_quaternion(q)
+    np.testing.assert_allclose(rotated(q, v), Rotation.from_quat(q).apply(v), atol=1e-9)
+    np.testing.assert_allclose(rotated(inverse(q), rotated(q, v)), v, atol=1e-9)
+    both = Rotation.from_quat(p) * Rotation.from_quat(q)
+    np.testing.assert_allclose(rotated(product(p, q), v), both.apply(v), atol=1e-9)
+
+
+@given(quaternions, quaternions, vectors, st.floats(0.0, 5.0), vectors, st.floats(-5.0, 50.0))
+def test_weight_and_offset_vanish_in_every_attitude(attitude, mounting, bias, mass, normal, push):
+    if math.hypot(*normal) < 1e-3:
+        return
+    normal = unit_vector(normal)
+    attitude, mounting = unit_quaternion(attitude), unit_quaternion(mounting)
+    frame = ContactFrame(
+        normal=normal, mounting=mounting, payload=Payload(mass, (0.0, 0.0, 0.0), bias)
+    )
+    sensor = Rotation.from_quat(attitude) * Rotation.from_quat(mounting)
+    reading = sensor.inv().apply(push * np.array(normal) + mass * GRAVITY) + np.array(bias)
+    force = frame.contact_force(tuple(reading), attitude)
+    assert frame.along_normal(force) == pytest.approx(push, abs=1e-9)
+    in_base = frame._replace(in_base=True)
+    told = push * np.array(normal) + mass * GRAVITY + np.array(bias)
+    assert in_base.along_normal(in_base.contact_force(tuple(told), attitude)) == pytest.approx(
+        push, abs=1e-9
+    )
+
+
+def test_depth_is_that_of_the_tip_along_the_normal():
+    attitude = unit_quaternion(Rotation.from_euler("y", 90, degrees=True).as_quat())
+    frame = ContactFrame(point=(0.4, 0.0, 0.2), normal=(0.0, 0.0, 1.0), tip=(0.1, 0.0, 0.0))
+    tip = frame.tip_at((0.4, 0.3, 0.297), attitude)  # the tip points down
+    np.testing.assert_allclose(tip, (0.4, 0.3, 0.197), atol=1e-12)
+    assert frame.depth_mm(tip) == pytest.approx(3.0)
+    slanted = frame._replace(normal=unit_vector((0.0, 1.0, 1.0)))
+    assert slanted.depth_mm(tip) == pytest.approx(-(0.3 - 0.003) * 1000.0 / math.sqrt(2.0))
+
+
+@pytest.mark.parametrize("values", [(0, 0, 0, 0), (1, 0, 0), (math.nan, 0, 0, 1)])
+def test_no_quaternion_is_named(values):
+    with pytest.raises(ValueError, match="is no quaternion"):
+        unit_quaternion(values)
+
+
+def test_the_normal_is_where_the_tissue_pushes_from():
+    """Begun in mid-press, with a weight that is not known."""
+    generator = np.random.default_rng(1)
+    finder = NormalFinder()
+    normal = np.array(unit_vector((0.2, -0.3, 1.0)))
+    pushes = (np.linspace(3.0, 0.0, 100), np.zeros(200), np.linspace(0.0, 4.0, 200))
+    for push in np.concatenate(pushes):
+        force = push * normal + np.array([0.3, 0.2, -0.5]) + 0.02 * generator.standard_normal(3)
+        finder.add(tuple(force), float(force[2]))
+    found = np.array(finder.normal(-0.5, 0.02))
+    assert math.degrees(math.acos(float(found @ normal))) < 1.0
+    assert finder.normal(17.0, 0.02) is None
+    assert NormalFinder().normal(0.0, 0.02) is None
+
+
+def still(attitudes, mass=0.7, center=(0.01, -0.02, 0.06), noise=0.01, seed=0):
+    generator = np.random.default_rng(seed)
+    weight = mass * Rotation.from_quat(attitudes).inv().apply(GRAVITY)
+    forces = weight + np.array([0.3, -1.1, 4.2])
+    torques = np.cross(np.broadcast_to(center, weight.shape), weight) + np.array([0.01, 0.0, -0.02])
+    return (
+        forces + noise * generator.standard_normal(forces.shape),
+        torques + 0.1 * noise * generator.standard_normal(torques.shape),
+    )
+
+
+def test_a_payload_is_identified_with_an_honest_uncertainty():
+    scores = []
+    for seed in range(60):
+        attitudes = Rotation.random(6, random_state=seed).as_quat()
+        found = identify_payload(*still(attitudes, seed=seed), attitudes)
+        assert found.mass == pytest.approx(0.7, abs=0.01)
+        np.testing.assert_allclose(found.center, (0.01, -0.02, 0.06), atol=2e-3)
+        np.testing.assert_allclose(found.force_bias, (0.3, -1.1, 4.2), atol=0.05)
+        scores.append((found.mass - 0.7) / found.mass_std)
+        scores += ((found.force_bias - [0.3, -1.1, 4.2]) / found.force_bias_std).tolist()
+    assert 0.6 < np.mean(np.square(scores)) < 1.8
+
+
+def test_without_a_payload_there_is_no_centre():
+    attitudes = Rotation.random(5, random_state=1).as_quat()
+    found = identify_payload(*still(attitudes, mass=0.0), attitudes)
+    assert abs(found.mass) < 0.01
+    assert np.isnan(found.center_std).all()
+
+
+def test_attitudes_that_tell_nothing_are_refused():
+    attitudes = Rotation.from_euler("z", [[0], [60], [120], [200]], degrees=True).as_quat()
+    with pytest.raises(ValueError, match="differ by 0 degrees against the vertical"):
+        identify_payload(*still(attitudes), attitudes)
+    with pytest.raises(ValueError, match="2 attitudes are too few"):
+        identify_payload(*still(attitudes[:2]), attitudes[:2])
+
+
+def test_the_times_at_rest_are_found_in_a_recording():
+    generator = np.random.default_rng(4)
+    targets = Rotation.random(5, random_state=7)
+    pose_s = np.arange(0.0, 15.0, 0.008)
+    attitudes = []
+    for time in pose_s:
+        part, fraction = divmod(time / 3.0, 1.0)
+        turn = targets[int(part)]
+        if fraction > 0.6:  # on the way to the next one
+            after = targets[min(int(part) + 1, 4)]
+            way = (turn.inv() * after).as_rotvec() * (fraction - 0.6) / 0.4
+            turn = turn * Rotation.from_rotvec(way)
+        attitudes.append(
+            (turn * Rotation.from_rotvec(1e-4 * generator.standard_normal(3))).as_quat()
+        )
+    wrench_s = np.arange(0.0, 15.0, 0.002)
+    nearest = np.clip(np.searchsorted(pose_s, wrench_s), 0, len(pose_s) - 1)
+    turned = Rotation.from_quat(np.array(attitudes)[nearest])
+    weight = 0.7 * turned.inv().apply(GRAVITY)
+    wrenches = np.column_stack(
+        (weight + np.array([0.3, -1.1, 4.2]), np.cross([0, 0, 0.06], weight))
+    )
+    wrenches += 0.01 * generator.standard_normal(wrenches.shape)
+    still_ones = still_readings(wrench_s, wrenches, pose_s, np.array(attitudes))
+    assert len(still_ones.attitudes) == 5
+    found = identify_payload(*still_ones)
+    assert found.mass == pytest.approx(0.7, abs=0.003)
+    np.testing.assert_allclose(found.center, (0.0, 0.0, 0.06), atol=2e-3)
+    assert (
+        len(still_readings(wrench_s, wrenches, pose_s[:20], np.array(attitudes[:20])).forces) == 0
+    )

@@ -1,0 +1,187 @@
+"""Readings that cannot be right are doubted, each fault by its own sentence, and no others are."""
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_estimator.input.readings import Check
+from hc_estimator.input.sanity import check_samples
+from hc_estimator.online.suspicion_watch import SuspicionWatch
+
+SHARED = Path(os.environ.get("HC_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
+RECORDINGS = (
+    "palpation_press_triangle",
+    "palpation_scan",
+    "palpation_sine_hard",
+    "palpation_sine_horse_aligned",
+    "palpation_sine_horse_raw",
+    "palpation_sine_soft",
+    "silicone_compression_EF10_50T",
+    "silicone_compression_EF50_0T",
+    "tissue_ramp_hold_1",
+    "tissue_ramp_hold_2",
+)
+
+
+def press(parameters=(0.5, 0.05, 1.5, 1.0), *, rate_hz=500.0, depth=4.0, lift=2.0, seed=0):
+    """Ten seconds of presses from free motion into the tissue and back."""
+    generator = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 10.0, 1.0 / rate_hz)
+    swing = 0.5 * (depth + lift)
+    displacement = depth - swing + swing * np.sin(3.0 * time_s)
+    velocity = 3.0 * swing * np.cos(3.0 * time_s)
+    pairs = zip(displacement, velocity, strict=True)
+    force = np.array([hunt_crossley_force(d, v, *parameters) if d > 0 else 0.0 for d, v in pairs])
+    peak = force.max()
+    return (
+        time_s,
+        displacement + 1e-3 * depth * generator.standard_normal(time_s.size),
+        force + 3e-3 * peak * generator.standard_normal(time_s.size),
+    )
+
+
+def checks(*samples):
+    return {(s.check, s.channel) for s in check_samples(*samples)}
+
+
+def hold(values, times):
+    return np.repeat(values[::times], times)[: len(values)]
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 1000.0])
+@pytest.mark.parametrize(
+    "parameters",
+    [(0.02, 0.001, 2.2, 1.0), (0.5, 0.05, 1.5, 1.0), (5.0, 1.0, 1.1, 0.9), (0.2, 0.3, 1.8, 0.6)],
+)
+@pytest.mark.parametrize("lift", [0.1, 2.0, 8.0])
+def test_presses_into_any_tissue_are_above_suspicion(parameters, rate_hz, lift):
+    for seed in range(3):
+        assert check_samples(*press(parameters, rate_hz=rate_hz, lift=lift, seed=seed)) == []
+
+
+def test_noise_free_motion_and_nothing_are_above_suspicion():
+    time_s = np.arange(5000) * 1e-3
+    noise = np.random.default_rng(1).standard_normal((2, 5000))
+    assert check_samples(time_s, -3.0 + 1e-3 * noise[0], 0.02 * noise[1]) == []
+    assert check_samples(time_s, -3.0 + np.sin(time_s), 0.02 * noise[1]) == []
+    assert check_samples(time_s, -3.0 + np.sin(time_s), np.zeros(5000)) == []
+    assert check_samples(time_s[:20], noise[0, :20], noise[1, :20]) == []
+    assert check_samples(time_s, np.full(5000, np.nan), noise[1]) == []
+
+
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_the_recordings_are_above_suspicion_but_for_what_is_known(name):
+    path = SHARED / f"{name}.csv"
+    if not path.exists():
+        pytest.skip(f"no {path}: set HC_SHARED_DATA")
+    found = check_samples(*np.genfromtxt(path, delimiter=",", skip_header=1).T[:3])
+    if name == "palpation_press_triangle":  # its README: contact near 6.0 to 6.3 mm
+        assert [s.check for s in found] == [Check.POSITION_ZERO]
+        assert "contact begins near 6." in found[0].sentence
+    else:
+        assert found == []
+
+
+FAULTS = {
+    "displacement negated": (lambda t, d, f: (t, -d, f), {(Check.SIGN, "displacement")}),
+    "force negated": (lambda t, d, f: (t, d, -f), {(Check.SIGN, "force")}),
+    "metres": (lambda t, d, f: (t, d / 1000.0, f), {(Check.UNITS, "displacement")}),
+    "micrometres": (lambda t, d, f: (t, d * 1000.0, f), {(Check.UNITS, "displacement")}),
+    "millinewtons": (lambda t, d, f: (t, d, f * 1000.0), {(Check.UNITS, "force")}),
+    "force zero": (lambda t, d, f: (t, d, f + 1.7), {(Check.FORCE_ZERO, "force")}),
+    "force zero below": (lambda t, d, f: (t, d, f - 9.0), {(Check.FORCE_ZERO, "force")}),
+    "robot's base": (lambda t, d, f: (t, d + 412.0, f), {(Check.POSITION_ZERO, "displacement")}),
+    "too deep": (lambda t, d, f: (t, d - 2.9, f), {(Check.POSITION_ZERO, "displacement")}),
+    "too high": (lambda t, d, f: (t, d + 6.0, f), {(Check.POSITION_ZERO, "displacement")}),
+    "saturated": (lambda t, d, f: (t, d, np.minimum(f, 2.0)), {(Check.SATURATION, "force")}),
+    "coarse force": (lambda t, d, f: (t, d, np.round(f * 5) / 5), {(Check.QUANTISATION, "force")}),
+    "coarse position": (
+        lambda t, d, f: (t, np.round(d * 4) / 4, f),
+        {(Check.QUANTISATION, "displacement")},
+    ),
+    "dead force": (lambda t, d, f: (t, d, 0.0 * f), {(Check.STUCK, "force")}),
+    "dead position": (lambda t, d, f: (t, 0.0 * d + 1.0, f), {(Check.STUCK, "displacement")}),
+    "position stops": (
+        lambda t, d, f: (t, np.where(t > 6.0, d[3000], d), f),
+        {(Check.STUCK, "displacement")},
+    ),
+    "pose repeated": (lambda t, d, f: (t, hold(d, 4), f), {(Check.RATE, "displacement")}),
+    "force repeated": (lambda t, d, f: (t, d, hold(f, 3)), {(Check.RATE, "force")}),
+    "stamps of arrival": (
+        lambda t, d, f: (hold(t, 10) + 1e-6 * np.arange(t.size), d, f),
+        {(Check.RATE, "displacement"), (Check.RATE, "force")},
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_every_fault_is_doubted_and_nothing_else(fault):
+    spoil, expected = FAULTS[fault]
+    for seed in range(3):
+        assert checks(*spoil(*press(seed=seed))) == expected
+
+
+def test_sentences_say_what_is_seen_and_what_to_do():
+    time_s, displacement, force = press()
+
+    def sentence(*samples):
+        (found,) = check_samples(*samples)
+        return found.sentence
+
+    assert "turn its sign (force.sign)" in sentence(time_s, displacement, -force)
+    metres = sentence(time_s, displacement / 1000.0, force)
+    assert "if the displacement were in metres: scale it by 1000 (position.scale)" in metres
+    zero = sentence(time_s, displacement, force + 1.7)
+    assert zero.startswith("the force reads 1.7 N free of contact: tare")
+    held = sentence(time_s, hold(displacement, 4), force)
+    assert "every 4th sample: it comes at 125 Hz, not at 500 Hz" in held
+    assert "force and displacement go down together" in sentence(
+        *press(lift=-1.0)[:1], -press(lift=-1.0)[1], -press(lift=-1.0)[2]
+    )
+
+
+def test_a_sign_is_told_from_a_zero_that_is_off_as_well():
+    time_s, displacement, force = press()
+    (found,) = check_samples(time_s, displacement, 8.4 - force)
+    assert (found.check, found.channel) == (Check.SIGN, "force")
+    (found,) = check_samples(time_s, 3.0 - displacement, force - 9.0)
+    assert (found.check, found.channel) == (Check.SIGN, "displacement")
+    (found,) = check_samples(time_s, 8.0 - displacement, 9.0 - force)
+    assert (found.check, found.channel) == (Check.SIGN, "both")
+
+
+def test_a_stream_is_looked_at_in_a_thread_and_told_once_until_it_is_right():
+    watch = SuspicionWatch()
+    time_s, displacement, force = press(rate_hz=1000.0)
+    stamps = (time_s * 1e9).astype(int).tolist()
+    told = []
+    clock = 0.0
+
+    def feed(displacements, forces, start):
+        nonlocal clock
+        for i, (d, f) in enumerate(zip(displacements, forces, strict=True)):
+            watch.add(start + stamps[i], float(d), float(f))
+            if i % 100 == 0:
+                clock += 0.1
+                told.extend(watch.look(clock))
+                while watch._looking is not None and not watch._looking.done():
+                    time.sleep(0.001)
+
+    feed(displacement, -force, 0)
+    assert [(s.check, s.channel) for s in told] == [(Check.SIGN, "force")]
+    assert [s.check for s in watch.suspicions] == [Check.SIGN]
+    watch.forget()
+    feed(displacement, force, stamps[-1])
+    assert len(told) == 1
+    assert watch.suspicions == []
+
+
+def test_a_press_that_shows_too_little_raises_nothing():
+    """The first contact of a run lies in the window with much free motion; then it is normal."""
+    time_s, displacement, force = press(lift=6.0)
+    for end in range(100, 5000, 237):
+        assert check_samples(time_s[:end], displacement[:end], force[:end]) == []

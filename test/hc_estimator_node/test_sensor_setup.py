@@ -1,0 +1,145 @@
+"""Axes, signs and zeros of a robot's sensors, found from a tool that presses some times."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_estimator.input.sensor_setup import SetupError, VectorReadings, propose
+
+SURFACE = 412.0
+BIAS = np.array([0.3, -1.1, 4.2])
+AXES = ("x", "y", "z")
+
+
+def presses(push, move, *, rest_s=2.0, rate=(500.0, 125.0), lift=3.0, seed=0, slide=0.0):
+    """Wrench and pose of a tool that rests and then presses into tissue, along two directions."""
+    generator = np.random.default_rng(seed)
+
+    def depth(time_s):
+        after = np.maximum(time_s - rest_s, 0.0)
+        swing = 0.5 * (4.0 + lift)
+        return -lift + swing * (1.0 - np.cos(2.2 * after)) + 0.2 * np.sin(11.0 * after)
+
+    times = [np.arange(0.0, 12.0, 1.0 / r) for r in rate]
+    d = depth(times[0])
+    v = np.gradient(d, times[0])
+    pairs = zip(d, v, strict=True)
+    force = np.array(
+        [hunt_crossley_force(*dv, 0.5, 0.05, 1.5, 1.0) if dv[0] > 0 else 0.0 for dv in pairs]
+    )
+    wrench = BIAS + force[:, None] * push + 0.02 * generator.standard_normal((len(d), 3))
+    place = (SURFACE + depth(times[1]))[:, None] * move
+    place = place + 0.005 * generator.standard_normal((len(times[1]), 3))
+    place[:, 0] += slide * times[1]
+    return (
+        VectorReadings(times[0], wrench, AXES),
+        VectorReadings(times[1], place, AXES),
+        d,
+        force,
+    )
+
+
+@pytest.mark.parametrize("rest_s", [None, 2.0])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize(("sign_f", "sign_p"), [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+def test_axes_signs_and_zeros_are_found(axis, sign_f, sign_p, rest_s):
+    push, move = np.zeros(3), np.zeros(3)
+    push[axis], move[(axis + 1) % 3] = sign_f, sign_p
+    force, position, depth, newtons = presses(push, move)
+    found = propose(force, position, rest_s=rest_s)
+    assert (found.force.axis, found.force.sign) == (AXES[axis], sign_f)
+    assert (found.position.axis, found.position.sign) == (AXES[(axis + 1) % 3], sign_p)
+    assert found.force.zero == pytest.approx(sign_f * BIAS[axis], abs=0.01)
+    assert found.position.zero == pytest.approx(SURFACE, abs=0.15)
+    assert found.position.zero_std < 0.2
+    assert (found.force.rate_hz, found.position.rate_hz) == (pytest.approx(500), pytest.approx(125))
+    assert found.force.noise == pytest.approx(0.02, rel=0.2)
+    assert found.notes == ()
+    inside = force.time_s <= position.time_s[-1]
+    np.testing.assert_allclose(found.force_n, newtons[inside], atol=0.12)
+    np.testing.assert_allclose(found.displacement_mm, depth[inside], atol=0.25)
+
+
+def test_a_sensor_that_sits_askew_gets_a_direction():
+    for seed in range(10):
+        turn = Rotation.random(random_state=seed).as_matrix()
+        push, move = turn[:, 0], turn[:, 1]
+        force, position, depth, _newtons = presses(push, move, seed=seed)
+        found = propose(force, position)
+        for proposal, truth in ((found.force, push), (found.position, move)):
+            direction = proposal.sign * np.array(proposal.direction)
+            assert float(direction @ truth) > math.cos(math.radians(11.0))
+        np.testing.assert_allclose(found.displacement_mm, depth[: len(found.time_s)], atol=0.4)
+
+
+def test_far_from_the_origin_the_surface_is_still_found():
+    """A direction that was off by a tenth of a degree put the surface half a millimetre off."""
+    push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, -1.0])
+    force, position, *_rest = presses(push, move)
+    far = position._replace(values=position.values + np.array([4000.0, 1000.0, 0.0]))
+    found = propose(force, far)
+    assert found.position.zero == pytest.approx(SURFACE, abs=0.15)
+
+
+def test_a_tool_that_slides_meanwhile_is_read_along_its_press():
+    push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
+    force, position, *_rest = presses(push, move, slide=1.5)
+    found = propose(force, position)
+    assert (found.position.axis, found.position.sign) == ("z", 1)
+
+
+def test_the_joint_that_moves_with_the_force_is_found():
+    push, move = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0])
+    force, position, *_rest = presses(push, move)
+    generator = np.random.default_rng(3)
+    still = 0.2 + 1e-4 * generator.standard_normal(len(position.time_s))
+    other = np.sin(0.9 * position.time_s)
+    joints = np.column_stack((still, position.values[:, 2], other))
+    found = propose(force, VectorReadings(position.time_s, joints, ("a", "plunger", "b")))
+    assert (found.position.joint, found.position.sign, found.position.axis) == ("plunger", -1, "")
+    assert found.position.zero == pytest.approx(SURFACE, abs=0.15)
+
+
+def test_pieces_of_presses_without_a_whole_approach_give_the_zeros_too():
+    push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, -1.0])
+    force, position, depth, _newtons = presses(push, move)
+    # Of every approach the part in which the tool touches is missing.
+    near = (depth > -0.3) & (depth < 2.5) & (np.gradient(depth) > 0.0)
+    holes = force._replace(time_s=force.time_s[~near], values=force.values[~near])
+    found = propose(holes, position)
+    assert found.force.zero == pytest.approx(-BIAS[2], abs=0.05)
+    assert found.position.zero == pytest.approx(SURFACE, abs=0.6)
+
+
+def test_a_tool_that_never_leaves_the_tissue_has_no_zeros_but_a_sign():
+    push, move = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, -1.0])
+    force, position, *_rest = presses(push, move, rest_s=0.0, lift=-0.8)
+    found = propose(force, position)
+    assert (found.force.sign, found.position.sign) == (-1, -1)
+    assert math.isnan(found.position.zero)
+    assert math.isnan(found.force.zero)
+    assert any("hc find-surface" in note for note in found.notes)
+    assert any("hc tare" in note for note in found.notes)
+
+
+def test_what_the_readings_do_not_show_is_said():
+    push, move = np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])
+    force, position, *_rest = presses(push, move)
+    generator = np.random.default_rng(1)
+    free = force._replace(values=BIAS + 0.02 * generator.standard_normal(force.values.shape))
+    with pytest.raises(SetupError, match=r"the force changes by .* press into the tissue"):
+        propose(free, position)
+    other = position._replace(values=generator.standard_normal(position.values.shape))
+    with pytest.raises(SetupError, match="hardly go together"):
+        propose(force, other)
+    late = position._replace(time_s=position.time_s + 1e6)
+    with pytest.raises(SetupError, match="no time in common"):
+        propose(force, late)
+    with pytest.raises(SetupError, match="5 readings of the position are too few"):
+        propose(force, VectorReadings(position.time_s[:5], position.values[:5], AXES))
+    still = position._replace(values=np.full(position.values.shape, 3.0))
+    with pytest.raises(SetupError, match="the position does not change"):
+        propose(force, still)

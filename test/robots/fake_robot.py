@@ -1,0 +1,237 @@
+"""A robot that publishes what a real one does: rates, frames, signs, units, delays and jitter.
+
+Usage: fake_robot.py SPECIFICATION.json, a dictionary with the keys of DEFAULTS. The tool rests free
+of contact for `rest_s`, then presses again and again into a tissue of known parameters.
+"""
+
+import heapq
+import json
+import math
+import random
+import signal
+import sys
+import time
+
+import rclpy
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from scipy.spatial.transform import Rotation
+from sensor_msgs.msg import JointState
+
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_estimator.input.contact_frame import (
+    inverse,
+    product,
+    rotated,
+    unit_quaternion,
+    unit_vector,
+)
+from hc_msgs_py.units import set_stamp
+
+GRAVITY = (0.0, 0.0, -9.81)
+
+DEFAULTS = {
+    "tissue": [0.5, 0.05, 1.5, 1.0],
+    "rest_s": 2.0,
+    "lift_mm": 3.0,  # so far the tool rests from the surface
+    "depth_mm": 4.0,
+    "surface": [0.4, 0.1, 0.2],  # m, a point of the tissue's surface in the base frame
+    "normal": [0.0, 0.0, 1.0],  # of the surface, out of the tissue
+    "attitude": [0.0, 0.0, 0.0, 1.0],  # of the tool in the base frame, quaternion
+    "rocking_deg": 0.0,  # the tool turns to and fro by so much about its y axis
+    "attitudes": [],  # if given: the tool goes from one to the next and rests 1.5 s in each
+    "tip": [0.0, 0.0, 0.0],  # m, of the tool in the frame of the pose
+    "reliable": True,
+    "force": {
+        "topic": "ft_sensor/wrench",
+        "frame": "ft_sensor",
+        "rate_hz": 500.0,
+        "mounting": [0.0, 0.0, 0.0, 1.0],  # of the sensor in the frame of the tool
+        "bias": [0.0, 0.0, 0.0],
+        "noise": 0.02,
+        "scale": 1.0,  # reading per newton
+        "in_base": False,  # told in the base frame
+        "reaction": 1,  # 1: the force of the tissue on the tool; -1: that of the tool on the tissue
+        "delay_s": 0.0,
+        "jitter_s": 0.0,
+    },
+    "payload": {"mass": 0.0, "center": [0.0, 0.0, 0.0]},
+    "position": {
+        "type": "pose",
+        "topic": "tool_pose",
+        "frame": "base",
+        "child": "tool",
+        "rate_hz": 125.0,
+        "joints": [],  # names of joints; the one that presses is "moving", the others wander
+        "moving": "",
+        "unit_per_m": 1.0,
+        "noise_mm": 0.005,
+        "delay_s": 0.0,
+        "jitter_s": 0.0,
+    },
+}
+
+
+def merged(given, defaults):
+    """The defaults with what is given on top."""
+    result = dict(defaults)
+    for key, value in given.items():
+        result[key] = merged(value, defaults[key]) if isinstance(value, dict) else value
+    return result
+
+
+class Robot:
+    """Where the tool is and what it feels at any time.
+
+    Turns vectors as the node does, which is fast; test_contact_frame compares it with scipy.
+    """
+
+    def __init__(self, specification):
+        self.s = specification
+        self.normal = unit_vector(self.s["normal"])
+        self.attitude = unit_quaternion(self.s["attitude"])
+        self.mounting = unit_quaternion(self.s["force"]["mounting"])
+        self.random = random.Random(1)
+
+    def depth(self, time_s):
+        """Penetration [mm] and its rate [mm/s]."""
+        after = max(time_s - self.s["rest_s"], 0.0)
+        moving = float(after > 0.0)
+        swing = 0.5 * (self.s["depth_mm"] + self.s["lift_mm"])
+        slow, fast = 2.2 * after, 11.0 * after
+        depth = -self.s["lift_mm"] + swing * (1.0 - math.cos(slow)) + 0.2 * math.sin(fast)
+        return depth, moving * (2.2 * swing * math.sin(slow) + 2.2 * math.cos(fast))
+
+    def turned(self, time_s):
+        """The tool's attitude, a quaternion."""
+        if self.s["attitudes"]:
+            part, fraction = divmod(time_s / 2.0, 1.0)
+            known = Rotation.from_quat(self.s["attitudes"])
+            here, after = known[int(part) % len(known)], known[(int(part) + 1) % len(known)]
+            way = (here.inv() * after).as_rotvec() * max(0.0, fraction - 0.75) / 0.25
+            return unit_quaternion((here * Rotation.from_rotvec(way)).as_quat())
+        half = 0.5 * math.radians(self.s["rocking_deg"]) * math.sin(0.7 * time_s)
+        return product(self.attitude, (0.0, math.sin(half), 0.0, math.cos(half)))
+
+    def wrench(self, time_s):
+        """Force and torque as the sensor reads them."""
+        depth, rate = self.depth(time_s)
+        newtons = hunt_crossley_force(depth, rate, *self.s["tissue"]) if depth > 0.0 else 0.0
+        told = self.s["force"]
+        sensor = product(self.turned(time_s), self.mounting)
+        back = inverse(sensor)
+        mass, center = self.s["payload"]["mass"], self.s["payload"]["center"]
+        weight = rotated(back, tuple(mass * g for g in GRAVITY))
+        push = rotated(back, tuple(told["reaction"] * newtons * n for n in self.normal))
+        noisy = [self.random.gauss(0.0, told["noise"]) for _ in range(3)]
+        force = tuple(map(sum, zip(push, weight, told["bias"], noisy, strict=True)))
+        torque = tuple(
+            center[i - 2] * weight[i - 1]
+            - center[i - 1] * weight[i - 2]
+            + self.random.gauss(0.0, 0.001)
+            for i in range(3)
+        )
+        if told["in_base"]:
+            force, torque = rotated(sensor, force), rotated(sensor, torque)
+        scale = told["scale"]
+        return tuple(scale * f for f in force), tuple(scale * t for t in torque)
+
+    def pose(self, time_s):
+        """Where the frame of the pose is [m], and its attitude."""
+        depth, _rate = self.depth(time_s)
+        turned = self.turned(time_s)
+        offset = rotated(turned, tuple(self.s["tip"]))
+        noise = 1e-3 * self.s["position"]["noise_mm"]
+        place = tuple(
+            p - 1e-3 * depth * n - o + self.random.gauss(0.0, noise)
+            for p, n, o in zip(self.s["surface"], self.normal, offset, strict=True)
+        )
+        return place, turned
+
+
+class Publisher:
+    """Publishes a robot's two streams, each when it is due."""
+
+    def __init__(self, node, robot):
+        s = robot.s
+        qos = QoSProfile(
+            depth=100,
+            reliability=ReliabilityPolicy.RELIABLE
+            if s["reliable"]
+            else ReliabilityPolicy.BEST_EFFORT,
+        )
+        self.robot = robot
+        kinds = {"pose": PoseStamped, "transform": TransformStamped, "joint": JointState}
+        kind = kinds[s["position"]["type"]]
+        self.publishers = {
+            "force": node.create_publisher(WrenchStamped, s["force"]["topic"], qos),
+            "position": node.create_publisher(kind, s["position"]["topic"], qos),
+        }
+
+    def message(self, stream, time_s, stamp_ns):
+        told = self.robot.s[stream]
+        if stream == "force":
+            message = WrenchStamped()
+            force, torque = self.robot.wrench(time_s)
+            w = message.wrench
+            w.force.x, w.force.y, w.force.z = map(float, force)
+            w.torque.x, w.torque.y, w.torque.z = map(float, torque)
+        elif told["type"] == "joint":
+            depth, _rate = self.robot.depth(time_s)
+            wander = {
+                name: 0.3 * math.sin(0.4 * time_s + i) for i, name in enumerate(told["joints"])
+            }
+            noisy = depth + told["noise_mm"] * self.robot.random.gauss(0.0, 1.0)
+            wander[told["moving"]] = (0.25 + 1e-3 * noisy) * told["unit_per_m"]
+            message = JointState(name=list(wander), position=list(map(float, wander.values())))
+        else:
+            place, turned = self.robot.pose(time_s)
+            q = dict(zip("xyzw", turned, strict=True))
+            if told["type"] == "pose":
+                message = PoseStamped()
+                point, attitude = message.pose.position, message.pose.orientation
+            else:
+                message = TransformStamped(child_frame_id=told["child"])
+                point, attitude = message.transform.translation, message.transform.rotation
+            point.x, point.y, point.z = map(float, place)
+            attitude.x, attitude.y, attitude.z, attitude.w = (q[n] for n in "xyzw")
+        message.header.frame_id = told["frame"]
+        set_stamp(message.header.stamp, stamp_ns)
+        return message
+
+    def run(self, stopped):
+        begin_ns = time.time_ns()
+        due = []
+        counts = {"force": 0, "position": 0}
+        for stream in counts:
+            heapq.heappush(due, (0.0, 0.0, stream))
+        while not stopped:
+            arrival, time_s, stream = heapq.heappop(due)
+            delay = arrival - (time.time_ns() - begin_ns) * 1e-9
+            if delay > 0.0:
+                time.sleep(delay)
+            stamp_ns = begin_ns + round(time_s * 1e9)
+            self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
+            told = self.robot.s[stream]
+            counts[stream] += 1
+            time_s = counts[stream] / told["rate_hz"]
+            late = told["delay_s"] + told["jitter_s"] * self.robot.random.random()
+            heapq.heappush(due, (time_s + late, time_s, stream))
+
+
+def main(path):
+    with open(path, encoding="utf-8") as file:
+        specification = merged(json.load(file), DEFAULTS)
+    stopped = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopped.append(True))
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node("fake_robot", enable_rosout=False)
+    Publisher(node, Robot(specification)).run(stopped)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

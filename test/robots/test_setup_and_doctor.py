@@ -1,0 +1,136 @@
+"""hc setup and hc doctor on a robot that nobody has described, and on what is set up wrongly."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
+
+ROBOT = {
+    "rest_s": 0.5,
+    "force": {"bias": [0.3, -1.1, 4.2], "reaction": -1, "jitter_s": 0.002},
+    "position": {"jitter_s": 0.004},
+}
+
+
+def test_setup_finds_the_robot_writes_it_down_and_doctor_finds_nothing_or_the_fault(bench):
+    bench.robot(**ROBOT)
+    done = bench.patiently("setup", "--yes", "--no-run", "--seconds", "10", "-o", "arm")
+    assert done.returncode == 0, done.stderr
+    assert "hc run arm_run.yaml" in done.stdout
+    settings = yaml.safe_load((bench.folder / "arm.yaml").read_text())
+    found = settings["estimator"]["ros__parameters"]["input"]
+    assert found["source"] == "sensors"
+    force, position = found["force"], found["position"]
+    assert (force["topic"], force["axis"], force["sign"]) == ("/ft_sensor/wrench", "z", -1)
+    assert force["zero"] == pytest.approx(-4.2, abs=0.05)
+    assert (position["type"], position["axis"], position["sign"]) == ("pose", "z", -1)
+    assert position["zero"] == pytest.approx(-200.0, abs=0.1)
+    again = bench.hc("setup", "--yes", "-o", "arm.yaml")
+    assert (again.returncode, again.stderr.count("\n")) == (2, 1)
+    assert "exists already" in again.stderr
+
+    # What was written is taken by the node, and its word and the doctor's agree.
+    arguments = ("--ros-args", "--params-file", str(bench.folder / "arm.yaml"))
+    bench.start("-m", "hc_estimator.node", *arguments)
+    done = bench.patiently("doctor", "--seconds", "6", "--json")
+    verdict = json.loads(done.stdout)
+    assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.15)
+    assert verdict["parameters"]["displacement_exponent"] == pytest.approx(1.5, rel=0.1)
+    assert not any("input.force.sign" in f["settings"] for f in verdict["findings"])
+
+    # A sign turned by mistake: the doctor says what it costs and what to type, and that helps.
+    assert bench.hc("param", "set", "estimator", "input.force.sign", "1").returncode == 0
+    done = bench.patiently("doctor", "--seconds", "6", "--json")
+    assert done.returncode == 1
+    verdict = json.loads(done.stdout)
+    faults = [f for f in verdict["findings"] if "input.force.sign" in f["settings"]]
+    assert len(faults) == 1, verdict
+    fault = faults[0]
+    assert fault["settings"]["input.force.sign"] == -1
+    assert fault["type"][0] == "hc param set estimator input.force.sign -1"
+    assert "K" in fault["cost"]
+    # The zero was found with the other sign; what is typed for it puts it right again.
+    for finding in verdict["findings"]:
+        for command in finding["type"]:
+            assert bench.hc(*command.split()[1:]).returncode == 0, command
+    zero = float(bench.hc("param", "get", "estimator", "input.force.zero", "--hide-type").stdout)
+    assert zero == pytest.approx(-4.2, abs=0.1)
+
+
+def test_setup_without_a_robot_is_one_line(bench):
+    done = bench.hc("setup", "--yes")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "is the robot's driver running, in this ROS_DOMAIN_ID" in done.stderr
+    done = bench.hc("setup")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "hc setup: there is no terminal to ask at: give --yes\n",
+    )
+
+
+def recording(path, change=lambda t, d, f: (t, d, f), delay_s=0.0):
+    """A CSV of presses at several speeds into a known tissue."""
+    generator = np.random.default_rng(3)
+    time_s = np.arange(0.0, 12.0, 0.002)
+
+    def depth(at):
+        return 1.5 + 2.2 * np.sin(2.1 * at) + 0.5 * np.sin(13.0 * at)
+
+    late = time_s - delay_s
+    speed = np.gradient(depth(late), 0.002)
+    pairs = zip(depth(late), speed, strict=True)
+    force = np.array(
+        [hunt_crossley_force(d, v, 0.5, 0.05, 1.5, 1.0) if d > 0 else 0.0 for d, v in pairs]
+    )
+    rows = change(
+        time_s,
+        depth(time_s) + 0.003 * generator.standard_normal(time_s.size),
+        force + 0.01 * generator.standard_normal(time_s.size),
+    )
+    text = "\n".join(",".join(f"{x:.6f}" for x in row) for row in zip(*rows, strict=True))
+    path.write_text(f"time_s,displacement_mm,force_N\n{text}\n")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "settings"),
+    [
+        (lambda t, d, f: (t, -d, f), {"input.position.sign": -1}),
+        (lambda t, d, f: (t, d, 1000.0 * f), {"input.force.scale": 0.001}),
+        (lambda t, d, f: (t, d, f + 1.7), {"input.force.zero": pytest.approx(1.7, abs=0.02)}),
+        (
+            lambda t, d, f: (t, d + 412.0, f),
+            {"input.position.zero": pytest.approx(412.0, abs=0.05)},
+        ),
+    ],
+)
+def test_doctor_puts_a_recording_right_and_says_what_the_fault_costs(bench, change, settings):
+    path = recording(bench.folder / "presses.csv", change)
+    done = bench.hc("doctor", path, "--json")
+    assert done.returncode == 1, done.stderr
+    verdict = json.loads(done.stdout)
+    faults = [f for f in verdict["findings"] if f["settings"].keys() == settings.keys()]
+    assert faults[-1]["settings"] == settings
+    assert all(fault["cost"] for fault in faults)
+    assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.1)
+
+
+def test_doctor_finds_a_delay_and_forecasts_what_the_motion_does_not_show(bench):
+    path = recording(bench.folder / "late.csv", delay_s=0.03)
+    verdict = json.loads(bench.hc("doctor", path, "--json").stdout)
+    (fault,) = [f for f in verdict["findings"] if "input.force.time_offset" in f["settings"]]
+    assert fault["settings"]["input.force.time_offset"] == pytest.approx(-0.03, abs=0.003)
+    slow = bench.folder / "slow.csv"
+    time_s = np.arange(0.0, 10.0, 0.01)
+    depth = 1.0 + 0.1 * time_s
+    force = 0.5 * depth**1.5 + 0.02 * np.random.default_rng(1).standard_normal(time_s.size)
+    rows = "\n".join(f"{t},{d},{f}" for t, d, f in zip(time_s, depth, force, strict=True))
+    slow.write_text(f"time_s,displacement_mm,force_N\n{rows}\n")
+    text = bench.hc("doctor", str(slow)).stdout
+    assert "to know more: " in text
+    assert " mm/s give" in text
