@@ -6,7 +6,7 @@ from typing import Final
 
 HYPOTHESES: Final = (
     "constant",
-    "stiffness drifts",
+    "constant, fitted",
     "stiffness trend",
     "all drift",
     "changed",
