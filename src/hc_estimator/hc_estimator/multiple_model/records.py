@@ -62,6 +62,9 @@ TOOL = record_type(
         Field("mean_square_acceleration", np.float64, ()),  # less its own variance
         Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
         Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
+        Field("deepest", np.float64),  # largest displacement in contact [mm]
+        Field("fastest", np.float64, (), 0.0),  # largest speed there [mm/s]
+        Field("largest_force", np.float64, (), 0.0),  # [N]
     )
 )
 

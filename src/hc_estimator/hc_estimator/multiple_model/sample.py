@@ -24,7 +24,7 @@ from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
-from hc_estimator.multiple_model import model_error, tempering
+from hc_estimator.multiple_model import model_error, plausible, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
@@ -85,6 +85,7 @@ def start(settings: Any, bank: Any) -> None:
     tempering.reset(bank.tool)
     bank.tool.away_time = 0.0
     bank.tool.contact_clock = 0.0
+    plausible.reset(bank.tool)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         row.index = m
@@ -192,6 +193,7 @@ def _update(settings: Any, bank: Any) -> int:
     """Predict every row to the sample and update it with the readings that are there."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
+    plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
     _foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     if clock.present[0] != 0 and _is_outlier(settings, bank, chosen, 0):
@@ -200,7 +202,6 @@ def _update(settings: Any, bank: Any) -> int:
         row = rows[m]
         if row.active == 0:
             continue
-        row.predicted_force = force_of_row(settings, row, 0.0)
         if clock.present[0] != 0:
             hold = _hold(settings, bank, row)
             noise = bank.sensor_noise[0]
@@ -292,11 +293,9 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
     clock = bank.clock
     depth = bank.rows[bank.judge.chosen].state[DEPTH]
     sure = SURE * math.sqrt(bank.sensor_noise[1])
-    if clock.present[1] == 0 or bank.calibrated == 0 or depth < SMALLEST_DEPTH:
+    if clock.present[1] == 0 or depth < SMALLEST_DEPTH or clock.measurement[1] < sure:
         return
-    if clock.measurement[1] < sure:
-        return
-    bank.guessed = 1
+    bank.guessed = bank.calibrated  # until then each sample says it anew, for no force is used
     if settings.initial_stiffness_log_std == 0.0:
         return
     for m in range(bank.rows.shape[0]):
@@ -454,6 +453,8 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     if touching:
         tool.away_time = 0.0
         tool.contact_clock += clock.elapsed
+        if clock.present[1] != 0:
+            plausible.learn(tool, chosen, clock.measurement[1])
     else:
         tool.away_time += clock.elapsed
     _correct_density(settings, bank, chosen)
