@@ -112,7 +112,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
 def _velocity_noise(finder: Any, displacement_noise: float) -> float:
     """Variance of a parabola's slope [mm^2/s^2], times the number of readings in it."""
     half = 0.5 * max(finder.grid_width, 1e-9)
-    return 3.0 * displacement_noise / (half * half)
+    return float(3.0 * displacement_noise / (half * half))
 
 
 @compiled
@@ -141,7 +141,7 @@ def _fit(settings: Any, history: Any, force_noise: float, velocity_noise: float)
     _linearise(settings, history, 1.0 / left)
     if not _invert(settings, history) or not _widen(settings, history, 1.0 / left):
         return -1.0
-    return (left - 1.0) * total / count
+    return float((left - 1.0) * total / count)
 
 
 @compiled
@@ -174,7 +174,7 @@ def _mean_square_force(history: Any) -> float:
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         total += history.points[k % POINTS, 3] * history.points[k % POINTS, 2] ** 2
-    return total / max(history.count - histories.oldest(history), 1)
+    return float(total / max(history.count - histories.oldest(history), 1))
 
 
 @compiled
