@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter
 from hc_estimator import Estimate, Estimator, available_filters, create_estimator
 from hc_estimator.input.contact_frame import NormalFinder, raised
 from hc_estimator.input.tare import TareResult
+from hc_estimator.input.together import Together
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
@@ -86,6 +87,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._wants_input = False
         self._cannot_listen = ""  # why there is no input although there should be one
         self._zeroing = Zeroing()
+        self._together = Together()  # for what needs force and displacement of one instant
         self._suspicions = SuspicionWatch()
         self._crowded = self._silent = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
@@ -259,13 +261,15 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
         self._suspicions.add(stamp_ns, displacement_mm, force_n)
-        self._zeroing.watch.add(displacement_mm, force_n)
-        if self._zeroing.active:
-            outcome = self._zeroing.add(displacement_mm, force_n)
-            if isinstance(outcome, Refusal):
-                self._configured().report(EventKind.TARE_REFUSED, outcome.reason)
-            elif outcome is not None:
-                self._take_zeros(outcome, displacement_mm)
+        for displacement, force in self._together.add(stamp_ns, displacement_mm, force_n):
+            self._zeroing.watch.add(displacement, force)
+            if self._zeroing.active:
+                outcome = self._zeroing.add(displacement, force)
+                if isinstance(outcome, Refusal):
+                    self._configured().report(EventKind.TARE_REFUSED, outcome.reason)
+                elif outcome is not None:
+                    self._take_zeros(outcome, displacement)
+                    return  # the rest has the zeros of before
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
@@ -361,6 +365,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._give_up_zeroing("a sensor is read otherwise from now on")
             self._zeroing.watch.forget()
             self._suspicions.forget()
+            self._together.forget()
             self._configured().reset(Cause.RESET, self._new_estimator(), text)
         elif change.kind is None and not change.estimator:
             self._configured().announce_reconfiguration(text)

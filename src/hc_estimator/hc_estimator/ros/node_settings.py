@@ -23,6 +23,7 @@ from hc_estimator.online.vocabulary import SessionSettings
 from hc_msgs_py import topics
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
+MISSING_READINGS = "missing_readings"
 
 OWN_TOPICS = frozenset(
     name.strip("/")
@@ -269,7 +270,8 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.pairing.maximum_wait",
         0.05,
-        "A force waits no longer than this for the position after it, then it is dropped.",
+        "A reading waits no longer than this for older ones of the other sensor; those that come "
+        "later are dropped. The slower sensor's delay and period must fit in.",
         minimum=0.0,
         maximum=10.0,
         unit="s",
@@ -277,7 +279,7 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.pairing.reorder_window",
         0.0,
-        "Every force waits so long for messages that come out of order; adds to the latency.",
+        "Every reading waits so long for messages that come out of order; adds to the latency.",
         minimum=0.0,
         maximum=10.0,
         unit="s",
@@ -285,7 +287,8 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.pairing.maximum_gap",
         0.1,
-        "Positions further apart than this are not interpolated.",
+        "A reading further than this from any of the other sensor is dropped: one sensor alone "
+        "says nothing of a tissue.",
         minimum=0.0001,
         maximum=10.0,
         unit="s",
@@ -293,7 +296,7 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.publish_samples",
         True,
-        "With source sensors: publish the paired samples on indenter/sample, to record and plot.",
+        "With source sensors: publish their readings on indenter/sample, to record and plot.",
     ),
     NodeSetting(
         "input.silence_timeout",
@@ -425,6 +428,11 @@ def check_together(values: Mapping[str, Any]) -> None:
             "parameter input.pairing.maximum_wait = "
             f"{values['input.pairing.maximum_wait']!r} must be larger than "
             f"input.pairing.reorder_window = {values['input.pairing.reorder_window']!r}"
+        )
+    if values["input.source"] == "sensors" and not values[MISSING_READINGS]:
+        raise ValueError(
+            f"parameter {MISSING_READINGS} = False does not go with input.source = 'sensors': its "
+            "samples hold the reading of one sensor each"
         )
     for sensor in ("force", "position", "contact"):
         topic = values[f"input.{sensor}.topic"]
