@@ -32,7 +32,8 @@ def test_arrays_can_be_left_out() -> None:
 def test_csv_has_every_scalar() -> None:
     scalars = as_csv(estimate()).split(",")
     fields = estimate().get_fields_and_field_types()
-    assert len(scalars) == len(fields) - 2 + 3 + 16  # a header has three, the covariance sixteen
+    # A header has three, the covariance sixteen, the hypotheses have six scores.
+    assert len(scalars) == len(fields) - 3 + 3 + 16 + 6
 
 
 def test_fields_by_path() -> None:

@@ -13,7 +13,7 @@ from hc_bringup.cli import main
 from hc_logger.writer import BagWriter
 
 START_NS = 1_700_000_000_000_000_000
-K, B, N = 0.5, 0.1, 1.5
+K, B, N = 0.5, 0.015, 1.5  # with which the tissue never pulls
 FORCE_ZERO, SURFACE_MM = 0.7, 3.0
 
 REAL_SENSORS = (

@@ -219,3 +219,13 @@ def test_memory_stays_bounded_when_no_wait_is_ever_over():
     for i in range(LONGEST_QUEUE + 500):
         fed.displacement(i, arrival=0)
     assert fed.counters.unpaired == 500
+
+
+def test_sensors_whose_clocks_differ_give_no_samples():
+    fed = Fed(wait=20)
+    released = []
+    for stamp in range(300):
+        released += fed.force(stamp + 5000, arrival=stamp)
+        released += fed.displacement(stamp, arrival=stamp)
+    assert released + fed.merger.flush() == []
+    assert fed.counters.unpaired == 600

@@ -101,8 +101,8 @@ def test_the_configuration_files_of_the_project_are_taken(start_process, end_pro
 
     folder = Path(__file__).parents[2] / "config"
     process = start_process("hc_estimator.node", "--params-file", str(folder / "robot_arm.yaml"))
-    answer = probe.call("ready")
-    assert "publishers" in answer.message  # it runs and waits for the robot's sensors
+    # It runs and waits for the robot's sensors.
+    probe.wait(lambda: "publishers" in probe.call("ready").message, what="the missing sensors")
     assert probe.get("input.source") == ["sensors"]
     assert end_process(process)[0] == 0
 
@@ -110,9 +110,9 @@ def test_the_configuration_files_of_the_project_are_taken(start_process, end_pro
 def test_it_answers_before_it_has_compiled(processes, probe, plant):
     """With an empty cache it once answered no parameter for two minutes."""
     script = (
-        "import sys, time, hc_estimator.node as node\n"
-        "compile = node._compile\n"
-        "node._compile = lambda name: (time.sleep(0.7), compile(name))\n"
+        "import sys, time, hc_estimator.node as node, hc_estimator.ros.compilation as work\n"
+        "compile = work._compile\n"
+        "work._compile = lambda name: (time.sleep(0.7), compile(name))\n"
         "sys.exit(node.main())"
     )
     process = processes("-c", script, "--ros-args", "-p", "filter:=ukf")

@@ -163,18 +163,19 @@ def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
         qos.SAMPLE_QOS,
         lambda m: (m.displacement * 1000, m.velocity * 1000, m.stiffness),
     )
-    request = DescribeParameters.Request(names=["stiffness", "scenario"])
+    request = DescribeParameters.Request(names=["stiffness", "seed"])
     described = listener.call(DescribeParameters, "indenter/describe_parameters", request)
     stiffness = described.descriptors[0]
     assert "K" in stiffness.description
     assert "N/mm^n" in stiffness.description
     assert stiffness.floating_point_range[0].to_value == 1e6
+    assert described.descriptors[1].read_only
     assert listener.spin(until=lambda: len(found) > 100)
     assert set_parameter(listener, "stiffness", 0.9).successful
     refused = set_parameter(listener, "stiffness", -1.0)
     assert not refused.successful
     assert "stiffness" in refused.reason
-    assert not set_parameter(listener, "scenario", "indentation").successful
+    assert not set_parameter(listener, "seed", 3).successful
     assert listener.spin(until=lambda: found[-1][2] == 0.9)
     found.clear()
     assert listener.spin(until=lambda: len(found) > 1600)

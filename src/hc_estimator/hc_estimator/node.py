@@ -9,18 +9,12 @@ from __future__ import annotations
 
 import sys
 import time
-from functools import partial
-from typing import Any
 
-from rclpy.clock import Clock, ClockType, JumpThreshold
-from rclpy.duration import Duration
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from hc_estimator import Estimate, Estimator, available_filters, create_estimator
-from hc_estimator.input.contact_frame import NormalFinder, raised
-from hc_estimator.input.tare import TareResult
-from hc_estimator.input.together import Together
+from hc_estimator import Estimate, Estimator, create_estimator
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
@@ -28,24 +22,30 @@ from hc_estimator.online.state_file import SavedState
 from hc_estimator.online.suspicion_watch import SuspicionWatch
 from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
 from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.clock_jumps import watch_jumps
+from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.event_log import EventLog
-from hc_estimator.ros.inputs import Input, SampleInput
+from hc_estimator.ros.inputs import (
+    Input,
+    SampleInput,
+    missing_publishers,
+    publisher_conflict,
+)
 from hc_estimator.ros.lifecycle import answer_impossible_transitions
 from hc_estimator.ros.node_settings import (
-    CHOICE_NAMES,
     NEEDS_OTHER_SUBSCRIPTIONS,
     READING,
-    contact_frame,
-    session_settings,
 )
 from hc_estimator.ros.outputs import Outputs
 from hc_estimator.ros.sensors import SensorInput
 from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
-from hc_estimator.ros.state_keeper import StateKeeper, try_out
+from hc_estimator.ros.settings_meaning import session_settings
+from hc_estimator.ros.state_keeper import StateKeeper, parameters_of, try_out
 from hc_estimator.ros.status import StatusReporter
-from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
-from hc_msgs_py.background import STARTING, BackgroundWork
+from hc_estimator.ros.zero_setting import ZeroSetting
+from hc_estimator.ros.zeroing import ZEROS
+from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -54,8 +54,6 @@ from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
-LONG_S = 3.0
-"""Longer than it takes to load the compiled filters from the cache."""
 
 
 class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
@@ -86,8 +84,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._failure: Exception | None = None
         self._wants_input = False
         self._cannot_listen = ""  # why there is no input although there should be one
-        self._zeroing = Zeroing()
-        self._together = Together()  # for what needs force and displacement of one instant
+        self._zeros = ZeroSetting(self, self._settings, lambda: self._session, lambda: self._input)
         self._suspicions = SuspicionWatch()
         self._crowded = self._silent = False
         self.add_pre_set_parameters_callback(self._settings.fill_defaults)
@@ -103,20 +100,10 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=self._steady)
         self._diagnostics = DiagnosticsPublisher(self, "estimator", self._collect_status)
-        self._jump_handle = self.get_clock().create_jump_callback(
-            JumpThreshold(
-                min_forward=Duration(seconds=self._settings.values["input.maximum_gap"]),
-                min_backward=Duration(nanoseconds=-1),
-                on_clock_change=True,
-            ),
-            post_callback=self._on_clock_jump,
-        )
+        maximum_gap_s = self._settings.values["input.maximum_gap"]
+        self._jump_handle = watch_jumps(self, maximum_gap_s, self._on_clock_jump)
         self._starts_by_itself = bool(self._settings.values["autostart"])
-        self._says_compiling = False
-        # All filters, so that a change of filter under a running stream has nothing to compile.
-        self._compilation = BackgroundWork(
-            "compiling the filters", [partial(_compile, name) for name in available_filters()]
-        )
+        self._compilation = Compilation(self.get_logger())
 
     # Lifecycle.
 
@@ -154,17 +141,9 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _start(self) -> None:
         """Configure and activate as soon as the filters are compiled."""
-        work = self._compilation
-        if not work.done:
-            if work.seconds > LONG_S and not self._says_compiling:
-                self._says_compiling = True
-                self.get_logger().info(
-                    f"{work.progress}: this takes some minutes, once after an installation"
-                )
+        if not self._compilation.look():
             return
         self._starts_by_itself = False
-        if self._says_compiling:
-            self.get_logger().info(f"compiled the filters in {work.seconds:.0f} s")
         self._prepare()  # here, where what goes wrong is told
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != TransitionCallbackReturn.SUCCESS:
@@ -172,7 +151,11 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _prepare(self) -> None:
         self._compilation.wait()
-        kept = self._kept_state()
+        kept = self._keeper.resume(
+            self._settings.values["state.maximum_age"],
+            self._take_settings,
+            self.get_logger().warning,
+        )
         self._session = EstimationSession(
             self._new_estimator(),
             self,
@@ -184,36 +167,13 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._session.load(kept.estimator, kept.time_origin_ns)
             self._keeper.wait_for_samples()
 
-    def _kept_state(self) -> SavedState | None:
-        """Return what a node that died a short time ago had learnt, its settings taken over.
-
-        A broken state must not keep a node from starting again and again.
-        """
-        logger = self.get_logger()
-        try:
-            aside = self._keeper.set_aside()
-            if aside is not None:
-                logger.warning(f"a state that ended a node that went on from it is now {aside}")
-            kept = self._keeper.kept(self._settings.values["state.maximum_age"])
-            if kept is not None:
-                self._take_settings(kept)
-            return kept
-        except (NotPossibleError, ValueError, OSError) as error:
-            logger.warning(f"the kept state is not gone on from: {error}")
-            self._keeper.set_aside()
-            return None
-
     def _take_settings(self, state: SavedState) -> None:
         """Take over the kind of estimator and the settings of a saved state.
 
         Raises:
             NotPossibleError: if the node cannot have these settings.
         """
-        wanted = {name: state.estimator[name] for name in CHOICE_NAMES}
-        wanted |= state.estimator["configuration"]
-        answer = self.set_parameters_atomically(
-            [Parameter(name, value=value) for name, value in wanted.items()]
-        )
+        answer = self.set_parameters_atomically(parameters_of(state))
         if not answer.successful:
             raise NotPossibleError(f"the saved state does not fit: {answer.reason}")
 
@@ -243,7 +203,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _stop_listening(self) -> None:
         self._wants_input = False
-        self._give_up_zeroing("the node is not active any more")
+        self._zeros.give_up("the node is not active any more")
         if self._input is not None:
             self._input.close()
             self._input = None
@@ -261,15 +221,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
         self._suspicions.add(stamp_ns, displacement_mm, force_n)
-        for displacement, force in self._together.add(stamp_ns, displacement_mm, force_n):
-            self._zeroing.watch.add(displacement, force)
-            if self._zeroing.active:
-                outcome = self._zeroing.add(displacement, force)
-                if isinstance(outcome, Refusal):
-                    self._configured().report(EventKind.TARE_REFUSED, outcome.reason)
-                elif outcome is not None:
-                    self._take_zeros(outcome, displacement)
-                    return  # the rest has the zeros of before
+        self._zeros.add(stamp_ns, displacement_mm, force_n)
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
@@ -362,10 +314,9 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         sensors = self._settings.values["input.source"] == "sensors"
         ways = READING if sensors else {"input.source", *ZEROS}
         if not ways.isdisjoint(changed):
-            self._give_up_zeroing("a sensor is read otherwise from now on")
-            self._zeroing.watch.forget()
+            self._zeros.give_up("a sensor is read otherwise from now on")
+            self._zeros.forget()
             self._suspicions.forget()
-            self._together.forget()
             self._configured().reset(Cause.RESET, self._new_estimator(), text)
         elif change.kind is None and not change.estimator:
             self._configured().announce_reconfiguration(text)
@@ -384,72 +335,18 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         return self._cannot_listen or "the estimator is not active"
 
     def _reset(self) -> str:
-        self._give_up_zeroing("a reset came between")
+        self._zeros.give_up("a reset came between")
         # A new estimator, so that settings that wait for a reset take effect.
         self._active_session().reset(Cause.RESET, self._new_estimator())
         return "started afresh"
 
     def _start_tare(self) -> str:
         self._active_session()
-        values = self._settings.values
-        return self._zeroing.tare(
-            values["tare.samples"], time.monotonic(), forced=values["tare.force"]
-        )
+        return self._zeros.tare()
 
     def _start_finding_surface(self) -> str:
         self._active_session()
-        told = self._zeroing.find_surface(forced=self._settings.values["tare.force"])
-        if self._input is not None and self._finds_normal:
-            self._input.normal_finder = NormalFinder()
-        return told
-
-    @property
-    def _finds_normal(self) -> bool:
-        values = self._settings.values
-        wanted = values["input.contact.frame"], values["input.contact.normal_from"]
-        return bool(wanted == ("surface", "find_surface"))
-
-    def _take_zeros(self, found: TareResult, displacement_mm: float) -> None:
-        """Subtract what a tare found from now on, and start afresh.
-
-        Args:
-            found: the zeros, in readings that came with the present ones taken off.
-            displacement_mm: the newest of these readings.
-        """
-        zeros = self._zeroing.parameters(found, self._settings.values)
-        also = self._surface_parameters(found, displacement_mm - found.displacement_mm)
-        if also:  # the surface's point takes the place of the zero
-            zeros = [zeros[0], Parameter(ZEROS[1], value=0.0)]
-        answer = self.set_parameters_atomically([*zeros, *also])
-        session = self._active_session()
-        if not answer.successful:
-            session.report(EventKind.TARE_REFUSED, answer.reason)
-            return
-        session.report(EventKind.TARED, self._zeroing.describe(found, zeros))
-
-    def _surface_parameters(self, found: TareResult, penetration_mm: float) -> list[Parameter]:
-        """Return point and normal of the surface, if ~/find_surface looked for them."""
-        source = self._input
-        finder = None if source is None else source.normal_finder
-        if source is None or finder is None or source.position is None:
-            return []
-        source.normal_finder = None
-        normal = finder.normal(found.force_n, found.force_std_n)
-        if normal is None:
-            return []
-        values = self._settings.values
-        frame = contact_frame(values)
-        sign = float(values["input.force.sign"])
-        factor = values["input.position.sign"] * values["input.position.scale"]
-        point = raised(source.position[0], frame.normal, penetration_mm / factor)
-        return [
-            Parameter("input.contact.normal", value=[sign * c for c in normal]),
-            Parameter("input.contact.point", value=list(point)),
-        ]
-
-    def _give_up_zeroing(self, reason: str) -> None:
-        if self._zeroing.cancel() and self._session is not None:
-            self._session.report(EventKind.TARE_REFUSED, f"given up: {reason}")
+        return self._zeros.find_surface()
 
     def _load(self) -> str:
         session = self._active_session()
@@ -466,12 +363,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         """Return who is not there yet, for ~/ready."""
         if self._input is None:
             return [self._inactive()]
-        missing = []
         expected = self._settings.values["expected_sample_publishers"]
-        for channel in self._input.channels:
-            found = channel.publishers
-            if found < expected:
-                missing.append(f"{channel.topic} has {found} of {expected} publishers")
+        missing = missing_publishers(self._input.channels, expected)
         expected = self._settings.values["expected_estimate_subscribers"]
         found = self._outputs.estimate_subscribers
         if found < expected:
@@ -495,9 +388,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._silent = self._session.silent
         for suspicion in self._suspicions.look(time.monotonic()):
             self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
-        overdue = self._zeroing.overdue(time.monotonic())
-        if overdue:
-            self._session.report(EventKind.TARE_REFUSED, overdue)
+        self._zeros.look()
         self._watch_publishers(self._session, self._input)
         period_s = self._settings.values["state.autosave_period"]
         try:
@@ -509,21 +400,14 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
 
     def _watch_publishers(self, session: EstimationSession, source: Input) -> None:
         """Tell of a second publisher on a topic once it is there."""
-        crowded = [channel for channel in source.channels if channel.publishers > 1]
-        if crowded and not self._crowded:
-            session.report(
-                EventKind.SOURCE_CONFLICT,
-                "; ".join(
-                    f"{channel.publishers} publishers on {channel.topic} "
-                    f"({', '.join(channel.publisher_names)}): follows the one that was first"
-                    for channel in crowded
-                ),
-            )
-        self._crowded = bool(crowded)
+        conflict = publisher_conflict(source.channels)
+        if conflict and not self._crowded:
+            session.report(EventKind.SOURCE_CONFLICT, conflict)
+        self._crowded = bool(conflict)
 
-    def _on_clock_jump(self, jump: Any) -> None:
+    def _on_clock_jump(self, reason: str) -> None:
         if self._session is not None and self._session.time_origin_ns is not None:
-            self._session.time_jumped(f"the clock jumped by {jump.delta.nanoseconds * 1e-9:+.3f} s")
+            self._session.time_jumped(reason)
 
     def _collect_status(self) -> Status:
         if self._starts_by_itself:
@@ -555,10 +439,6 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
     def forget_kept(self) -> None:
         """Remove the state that is kept for a restart: the node ends as it should."""
         self._keeper.forget_kept()
-
-
-def _compile(name: str) -> None:
-    create_estimator(name).warm_up()
 
 
 def main() -> int:

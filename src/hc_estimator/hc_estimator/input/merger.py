@@ -90,7 +90,7 @@ class _Sensor:
 
     def is_near(self, stamp_ns: int, gap_ns: int) -> bool:
         """Whether there is a reading within a time before or after."""
-        if stamp_ns - self.last_ns <= gap_ns:
+        if abs(stamp_ns - self.last_ns) <= gap_ns:
             return True
         return bool(self.waiting) and self.waiting[0].stamp_ns - stamp_ns <= gap_ns
 

@@ -8,14 +8,27 @@ filters, and is learnt again within a window.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.estimator import Estimator, create_estimator
+from hc_estimator.multiple_model.hypotheses import (
+    ACCELERATION,
+    DEPTH,
+    FIRST_PARAMETER,
+    FRESH,
+    LAST_PARAMETER,
+    VELOCITY,
+)
 
-_SHARED = ("started", "accepted", "last_time", "tempering_count")
+_CLOCK = ("started", "accepted", "last_time", "channel_time", "period")
+_STAMPS = ("state_time", "force_time")  # at the last sample, whatever delay was allowed for
 _OWN_BEGINNING = ("rls", "rbpf")
+_ROW = [DEPTH, VELOCITY, ACCELERATION, *range(FIRST_PARAMETER, LAST_PARAMETER)]
+"""Where a row of the bank has the states of a plain filter, in their order."""
 _THIRD = 2  # position of what the state spaces do not share: acceleration, or force
 _LOGARITHMIC = (3, 4)  # positions of K and B, which are logarithms in the kinematic state space
 _SMALLEST = 1e-9  # K and B below this have no logarithm worth taking over
@@ -53,27 +66,69 @@ def hand_over(source: Estimator, target: Estimator) -> Estimator:
         return _guessing(source, target)
     before, after = source.state()["memory"], target.state()
     memory = after["memory"]
-    state, covariance = _converted(
-        np.array(before["state"]),
-        np.array(before["covariance"]),
-        source.state_space,
-        target.state_space,
-    )
-    if source.state_space != target.state_space:
-        state[_THIRD] = memory["state"][_THIRD]
-        covariance[_THIRD, :] = covariance[:, _THIRD] = 0.0
-        covariance[_THIRD, _THIRD] = memory["covariance"][_THIRD][_THIRD]
-    for i, variance in enumerate(memory["prior_variance"], start=3):
-        if variance == 0.0:
-            state[i] = memory["state"][i]
-            covariance[i, :] = covariance[:, i] = 0.0
-    memory["state"], memory["covariance"] = state.tolist(), covariance.tolist()
-    for name in _SHARED:
-        memory[name] = before[name]
+    taken = _Knowledge(*_known(before), source.state_space).seen_in(target.state_space)
+    if "rows" in memory:
+        _give_to_bank(memory, taken)
+    else:
+        if source.state_space != target.state_space:
+            variance = memory["covariance"][_THIRD][_THIRD]
+            _keep(taken, _THIRD, memory["state"][_THIRD], variance)
+        for i, variance in enumerate(memory["prior_variance"], start=3):
+            if variance == 0.0:
+                _keep(taken, i, memory["state"][i], 0.0)
+        memory["state"], memory["covariance"] = taken.state.tolist(), taken.covariance.tolist()
+        if "tempering_count" in before:
+            memory["tempering_count"] = before["tempering_count"]
+    old, new = before.get("clock", before), memory.get("clock", memory)
+    new |= {name: old[name] for name in _CLOCK} | dict.fromkeys(_STAMPS, old["last_time"])
     if after["particles"]:
         memory["started"] = 0  # particles are drawn from state and covariance at the first sample
     target.restore(after)
     return target
+
+
+class _Knowledge:
+    """State (7,) and covariance (7, 7) in a state space."""
+
+    def __init__(
+        self, state: NDArray[np.float64], covariance: NDArray[np.float64], state_space: str
+    ) -> None:
+        self.state, self.covariance, self.state_space = state, covariance, state_space
+
+    def seen_in(self, state_space: str) -> _Knowledge:
+        """Return the same in another state space, to first order."""
+        return _Knowledge(
+            *_converted(self.state, self.covariance, self.state_space, state_space), state_space
+        )
+
+
+def _known(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return state (7,) and covariance (7, 7); of a bank those of the row that is given out."""
+    if "rows" not in memory:
+        return np.array(memory["state"]), np.array(memory["covariance"])
+    row = memory["rows"][FRESH if memory["change"]["leads"] else memory["judge"]["chosen"]]
+    return np.array(row["state"])[_ROW], np.array(row["covariance"])[np.ix_(_ROW, _ROW)]
+
+
+def _keep(taken: _Knowledge, i: int, value: float, variance: float) -> None:
+    """Leave one state as it is where it goes to, without ties to the others."""
+    taken.state[i] = value
+    taken.covariance[i, :] = taken.covariance[:, i] = 0.0
+    taken.covariance[i, i] = variance
+
+
+def _give_to_bank(memory: dict[str, Any], taken: _Knowledge) -> None:
+    """Begin every row with what is known; the motion, which is found at once, begins anew."""
+    memory["guessed"] = memory["motion_anew"] = 1
+    for row in memory["rows"]:
+        given = _Knowledge(taken.state.copy(), taken.covariance.copy(), taken.state_space)
+        for i, place in enumerate(_ROW[3:], start=3):
+            if row["covariance"][place][place] == 0.0:  # held fixed
+                _keep(given, i, row["state"][place], 0.0)
+        for i, place in enumerate(_ROW):
+            row["state"][place] = float(given.state[i])
+            for j, other in enumerate(_ROW):
+                row["covariance"][place][other] = float(given.covariance[i, j])
 
 
 def _continued(source: Estimator, target: Estimator) -> Estimator:

@@ -116,3 +116,22 @@ class SampleInput:
         self._receiver.on_sample(
             stamp_ns, sequence, displacement_mm - self._position_zero, force_n - self._force_zero
         )
+
+
+def missing_publishers(channels: Sequence[Channel], expected: int) -> list[str]:
+    """Say of each topic that has fewer publishers than expected how many it has."""
+    return [
+        f"{channel.topic} has {found} of {expected} publishers"
+        for channel in channels
+        if (found := channel.publishers) < expected
+    ]
+
+
+def publisher_conflict(channels: Sequence[Channel]) -> str:
+    """Say which topics have more than one publisher, and whom is followed; nothing if none has."""
+    return "; ".join(
+        f"{channel.publishers} publishers on {channel.topic} "
+        f"({', '.join(channel.publisher_names)}): follows the one that was first"
+        for channel in channels
+        if channel.publishers > 1
+    )

@@ -26,7 +26,7 @@ from hc_estimator.input.contact_frame import (
 from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
-from hc_estimator.ros.node_settings import contact_frame, sensor_mapping
+from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm

@@ -29,8 +29,8 @@ from hc_estimator.ros.node_settings import (
     MISSING_READINGS,
     NODE_SETTINGS,
     NodeSetting,
-    check_together,
 )
+from hc_estimator.ros.settings_meaning import check_together
 from hc_msgs_py.node_main import NodeStartError
 from hc_msgs_py.parameters import declare
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+
+from rclpy.parameter import Parameter
 
 from hc_estimator.estimator import create_estimator
 from hc_estimator.online.session import EstimationSession
@@ -16,6 +19,7 @@ from hc_estimator.online.state_file import (
     StateFolder,
     snapshot,
 )
+from hc_estimator.ros.node_settings import CHOICE_NAMES
 from hc_estimator.ros.services import NotPossibleError
 
 TRIAL_STEPS = 100
@@ -67,6 +71,34 @@ class StateKeeper:
             return folder.load(SAVED)
         except (ValueError, OSError) as error:
             raise NotPossibleError(str(error)) from error
+
+    def resume(
+        self,
+        maximum_age_s: float,
+        take_settings: Callable[[SavedState], None],
+        warn: Callable[[str], Any],
+    ) -> SavedState | None:
+        """Return what a node that died a short time ago had learnt, its settings taken over.
+
+        A broken state must not keep a node from starting again and again.
+
+        Args:
+            maximum_age_s: what is older is left alone.
+            take_settings: gives the node the settings of a state; may raise NotPossibleError.
+            warn: told of a state that is not gone on from.
+        """
+        try:
+            aside = self.set_aside()
+            if aside is not None:
+                warn(f"a state that ended a node that went on from it is now {aside}")
+            kept = self.kept(maximum_age_s)
+            if kept is not None:
+                take_settings(kept)
+            return kept
+        except (NotPossibleError, ValueError, OSError) as error:
+            warn(f"the kept state is not gone on from: {error}")
+            self.set_aside()
+            return None
 
     def keep(self, session: EstimationSession, now_s: float, period_s: float) -> None:
         """Keep the state for a restart, if it is time to.
@@ -188,3 +220,10 @@ def try_out(state: SavedState) -> None:
     for _ in range(TRIAL_STEPS):
         time_s += 1e-3
         estimator.step(time_s, known.displacement, known.force_reconstructed)
+
+
+def parameters_of(state: SavedState) -> list[Parameter]:
+    """Return the parameters of the node with which a state was saved."""
+    wanted = {name: state.estimator[name] for name in CHOICE_NAMES}
+    wanted |= state.estimator["configuration"]
+    return [Parameter(name, value=value) for name, value in wanted.items()]

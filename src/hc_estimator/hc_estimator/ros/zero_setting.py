@@ -1,0 +1,142 @@
+"""~/tare and ~/find_surface: zeros are taken from the samples and become parameters."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from hc_estimator.input.contact_frame import NormalFinder, raised
+from hc_estimator.input.tare import TareResult
+from hc_estimator.input.together import Together
+from hc_estimator.online.session import EstimationSession
+from hc_estimator.online.vocabulary import EventKind
+from hc_estimator.ros.inputs import Input
+from hc_estimator.ros.settings import Settings
+from hc_estimator.ros.settings_meaning import contact_frame
+from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
+
+
+class ZeroSetting:
+    """Watches the samples of the node, and sets its zeros when somebody has asked for it."""
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        session: Callable[[], EstimationSession | None],
+        source: Callable[[], Input | None],
+    ) -> None:
+        """Prepare; nothing is looked for.
+
+        Args:
+            node: has the parameters.
+            settings: their values.
+            session: returns the session of now, which reports what happened.
+            source: returns the input of now.
+        """
+        self._node, self._settings = node, settings
+        self._session, self._source = session, source
+        self._zeroing = Zeroing()
+        self._together = Together()
+
+    def tare(self) -> str:
+        """Begin a tare; returns what to tell the user.
+
+        Raises:
+            NotPossibleError: with the reason.
+        """
+        values = self._settings.values
+        return self._zeroing.tare(
+            values["tare.samples"], time.monotonic(), forced=values["tare.force"]
+        )
+
+    def find_surface(self) -> str:
+        """Begin to look for the surface; returns what to tell the user.
+
+        Raises:
+            NotPossibleError: with the reason.
+        """
+        values = self._settings.values
+        told = self._zeroing.find_surface(forced=values["tare.force"])
+        wanted = values["input.contact.frame"], values["input.contact.normal_from"]
+        source = self._source()
+        if source is not None and wanted == ("surface", "find_surface"):
+            source.normal_finder = NormalFinder()
+        return told
+
+    def add(self, stamp_ns: int, displacement_mm: float, force_n: float) -> None:
+        """Take in a sample, and set the zeros with the last one that was wanted.
+
+        A force without a displacement at its stamp counts once there is one after it.
+        """
+        for displacement, force in self._together.add(stamp_ns, displacement_mm, force_n):
+            self._zeroing.watch.add(displacement, force)
+            if not self._zeroing.active:
+                continue
+            outcome = self._zeroing.add(displacement, force)
+            if isinstance(outcome, Refusal):
+                self._report(EventKind.TARE_REFUSED, outcome.reason)
+            elif outcome is not None:
+                self._take(outcome, displacement)
+                return  # the rest was read with the zeros of before
+
+    def look(self) -> None:
+        """Give up a tare that does not get its samples."""
+        overdue = self._zeroing.overdue(time.monotonic())
+        if overdue:
+            self._report(EventKind.TARE_REFUSED, overdue)
+
+    def give_up(self, reason: str) -> None:
+        """Look for nothing any more, and say why if something was looked for."""
+        if self._zeroing.cancel():
+            self._report(EventKind.TARE_REFUSED, f"given up: {reason}")
+
+    def forget(self) -> None:
+        """Forget the samples: a sensor is read otherwise."""
+        self._zeroing.watch.forget()
+        self._together.forget()
+
+    def _report(self, kind: EventKind, reason: str) -> None:
+        session = self._session()
+        if session is not None:
+            session.report(kind, reason)
+
+    def _take(self, found: TareResult, displacement_mm: float) -> None:
+        """Subtract what was found from now on, and start afresh.
+
+        Args:
+            found: the zeros, in readings that came with the present ones taken off.
+            displacement_mm: the newest of these readings.
+        """
+        zeros = self._zeroing.parameters(found, self._settings.values)
+        also = self._surface(found, displacement_mm - found.displacement_mm)
+        if also:  # the surface's point takes the place of the zero
+            zeros = [zeros[0], Parameter(ZEROS[1], value=0.0)]
+        answer = self._node.set_parameters_atomically([*zeros, *also])
+        if answer.successful:
+            self._report(EventKind.TARED, self._zeroing.describe(found, zeros))
+        else:
+            self._report(EventKind.TARE_REFUSED, answer.reason)
+
+    def _surface(self, found: TareResult, penetration_mm: float) -> list[Parameter]:
+        """Return point and normal of the surface, if ~/find_surface looked for them."""
+        source = self._source()
+        finder = None if source is None else source.normal_finder
+        if source is None or finder is None or source.position is None:
+            return []
+        source.normal_finder = None
+        normal = finder.normal(found.force_n, found.force_std_n)
+        if normal is None:
+            return []
+        values = self._settings.values
+        frame = contact_frame(values)
+        sign = float(values["input.force.sign"])
+        factor = values["input.position.sign"] * values["input.position.scale"]
+        point = raised(source.position[0], frame.normal, penetration_mm / factor)
+        return [
+            Parameter("input.contact.normal", value=[sign * c for c in normal]),
+            Parameter("input.contact.point", value=list(point)),
+        ]
