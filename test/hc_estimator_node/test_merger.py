@@ -53,7 +53,7 @@ def test_a_force_waits_until_no_older_displacement_can_come():
 
 def test_equal_stamps_make_one_sample_and_so_do_stamps_that_were_rounded():
     fed = Fed()
-    fed.displacement(5, 7.0)
+    assert fed.displacement(5, 7.0) == []
     assert told(fed.force(5, 1.0)) == [(5, 7.0, 1.0)]
     fed.force(6, 2.0)
     (sample,) = fed.displacement(6.0009, 8.0)
@@ -73,10 +73,11 @@ def test_late_poses_make_it_and_the_numbers_have_no_gap():
             samples.append(sample)
             waits.append(arrival - sample.stamp_ns / MS)
     samples += fed.merger.flush()
-    assert [s.stamp_ns for s in samples] == sorted(round(e[2] * MS) for e in events)
-    assert [s.sequence for s in samples] == list(range(625))
+    assert [s.stamp_ns for s in samples] == sorted(round(e[2] * MS) for e in events)[1:]
+    assert [s.sequence for s in samples] == list(range(1, 625))
     assert max(waits) <= 28.5  # the pose's delay and its period
-    assert fed.counters.late == fed.counters.unpaired == 0
+    assert fed.counters.late == 0
+    assert fed.counters.unpaired == 1  # the force before the first pose
 
 
 def test_a_wait_is_over_by_stamps_and_by_arrivals():
@@ -88,9 +89,11 @@ def test_a_wait_is_over_by_stamps_and_by_arrivals():
     assert told(fed.force(60)) == [(10, None, 0.0)]
     # A recording that is played ten times slower: the other reading is not late by its stamps.
     fed = Fed(wait=50)
-    for stamp in range(0, 40, 2):
+    fed.displacement(0)
+    fed.force(0)
+    for stamp in range(2, 42, 2):
         assert fed.force(stamp, arrival=10 * stamp) == []
-    assert len(fed.displacement(38, arrival=400)) == 20
+    assert len(fed.displacement(40, arrival=430)) == 20
 
 
 def test_a_burst_of_one_sensor_does_not_hurry_the_other():
@@ -164,10 +167,11 @@ def test_a_reading_that_is_not_a_number_goes_on_for_the_estimator_to_reject():
     displacement_period=st.integers(1, 40),
     jitter=st.integers(0, 5),
     delays=st.tuples(st.integers(0, 40), st.integers(0, 40)),
+    offset=st.integers(0, 30),
     seed=st.integers(0, 1000),
 )
 def test_whatever_the_rates_nothing_is_lost_within_the_wait_and_all_is_in_order(
-    force_period, displacement_period, jitter, delays, seed
+    force_period, displacement_period, jitter, delays, offset, seed
 ):
     generator = random.Random(seed)
     fed = Fed(wait=100, window=jitter + 1, gap=200)
@@ -177,7 +181,7 @@ def test_whatever_the_rates_nothing_is_lost_within_the_wait_and_all_is_in_order(
         (fed.displacement, displacement_period, delays[1]),
     ):
         for i in range(2000 // period):
-            stamp = i * period
+            stamp = i * period + (offset if add == fed.displacement else 0)
             events.append((stamp + delay + generator.uniform(0, jitter), len(events), add, stamp))
     released = []
     for arrival, value, add, stamp in sorted(events, key=lambda e: e[:2]):
@@ -185,15 +189,19 @@ def test_whatever_the_rates_nothing_is_lost_within_the_wait_and_all_is_in_order(
     released += fed.merger.flush()
     stamps = [s.stamp_ns for s in released]
     assert stamps == sorted(set(stamps))
-    assert [s.sequence for s in released] == list(range(len(released)))
+    numbers = [s.sequence for s in released]
+    assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    first = min(stamp for _, _, add, stamp in events if add == fed.displacement)
+    expected = [(s, v) for _, v, add, s in events if add == fed.displacement or s >= first]
     readings = [
         (s.stamp_ns / MS, v)
         for s in released
         for v in (s.displacement_mm, s.force_n)
         if not math.isnan(v)
     ]
-    assert sorted(readings) == sorted((stamp, float(value)) for _, value, _, stamp in events)
-    assert fed.counters.late == fed.counters.unpaired == 0
+    assert sorted(readings) == sorted(expected)
+    assert fed.counters.late == 0
+    assert fed.counters.unpaired == len(events) - len(expected)
 
 
 @given(
@@ -229,3 +237,16 @@ def test_sensors_whose_clocks_differ_give_no_samples():
         released += fed.displacement(stamp, arrival=stamp)
     assert released + fed.merger.flush() == []
     assert fed.counters.unpaired == 600
+
+
+def test_a_stream_begins_with_a_displacement_and_goes_on_with_one_after_a_pause():
+    """Two forces before the first pose made the default filter call a misfit for a second."""
+    fed = Fed(wait=10, gap=100)
+    released = []
+    for stamp in (0, 2, 4, 6, 8, 300, 302, 304, 306):
+        if stamp in (4, 304):
+            released += fed.displacement(stamp + 1)
+        released += fed.force(stamp)
+    released += fed.displacement(309)
+    assert [s.stamp_ns // MS for s in released] == [5, 6, 8, 305, 306]
+    assert [s.sequence for s in released] == [3, 4, 5, 9, 10]

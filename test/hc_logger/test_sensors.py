@@ -15,7 +15,6 @@ from hc_logger.sensors import Sensor, read_sensors
 from hc_logger.writer import BagWriter
 
 START_NS = 1_700_000_000_000_000_000
-START_OF_FORCE_MS = -30
 
 
 def robot_bag(path: Path, position: str) -> None:
@@ -99,13 +98,13 @@ def test_a_time_offset_moves_the_force_against_the_position(tmp_path: Path) -> N
         Sensor("ft/wrench", axis="direction", direction=(-2.0, 0.0, 0.0), time_offset_s=-0.03),
         Sensor(axis="y", sign=-1, zero=-10.0),
     )
-    t = recording.time_s + 1e-3 * START_OF_FORCE_MS
+    t = recording.time_s  # from the first position on
     depth, force = recording.displacement_mm, recording.force_n
     has_depth, has_force = np.isfinite(depth), np.isfinite(force)
     np.testing.assert_allclose(depth[has_depth], 2.0 * t[has_depth], atol=1e-9)
     np.testing.assert_allclose(force[has_force], 3.0 * (t[has_force] + 0.03) + 0.5, atol=1e-12)
-    assert (np.count_nonzero(has_depth), np.count_nonzero(has_force)) == (101, 1001)
-    assert recording.findings.problems == ()
+    assert (np.count_nonzero(has_depth), np.count_nonzero(has_force)) == (101, 971)
+    assert recording.findings.problems == ("30 readings of a sensor that was alone were left out",)
 
 
 def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:

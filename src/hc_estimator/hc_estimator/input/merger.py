@@ -4,7 +4,8 @@ Every reading goes on at its own stamp, nothing is interpolated: a sample holds 
 the stamps are equal, otherwise one of the two is NaN. Samples come out in the order of their
 stamps. A reading therefore waits for the other sensor as long as that may still bring an older
 one, but never longer than a bound. What comes later is dropped and counted, and so are the
-readings of a sensor that is alone: they say nothing of a tissue.
+readings of a sensor that is alone: they say nothing of a tissue. At the start, and after a pause, a
+displacement comes first: a force alone would be that of a tool whose place nobody knows.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ class MergerCounters:
 
     Attributes:
         late: came after their place in the stream had passed, or repeated a stamp.
-        unpaired: the other sensor had no reading near them in time.
+        unpaired: the other sensor had no reading near them in time, or they were forces before the
+            first displacement.
         resets: times the clock was set back.
     """
 
@@ -180,16 +182,24 @@ class Merger:
                 break
             stamp_ns = oldest.stamp_ns
             near = other.is_near(stamp_ns, self.maximum_gap_ns)
-            values = {id(first): first.take(), id(other): math.nan}
+            values = {first: first.take()}
             if other.waiting and other.waiting[0].stamp_ns - stamp_ns <= TOLERANCE_NS:
                 stamp_ns = other.waiting[0].stamp_ns
-                values[id(other)] = other.take()
+                values[other] = other.take()
             sequence, self._sequence = self._sequence, self._sequence + 1
-            if not near:
-                self.counters.unpaired += 1
+            begun = stamp_ns - self._released_ns <= self.maximum_gap_ns
+            if not (near and (begun or displacement in values)):
+                self.counters.unpaired += len(values)
                 continue
             self._released_ns = stamp_ns
-            result.append(Merged(stamp_ns, sequence, values[id(displacement)], values[id(force)]))
+            result.append(
+                Merged(
+                    stamp_ns,
+                    sequence,
+                    values.get(displacement, math.nan),
+                    values.get(force, math.nan),
+                )
+            )
         return result
 
     def _may_go(self, first: _Sensor, other: _Sensor, oldest: _Reading, now_ns: int) -> bool:
