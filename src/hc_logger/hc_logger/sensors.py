@@ -104,17 +104,11 @@ def read_sensors(
         problems = list(bag.problems)
     counters = merger.counters
     for count, text in (
-        (
-            counters.unpaired,
-            "readings of a sensor that was alone were left out",
-        ),
-        (
-            counters.late,
-            "readings that came too late, or repeated a stamp, were left out",
-        ),
+        (counters.unpaired, "of a sensor that was alone"),
+        (counters.late, "that came too late, or repeated a stamp"),
     ):
         if count:
-            problems.append(f"{count} {text}")
+            problems.append(f"{count} reading{'s'[: count > 1]} left out {text}")
     if not samples:
         raise BagError(
             f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"
