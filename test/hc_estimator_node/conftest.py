@@ -20,7 +20,7 @@ from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 settings.register_profile("unhurried", deadline=None)
 settings.load_profile("unhurried")
 
-TRUE_PARAMETERS = (0.2, 0.05, 1.8, 1.05)
+TRUE_PARAMETERS = (0.2, 0.008, 1.8, 1.05)  # with which the tissue never pulls
 
 
 class Plant:

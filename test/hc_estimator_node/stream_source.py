@@ -21,7 +21,7 @@ from hc_msgs_py.units import set_stamp
 from hc_msgs_py.wire import SampleEncoder
 
 RATE_HZ = 1000.0
-PARAMETERS = (0.2, 0.05, 1.8, 1.05)
+PARAMETERS = (0.2, 0.008, 1.8, 1.05)
 
 
 def main(number, rests):

@@ -24,7 +24,7 @@ def data():
     d = 3 + 1.6 * np.sin(a * time_s) + 0.8 * np.sin(b * time_s + 0.5)
     v = 1.6 * a * np.cos(a * time_s) + 0.8 * b * np.cos(b * time_s + 0.5)
     force = np.array(
-        [hunt_crossley_force(*dv, 0.2, 0.05, 1.8, 1.05) for dv in zip(d, v, strict=True)]
+        [hunt_crossley_force(*dv, 0.2, 0.008, 1.8, 1.05) for dv in zip(d, v, strict=True)]
     )
     d += generator.normal(0, 0.002, d.size)
     return time_s, d, force + generator.normal(0, 0.01, d.size)

@@ -127,8 +127,8 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     probe.node.create_subscription(IndenterSample, "indenter/sample", samples.append, SAMPLE_QOS)
     probe.call("ready")
     probe.wait(lambda: probe.node.count_publishers("indenter/sample") == 2, what="the samples")
-    readings = play(probe, plant, make_position, message, 1.5)
-    assert len(probe.estimates) >= 1200  # a busy machine may lose some on the way
+    readings = play(probe, plant, make_position, message, 3.0)
+    assert len(probe.estimates) >= 2400  # a busy machine may lose some on the way
     for estimate in probe.estimates[:200]:
         stamp_ns = estimate.header.stamp.sec * 10**9 + estimate.header.stamp.nanosec
         if stamp_ns in readings:

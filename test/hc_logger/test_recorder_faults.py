@@ -24,7 +24,7 @@ from hc_logger.reception_clock import ReceptionClock
 from hc_logger.recorder_node import RecorderNode
 from hc_logger.recording import read_recording
 from hc_logger.recover import recover_bag
-from hc_logger.session import RecordingSession, TopicCount
+from hc_logger.session import INCOMPLETE, RecordingSession, TopicCount
 from hc_logger.writer import BagWriter
 
 RECORDER = "hc_logger.recorder_node"
