@@ -216,7 +216,8 @@ def try_out(state: SavedState) -> None:
     )
     estimator.restore(kept)
     known = estimator.step(float("nan"), 0.0, 0.0)  # is refused, and answers what is known
-    time_s = float(kept["memory"]["last_time"])
+    memory = kept["memory"]
+    time_s = float(memory.get("clock", memory)["last_time"])  # a bank has its clock apart
     for _ in range(TRIAL_STEPS):
         time_s += 1e-3
         estimator.step(time_s, known.displacement, known.force_reconstructed)
