@@ -203,7 +203,8 @@ def test_estimate_refuses_a_broken_csv_in_one_line(
 
 def test_bad_rows_are_counted_and_told(capsys: pytest.CaptureFixture[str], recording: Path) -> None:
     lines = recording.read_text().splitlines()
-    lines[10] = "0.018,nan,1.0"
+    lines[10] = "0.018,inf,1.0"
+    lines[12] = "0.022,nan,1.0"
     lines[20] = lines[19]
     lines[30], lines[31] = lines[31], lines[30]
     recording.write_text("\n".join(lines) + "\n")
@@ -215,6 +216,7 @@ def test_bad_rows_are_counted_and_told(capsys: pytest.CaptureFixture[str], recor
     assert summary["rejected"]["time_repeated"] == 1
     assert summary["rejected"]["time_backward"] == 1
     assert "1 row with NaN or infinity" in err
+    assert "1 row with a force alone: each reading is used at its own stamp" in err
 
 
 def test_simulated_bag_and_its_csv_give_the_same_estimates(

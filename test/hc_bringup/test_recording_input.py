@@ -160,3 +160,73 @@ def test_a_recording_without_an_approach_says_so(tmp_path: Path, capsys) -> None
     path.write_text("time_s,displacement_mm,force_N\n" + rows + "\n")
     assert main(["estimate", str(path), "--find-surface"]) == 1
     assert "does not go from free motion into contact" in capsys.readouterr().err
+
+
+@pytest.fixture
+def slow_pose_bag(tmp_path: Path) -> Path:
+    """A wrench at 500 Hz beside a pose at 125 Hz that comes 20 ms late."""
+    generator = np.random.default_rng(6)
+    path = tmp_path / "slow"
+    events = [(k * 2_000_000, k * 2_000_000, "wrench") for k in range(2000)]
+    events += [(k * 8_000_000 + 20_300_000, k * 8_000_000 + 300_000, "pose") for k in range(500)]
+    with BagWriter(path) as writer:
+        topics = {
+            "wrench": writer.add_topic("/ft/wrench", "geometry_msgs/msg/WrenchStamped"),
+            "pose": writer.add_topic("/arm/pose", "geometry_msgs/msg/PoseStamped"),
+        }
+        for arrival, since, what in sorted(events):
+            depth, force = reading(since * 1e-9)
+            message = WrenchStamped() if what == "wrench" else PoseStamped()
+            stamp = message.header.stamp
+            stamp.sec, stamp.nanosec = divmod(START_NS + since, 10**9)
+            if what == "wrench":
+                message.wrench.force.z = force + 0.005 * generator.standard_normal()
+            else:
+                message.pose.position.z = (depth + 0.002 * generator.standard_normal()) * 1e-3
+            writer.write(topics[what], START_NS + arrival, serialize_message(message))
+    return path
+
+
+def test_readings_at_stamps_of_their_own_go_through_every_command(
+    slow_pose_bag: Path, tmp_path: Path, capsys
+) -> None:
+    source, csv, out = str(slow_pose_bag), str(tmp_path / "slow.csv"), tmp_path / "out.csv"
+    assert main(["estimate", source, "--json", "-o", str(out)]) == 0
+    captured = capsys.readouterr()
+    assert "1999 rows with a force alone, 500 rows with a displacement alone" in captured.err
+    found = json.loads(captured.out)
+    assert (found["forces"], found["displacements"]) == (1999, 500)
+    assert found["used"] == found["samples"] == 2499
+    assert found["parameters"]["stiffness"] == pytest.approx(K, rel=0.03)
+    assert found["parameters"]["displacement_exponent"] == pytest.approx(N, rel=0.03)
+    assert found["model_mismatch_share"] < 0.02
+    assert 0.005 < found["force_predicted_rmse_n"] < 0.05
+    assert 1.2 < found["nis_mean"] < 2.8
+    assert len(out.read_text().splitlines()) == 2500
+    assert main(["bag", "convert", source, csv]) == 0
+    capsys.readouterr()
+    assert main(["estimate", csv, "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["parameters"] == pytest.approx(found["parameters"], rel=1e-6)
+    assert main(["bag", "convert", csv, str(tmp_path / "bag")]) == 0
+    assert main(["bag", "info", str(tmp_path / "bag")]) == 0
+    assert "displacement 125.0" in (told := capsys.readouterr().out)
+    assert "force 499.8" in told
+    assert main(["report", source, "-o", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The contact law describes what the sensors say" in page
+    assert "nan" not in page.split("<script", 1)[0].lower().replace("nance", "")
+    assert main(["report", source, "-o", str(tmp_path / "page.png")]) == 0
+    assert main(["contacts", source, "-o", str(tmp_path / "contacts.csv")]) == 0
+    header, row = (tmp_path / "contacts.csv").read_text().splitlines()[:2]
+    contact = dict(zip(header.split(","), row.split(","), strict=True))
+    assert float(contact["peak_force [N]"]) == pytest.approx(7.4, abs=0.8)
+    assert float(contact["energy_loss [mJ]"]) > 0.0
+
+
+def test_a_recording_without_forces_says_so(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "alone.csv"
+    rows = "\n".join(f"{k * 1e-3!r},{k * 1e-3!r},nan" for k in range(500))
+    path.write_text("time_s,displacement_mm,force_N\n" + rows + "\n")
+    assert main(["estimate", str(path)]) == 1
+    assert "there is no force in any of the 500 samples" in capsys.readouterr().err

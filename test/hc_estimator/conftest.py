@@ -1,7 +1,29 @@
 """What the tests of hc_estimator share."""
 
+import fcntl
+import tempfile
+from pathlib import Path
+
 import numpy as np
 import pytest
+
+import hc_estimator as hc
+
+SHARED = Path("/work/shared/data")  # real recordings; their licences keep them out of the project
+
+
+def pytest_collection_finish(session):
+    """Compile the default filter before the clock of a first test runs.
+
+    That takes a minute or two where there is no cache yet, about as long as a test may take. Of
+    several processes one compiles; the others wait and load.
+    """
+    here = Path(__file__).parent
+    if session.config.option.collectonly or not any(here in i.path.parents for i in session.items):
+        return
+    with (Path(tempfile.gettempdir()) / "hc_test_compilation.lock").open("a") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        hc.create_estimator("self_tuning_ukf").warm_up()
 
 
 @pytest.fixture(scope="session")
@@ -12,9 +34,10 @@ def recording():
         seconds=1.0,
         rate=1000.0,
         seed=1,
-        parameters=(0.2, 0.05, 1.8, 1.05),
+        parameters=(0.2, 0.009, 1.8, 1.05),
         displacement_noise=0.002,
         force_noise=0.01,
+        adhesive=False,
     ):
         stiffness, damping, n, p = parameters
         rng = np.random.default_rng(seed)
@@ -23,7 +46,57 @@ def recording():
         d = 3 + 1.6 * np.sin(slow * time) + 0.8 * np.sin(fast * time + 0.5)
         v = 1.6 * slow * np.cos(slow * time) + 0.8 * fast * np.cos(fast * time + 0.5)
         force = d**n * (stiffness + damping * np.sign(v) * np.abs(v) ** p)
+        if not adhesive:  # with a damping of 0.045 of the stiffness nothing separates
+            force = np.maximum(force, 0.0)
         noise = rng.standard_normal((2, time.size))
         return time, d + displacement_noise * noise[0], force + force_noise * noise[1]
 
     return make
+
+
+class Plant:
+    """A tissue, a tool that moves in it, and two sensors. Units: mm, mm/s, N, s."""
+
+    LIVELY = ((1.6, 0.7, 0.0), (0.8, 2.3, 0.5))  # amplitude, frequency, phase
+    TAPPING = ((2.5, 1.5, 0.0), (0.3, 5.0, 0.4))
+
+    @staticmethod
+    def motion(time, sines=LIVELY, offset=3.0):
+        """Displacement and velocity of a sum of sines."""
+        d, v = np.full_like(time, offset), np.zeros_like(time)
+        for amplitude, frequency, phase in sines:
+            rate = 2 * np.pi * frequency
+            d += amplitude * np.sin(rate * time + phase)
+            v += amplitude * rate * np.cos(rate * time + phase)
+        return d, v
+
+    @staticmethod
+    def force(d, v, K, B, n, p):
+        """Force of the unilateral contact law, without noise."""
+        return np.maximum(np.maximum(d, 0.0) ** n * (K + B * np.sign(v) * np.abs(v) ** p), 0.0)
+
+    @staticmethod
+    def noisy(d, force, seed, displacement_noise=0.002, force_noise=0.01):
+        """Readings of the two sensors."""
+        noise = np.random.default_rng(seed).standard_normal((2, d.size))
+        return d + displacement_noise * noise[0], force + force_noise * noise[1]
+
+
+@pytest.fixture(scope="session")
+def plant():
+    """The simulated contact, see `Plant`."""
+    return Plant
+
+
+@pytest.fixture(scope="session")
+def real():
+    """Reads a real recording: time [s], displacement [mm], force [N]; skips where it is absent."""
+
+    def read(name):
+        path = SHARED / name
+        if not path.exists():
+            pytest.skip(f"{path} is not on this machine")
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        return table[:, 0], table[:, 1], table[:, 2]
+
+    return read

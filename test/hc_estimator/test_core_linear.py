@@ -15,6 +15,17 @@ SAMPLES = 200
 OFF = {"outlier_gate": 1e9}
 # What switches each filter's adaptation off.
 PLAIN = {
+    "self_tuning_ukf": {  # leaves the row of the constant tissue
+        "noise_adaptation": "fixed",
+        "motion_adaptation": False,
+        "coherence_share": 0.0,
+        "follow_stiffness": False,
+        "follow_layers": False,
+        "follow_surface": False,
+        "find_changes": False,
+        "find_maneuvers": False,
+        "channel_delay": 0.0,
+    },
     "ukf": {"noise_adaptation": "fixed", "change_detection": "none", "tempering_amplitude": 0.0},
     "ekf": {"noise_adaptation": "fixed", "change_detection": "none", "tempering_amplitude": 0.0},
     "rwstukf": {
@@ -63,8 +74,18 @@ def paper_model(dt, values):
     return transition, noise, np.array([[1.0, 0, 0], [0, 0, 1]])
 
 
+def with_missing(rng, d, force):
+    """The readings with three tenths of each channel missing at random, never both at once."""
+    which = rng.choice(3, d.size, p=[0.4, 0.3, 0.3])
+    which[0] = 0
+    return np.where(which == 1, np.nan, d), np.where(which == 2, np.nan, force)
+
+
 def kalman_filter(time, readings, model, values, mean, deviations):
-    """The closed-form Kalman filter in its textbook (short) form, step by step."""
+    """The closed-form Kalman filter in its textbook (short) form, step by step.
+
+    NaN is a reading that is missing: the measurement then has one row.
+    """
     covariance = np.diag(deviations) ** 2
     out = []
     for k, y in enumerate(readings):
@@ -74,29 +95,36 @@ def kalman_filter(time, readings, model, values, mean, deviations):
             covariance = transition @ covariance @ transition.T + noise
         else:
             _, _, measure = model(1.0, values)
-        innovation = y - measure @ mean
-        spread = measure @ covariance @ measure.T + NOISE
         predicted = (measure @ mean)[1]
-        gain = covariance @ measure.T @ np.linalg.inv(spread)
-        mean = mean + gain @ innovation
+        innovation = y - measure @ mean
+        there = ~np.isnan(y)
+        rows, known = measure[there], innovation[there]
+        spread = rows @ covariance @ rows.T + NOISE[np.ix_(there, there)]
+        gain = covariance @ rows.T @ np.linalg.inv(spread)
+        mean = mean + gain @ known
         covariance = covariance - gain @ spread @ gain.T
-        nis = innovation @ np.linalg.solve(spread, innovation)
+        nis = known @ np.linalg.solve(spread, known)
         out.append([mean[0], mean[1], predicted, *innovation, nis])
     return np.array(out)
 
 
-@pytest.mark.parametrize("filter_name", PLAIN)
-@pytest.mark.parametrize("state_space", ["kinematic", "paper"])
-def test_equals_the_closed_form_kalman_filter(filter_name, state_space):
+@pytest.mark.parametrize("missing", [False, True], ids=["pairs", "missing"])
+@pytest.mark.parametrize(
+    ("filter_name", "state_space"),
+    [(f, s) for f in PLAIN for s in hc.available_state_spaces(f)],
+)
+def test_equals_the_closed_form_kalman_filter(filter_name, state_space, missing):
+    """With both readings, and with readings missing at random: exact for either."""
     time, d, force = readings(np.random.default_rng(5))
+    if missing:
+        d, force = with_missing(np.random.default_rng(15), d, force)
     fixed = {"initial_stiffness": STIFFNESS, "initial_damping": DAMPING}
     log = "_log" if state_space == "kinematic" else ""
     fixed |= {f"initial_stiffness{log}_std": 0.0, f"initial_damping{log}_std": 0.0}
-    walks = (
-        ["stiffness_log_walk", "damping_log_walk"]
-        if state_space == "kinematic"
-        else ["process_noise_stiffness", "process_noise_damping"]
-    )
+    walks = ["process_noise_stiffness", "process_noise_damping"]
+    if state_space == "kinematic":
+        walks = ["stiffness_log_walk", "damping_log_walk"]
+    known = {s.name for s in hc.parameter_specifications(filter_name, state_space, "kelvin_voigt")}
     estimator = hc.create_estimator(
         filter_name,
         state_space=state_space,
@@ -105,7 +133,8 @@ def test_equals_the_closed_form_kalman_filter(filter_name, state_space):
         force_noise_std=0.05,
         initial_velocity_std=2.0,  # narrow: no sigma point may leave contact at the start
         initial_displacement_std=0.5,
-        **dict.fromkeys(walks, 0.0),
+        missing_readings=missing,
+        **{name: 0.0 for name in walks if name in known},
         **({"initial_acceleration_std": 50.0} if state_space == "kinematic" else {}),
         **fixed,
         **OFF,
@@ -138,18 +167,22 @@ def test_equals_the_closed_form_kalman_filter(filter_name, state_space):
     assert np.all(series.covariance[-1] == 0.0)
 
 
+@pytest.mark.parametrize("missing", [False, True], ids=["pairs", "missing"])
 @pytest.mark.parametrize("filter_name", ["rls", "rbpf"])
-def test_motion_in_the_air_equals_the_closed_form_kalman_filter(filter_name):
+def test_motion_in_the_air_equals_the_closed_form_kalman_filter(filter_name, missing):
     """The filters that only know Hunt-Crossley are linear out of contact."""
     time, d, _ = readings(np.random.default_rng(6))
     d -= 20.0
     force = 0.05 * np.random.default_rng(7).standard_normal(SAMPLES)
+    if missing:
+        d, force = with_missing(np.random.default_rng(16), d, force)
     options = {"tempering_amplitude": 0.0} if filter_name == "rbpf" else {}
     estimator = hc.create_estimator(
         filter_name,
         displacement_noise_std=0.01,
         force_noise_std=0.05,
         noise_adaptation="fixed",
+        missing_readings=missing,
         **options,
     )
     series = estimator.run(time, d, force)
@@ -181,15 +214,19 @@ def test_motion_in_the_air_equals_the_closed_form_kalman_filter(filter_name):
     assert not series.contact.any()
 
 
-def test_particle_filter_approaches_the_kalman_filter():
+@pytest.mark.parametrize("missing", [False, True], ids=["pairs", "missing"])
+def test_particle_filter_approaches_the_kalman_filter(missing):
     """With many particles the SIR filter's mean is the Kalman filter's, to Monte Carlo error."""
     time, d, force = readings(np.random.default_rng(8))
     time, d, force = time[:60], d[:60], force[:60]
+    if missing:
+        d, force = with_missing(np.random.default_rng(18), d, force)
     estimator = hc.create_estimator(
         "sir_pf",
         state_space="paper",
         contact_model="kelvin_voigt",
         particle_count=20000,
+        missing_readings=missing,
         likelihood_scale=1.0,
         surviving_share=0.0,
         roughening=0.0,

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import hc_estimator as hc
 from hc_estimator import Rejection
 
+TRUTH = (0.2, 0.009, 1.8, 1.05)  # that of `recording`
 COMBINATIONS = [(f, s) for f in hc.available_filters() for s in hc.available_state_spaces(f)]
 NUMBERS = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -157,7 +158,7 @@ def test_a_clock_set_back_is_bridged(recording):
     again = estimator.run(time, d, force)
     assert again.rejected[:19].tolist() == [Rejection.TIME_BACKWARD] * 19
     assert np.all(again.rejected[19:] == 0)
-    np.testing.assert_allclose(again.parameters[-1], [0.2, 0.05, 1.8, 1.05], rtol=0.05)
+    np.testing.assert_allclose(again.parameters[-1], TRUTH, rtol=0.05)
 
 
 def test_a_stamp_far_in_the_future_poisons_nothing(recording):
@@ -167,7 +168,7 @@ def test_a_stamp_far_in_the_future_poisons_nothing(recording):
     estimator.step(1e12, float(d[-1]), float(force[-1]))
     series = estimator.run(time + 1.0, d, force)
     assert np.sum(series.rejected != 0) < 100
-    np.testing.assert_allclose(series.parameters[-1], [0.2, 0.05, 1.8, 1.05], rtol=0.05)
+    np.testing.assert_allclose(series.parameters[-1], TRUTH, rtol=0.05)
 
 
 def test_a_failed_update_is_undone():
@@ -214,9 +215,9 @@ def test_a_lost_filter_starts_from_the_first_guess(filter_name, recording):
     state["memory"]["covariance"] = covariance.tolist()
     estimator.restore(state)
     series = estimator.run(time[500:], d[500:], force[500:])
-    used = np.flatnonzero(series.rejected == 0)
-    assert series.change_detected[used[0]]
-    np.testing.assert_allclose(series.parameters[used[0]], [1.0, 0.07, 1.5, 1.0])
+    told = np.flatnonzero(series.change_detected[:20])  # some are refused before it knows
+    assert told.size == 1
+    np.testing.assert_allclose(series.parameters[told[0]], [1.0, 0.07, 1.5, 1.0])
     if filter_name == "ukf":  # the others have not found it yet
         np.testing.assert_allclose(series.parameters[-1, 2:], [1.8, 1.05], atol=0.5)
 

@@ -31,7 +31,7 @@ def test_silence_is_stale_and_samples_that_come_again_recover(start_process, pro
     probe.wait(lambda: EstimatorEvent.INPUT_SILENT in probe.kinds(), what="silence")
     # The source comes back, numbers anew, and has a few bad readings.
     samples = [
-        (t, float("nan") if i % 50 == 7 else d, f)
+        (t, float("inf") if i % 50 == 7 else float("nan") if i % 50 == 9 else d, f)
         for i, (t, d, f) in enumerate(plant.samples(500, start=2000))
     ]
     probe.stream(samples)
@@ -41,6 +41,7 @@ def test_silence_is_stale_and_samples_that_come_again_recover(start_process, pro
     assert EstimatorEvent.SOURCE_RESTARTED in kinds
     assert sum(m.rejected == m.NOT_FINITE for m in probe.estimates) == 10
     probe.wait(lambda: counters(probe)["rejected_not_finite"] == "10", what="the count")
+    assert counters(probe)["without_displacement"] == "10"
     assert counters(probe)["lost"] == "0"
     assert process.poll() is None
 

@@ -1,5 +1,6 @@
 """A force and a position sensor of one's own, each a publisher with its own rate and jitter."""
 
+import math
 import random
 import time
 
@@ -9,6 +10,9 @@ from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample
 from sensor_msgs.msg import JointState
 
+from hc_estimator import PARAMETER_NAMES
+from hc_logger.recording import read_recording
+from hc_logger.verify import verify
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.units import set_stamp
 
@@ -127,7 +131,12 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     assert len(probe.estimates) >= 2400  # a busy machine may lose some on the way
     for estimate in probe.estimates[:200]:
         stamp_ns = estimate.header.stamp.sec * 10**9 + estimate.header.stamp.nanosec
-        assert estimate.force_measured == pytest.approx(readings[stamp_ns], abs=1e-9)
+        if stamp_ns in readings:
+            assert estimate.force_measured == pytest.approx(readings[stamp_ns], abs=1e-9)
+        else:  # a position: nothing is interpolated
+            assert math.isnan(estimate.force_measured)
+            assert math.isnan(estimate.innovation_force)
+            assert not math.isnan(estimate.innovation_displacement)
     last = probe.estimates[-1]
     found = [
         last.stiffness,
@@ -144,7 +153,9 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     assert len(by_sequence) >= 500  # this process, too, may lose some on a busy machine
     for estimate in probe.estimates[500:600]:
         if estimate.sequence in by_sequence:
-            assert by_sequence[estimate.sequence].force == estimate.force_measured
+            sample = by_sequence[estimate.sequence]
+            np.testing.assert_equal(sample.force, estimate.force_measured)
+            assert math.isnan(sample.force) != math.isnan(sample.displacement)
     values = {v.key: v.value for v in probe.statuses[-1].values}
     assert values["pairing_late"] == "0"
     assert int(values["pairing_unpaired"]) < 10  # before the first position
@@ -154,6 +165,70 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
         (contact,) = probe.contacts
         assert contact.position_frame_id == "base"
         assert (contact.position_x, contact.position_y) == (0.3, 0.0)
+
+
+def test_a_slow_and_late_pose_gives_the_tissue_and_its_bag_verifies_to_the_last_bit(
+    start_process, end_process, probe, plant, tmp_path
+):
+    """A wrench at 500 Hz beside a pose at 125 Hz that comes 20 ms late."""
+    process = start_process(
+        input__source="sensors",
+        input__force__topic="wrist",
+        input__force__axis="direction",
+        input__force__direction=[0.0, 3.0, 4.0],
+        input__force__sign=-1,
+        input__force__zero=-FORCE_BIAS,
+        input__position__topic="arm",
+        input__position__type="pose",
+        input__position__sign=-1,
+        input__position__zero=-SURFACE,
+        input__pairing__maximum_wait=1.0,  # this machine has other things to do
+    )
+    bag = tmp_path / "bag"
+    recorder = start_process("hc_logger.recorder_node", output=str(bag))
+    forces = probe.node.create_publisher(WrenchStamped, "wrist", SAMPLE_QOS)
+    poses = probe.node.create_publisher(PoseStamped, "arm", SAMPLE_QOS)
+    probe.wait(lambda: forces.get_subscription_count() and poses.get_subscription_count())
+    probe.wait(lambda: probe.call("ready").success, what="~/ready")
+    probe.wait(lambda: probe.node.count_subscribers("hc/estimate") == 2, what="the recorder")
+    probe.wait(lambda: probe.node.count_subscribers("indenter/sample") >= 1, what="the recorder")
+    probe.spin(0.5)
+    begin_ns = time.time_ns() + 50_000_000
+    events = [(i * 2e-3, forces, i * 2e-3) for i in range(2500)]
+    events += [(i * 8e-3 + 0.0203, poses, i * 8e-3 + 0.0003) for i in range(625)]
+    for arrival_s, publisher, time_s in sorted(events, key=lambda e: e[0]):
+        while (left := begin_ns + round(arrival_s * 1e9) - time.time_ns()) > 0:
+            probe.executor.spin_once(timeout_sec=left * 1e-9)
+        stamp_ns = begin_ns + round(time_s * 1e9)
+        displacement, force = plant.readings(time_s)
+        if publisher is forces:
+            publisher.publish(wrench(stamp_ns, force))
+        else:
+            publisher.publish(pose(stamp_ns, displacement))
+    probe.wait(lambda: probe.statuses and len(probe.estimates) >= 2900, what="estimates")
+    probe.spin(1.2)
+    values = {v.key: v.value for v in probe.statuses[-1].values}
+    for node in (process, recorder):
+        assert end_process(node)[0] == 0
+    assert values["pairing_late"] == "0"
+    assert values["pairing_unpaired"] == "1"  # the force before the first pose
+    assert int(values["without_force"]) >= 600
+    assert int(values["without_displacement"]) >= 2400
+    recording = read_recording(bag)
+    estimates = recording.estimates
+    last = estimates[-1]
+    found = [last[name] for name in PARAMETER_NAMES]
+    np.testing.assert_allclose(found[0], plant.parameters[0], rtol=0.04)
+    np.testing.assert_allclose(found, plant.parameters, rtol=0.15)
+    settled = recording.time_s[-len(estimates) :] > 2.0
+    assert np.mean(estimates["model_mismatch"][settled]) < 0.02
+    report = verify(recording)
+    assert report.differences == []
+    assert report.compared == len(estimates) > 2900
+    assert report.not_comparable == 0
+    print(
+        "K found", found, "true", plant.parameters, "mismatch", np.mean(estimates["model_mismatch"])
+    )
 
 
 def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
@@ -233,7 +308,7 @@ def test_a_tare_with_sensors_applies_to_whole_samples_and_is_refused_in_mid_pres
     tared = samples[-1].sequence
     assert probe.get("input.position.zero")[0] == pytest.approx(-SURFACE - 0.1, abs=0.01)
     # Every sample before the tare is wholly of the old zero, every one after it of the new one.
-    depths = [m.displacement * 1000.0 for m in samples]
+    depths = [m.displacement * 1000.0 for m in samples if not math.isnan(m.displacement)]
     assert all(abs(d) < 1.0 or abs(d + SURFACE) < 1.0 for d in depths)
     pressed = [s.force for s in samples]
     assert all(abs(f) < 0.2 or abs(f + FORCE_BIAS) < 0.2 for f in pressed)

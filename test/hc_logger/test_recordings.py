@@ -74,14 +74,15 @@ def test_bad_rows_are_kept_and_counted(tmp_path: Path) -> None:
     recording = read_recording(path)
     np.testing.assert_array_equal(recording.displacement_mm, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
     np.testing.assert_array_equal(recording.force_n, [1.0, np.nan, np.nan, 4.0, 5.0, 6.0, np.inf])
-    assert recording.findings[:3] == (4, 1, 1)
-    assert len(recording.findings.lines()) == 3
+    assert recording.findings[:3] == (2, 1, 1)
+    assert recording.findings.displacement_alone == 2
+    assert len(recording.findings.lines()) == 4
     # through a bag the same rows come out; a time that was NaN repeats the one before
     csv_to_bag(path, tmp_path / "bag")
     again = read_recording(tmp_path / "bag")
     np.testing.assert_array_equal((again.stamps - CSV_EPOCH_NS) // 1_000_000, [0, 1, 2, 2, 1, 1, 4])
     np.testing.assert_array_equal(again.force_n, recording.force_n)
-    assert again.findings[:3] == (3, 2, 1)
+    assert again.findings[:3] == (1, 2, 1)
 
 
 def test_a_bag_without_samples_says_what_it_has(make_bag: Callable[..., Path]) -> None:

@@ -23,14 +23,15 @@ from hc_logger.writer import BagWriter
 
 
 def samples(path: Path) -> None:
-    """Three seconds at 1 kHz of a tip going in and out, with a NaN and a repeated time."""
+    """Three seconds at 1 kHz of a tip going in and out, with missing and bad readings."""
     rng = np.random.default_rng(8)
     t = np.arange(3000) * 1e-3
     d = 2.0 + 1.5 * np.sin(2 * np.pi * 1.5 * t) + 0.4 * np.sin(2 * np.pi * 4.1 * t)
     v = np.gradient(d, t)
     touching = np.maximum(d, 0.0)
     force = 0.5 * touching**1.4 + 0.005 * touching**1.4 * v + rng.normal(0, 0.02, len(t))
-    force[700] = np.nan
+    force[700] = np.inf
+    force[710:720] = d[720:725] = np.nan
     t[900] = t[899]
     write_csv(path, [np.column_stack([t, d, force])])
 

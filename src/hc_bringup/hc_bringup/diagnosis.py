@@ -93,9 +93,21 @@ class _Samples:
     displacement_mm: FloatArray
     force_n: FloatArray
 
+    def shift_force(self, seconds: float) -> None:
+        """Stamp the forces so much later; each reading then stands at its own stamp."""
+        has_depth, has_force = ~np.isnan(self.displacement_mm), ~np.isnan(self.force_n)
+        nothing = np.full(len(self.time_s), np.nan)
+        time_s = np.concatenate([self.time_s[has_depth], self.time_s[has_force] + seconds])
+        order = np.argsort(time_s, kind="stable")
+        self.displacement_mm = np.concatenate(
+            [self.displacement_mm[has_depth], nothing[has_force]]
+        )[order]
+        self.force_n = np.concatenate([nothing[has_depth], self.force_n[has_force]])[order]
+        self.time_s = time_s[order]
+
     def estimate(self) -> Estimated | None:
         """Run the default estimator; None if it was never in contact."""
-        estimator = create_estimator(DEFAULT_FILTER)
+        estimator = create_estimator(DEFAULT_FILTER, missing_readings=True)
         series = estimator.run(self.time_s, self.displacement_mm, self.force_n)
         touched = series.contact & (series.rejected == 0)
         if not touched.any():
@@ -118,8 +130,8 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
 
     Args:
         time_s: stamps [s], shape (n,).
-        displacement_mm: penetration [mm], shape (n,).
-        force_n: contact force [N], shape (n,).
+        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
+        force_n: contact force [N], shape (n,); NaN where there is no reading.
     """
     samples = _Samples(*(np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)))
     findings = []
@@ -152,7 +164,7 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
     depth = float(robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])[1])
     plans: list[Forecast] = []
     if after is not None:
-        steps = np.diff(samples.time_s)
+        steps = np.diff(samples.time_s[~np.isnan(samples.force_n)])
         plans = forecast(
             after.parameters,
             after.covariance,
@@ -204,11 +216,7 @@ def _between_channels(samples: _Samples, before: Estimated | None) -> list[Findi
             f"against the {early}"
         )
         settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
-        shifted = samples.time_s - found.delay_s
-        order = np.argsort(samples.time_s, kind="stable")
-        samples.force_n = np.interp(
-            samples.time_s, shifted[order], samples.force_n[order], np.nan, np.nan
-        )
+        samples.shift_force(-found.delay_s)
         after = samples.estimate()
         findings.append(Finding(what, settings, _cost(before, after, True)))
         before = after

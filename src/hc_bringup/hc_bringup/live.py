@@ -130,7 +130,7 @@ class Display:
         if latest is not None and not self._rate.silent_s > 0.3:
             for i, name in enumerate(PARAMETERS):
                 self._history.parameters[i].append(float(getattr(latest, name)))
-            self._history.force.append(latest.force_measured)
+            self._history.force.append(statistics.force_n)
             self._history.depth.append(latest.displacement * METRE_IN_MM)
         estimator = state.diagnostics.get(NODE_ESTIMATOR, {})
         recorder = next((v for v in state.diagnostics.values() if "file_bytes" in v), {})
@@ -153,7 +153,7 @@ class Display:
             deviations=list(statistics.parameters_std().values()),
             known=list(statistics.identifiability().values()),
             truth=state.truth,
-            force_n=math.nan if latest is None else latest.force_measured,
+            force_n=statistics.force_n,
             depth_mm=math.nan if latest is None else latest.displacement * METRE_IN_MM,
             force_error_n=statistics.recent_force_rmse_n,
             contact=None if latest is None else bool(latest.contact),

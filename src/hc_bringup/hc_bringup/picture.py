@@ -26,6 +26,8 @@ _DRAWN = (
     *(f"{name}_std" for name in PARAMETER_NAMES),
     "force_predicted",
     "nis",
+    "innovation_displacement",
+    "innovation_force",
     "change_detected",
     "model_mismatch",
 )
@@ -46,9 +48,9 @@ def draw(data: RunData) -> Figure:
     step = max(1, len(data.time_s) // _MOST_POINTS)
     part = slice(None, None, step)
     time = data.time_s[part]
-    _displacement(grid[0, 0], data, part)
+    _displacement(grid[0, 0], data)
     _force(grid[1, 0], data, part)
-    _error(grid[2, 0], data, part)
+    _error(grid[2, 0], data)
     _consistency(grid[3, 0], data)
     for index in range(4):
         _parameter(grid[index, 1], data, part, index)
@@ -131,14 +133,21 @@ def _explain_colours(figure: Figure, data: RunData) -> None:
     )
 
 
-def _displacement(axes: Any, data: RunData, part: slice) -> None:
-    axes.plot(data.time_s[part], data.displacement_mm[part], color=_MEASURED, linewidth=1.0)
+def _curve(axes: Any, time: Array, values: Array, colour: str, width: float) -> None:
+    """Draw readings as a line through those that are there."""
+    known = np.flatnonzero(np.isfinite(values))
+    known = known[:: max(1, len(known) // _MOST_POINTS)]
+    axes.plot(time[known], values[known], color=colour, linewidth=width)
+
+
+def _displacement(axes: Any, data: RunData) -> None:
+    _curve(axes, data.time_s, data.displacement_mm, _MEASURED, 1.0)
     axes.set_ylabel("displacement [mm]")
 
 
 def _force(axes: Any, data: RunData, part: slice) -> None:
     time = data.time_s[part]
-    axes.plot(time, data.force_n[part], color=_MEASURED, linewidth=1.6)
+    _curve(axes, data.time_s, data.force_n, _MEASURED, 1.6)
     axes.plot(time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9)
     low, high = _lowest(data.force_n), _highest(data.force_n)
     margin = 0.1 * max(high - low, 1e-6)
@@ -146,10 +155,10 @@ def _force(axes: Any, data: RunData, part: slice) -> None:
     axes.set_ylabel("force [N]")
 
 
-def _error(axes: Any, data: RunData, part: slice) -> None:
+def _error(axes: Any, data: RunData) -> None:
     error = data.force_n - data.force_predicted_n
     settled = error[int(_SETTLED_SHARE * len(error)) :]
-    axes.plot(data.time_s[part], 1e3 * error[part], color=_ESTIMATED, linewidth=0.6)
+    _curve(axes, data.time_s, 1e3 * error, _ESTIMATED, 0.6)
     settled = settled[np.isfinite(settled)]
     limit = 1e3 * float(np.percentile(np.abs(settled), 99.5)) if len(settled) else 1.0
     _scale(axes, -1.5 * limit, 1.5 * limit)

@@ -152,8 +152,11 @@ def is_given(arguments: argparse.Namespace) -> bool:
 
 def _from_surface(recording: Any) -> Any:
     from hc_estimator.input.surface import find_surface
+    from hc_estimator.input.together import together
 
-    found = find_surface(recording.displacement_mm, recording.force_n)
+    found = find_surface(
+        *together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
+    )
     if found is None:
         raise UserError(
             f"--find-surface: {recording.path} does not go from free motion into contact"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
+from hc_estimator.input.together import of_two_readings, together
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.definitions import installed_definition
@@ -69,8 +70,8 @@ class RunData:
         name: name of the recording.
         estimator: filter and state space.
         time_s: since the first sample [s].
-        displacement_mm: measured displacement [mm].
-        force_n: measured force [N].
+        displacement_mm: measured displacement [mm]; NaN where a sample has none.
+        force_n: measured force [N]; NaN where a sample has none.
         estimates: records of hc_msgs/HuntCrossleyEstimate without header, (samples,).
         truth: true K, B, n, p where the rig tells, shape (samples, 4), or None.
         tip: where the tip was, or None.
@@ -126,8 +127,14 @@ class RunData:
 
     @property
     def nis(self) -> Array:
-        """Normalised innovation squared, shape (samples,)."""
-        return np.asarray(self.estimates["nis"])
+        """Normalised innovation squared, as of two readings (ideal 2), shape (samples,)."""
+        names = ("innovation_displacement", "innovation_force")
+        innovation = np.column_stack([self.estimates[name] for name in names])
+        return of_two_readings(self.estimates["nis"], innovation)
+
+    def together(self, rows: NDArray[Any]) -> tuple[Array, Array, Array]:
+        """Times, displacements and forces of the instants with a force; of a choice of rows."""
+        return together(self.time_s[rows], self.displacement_mm[rows], self.force_n[rows])
 
     @property
     def contact(self) -> NDArray[np.bool_]:

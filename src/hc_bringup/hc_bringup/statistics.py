@@ -94,6 +94,7 @@ class EstimateStatistics:
     latest: Any = None
     motion: RecentMotion = field(default_factory=RecentMotion)
     first_sequence: int | None = None
+    force_n: float = math.nan
     _first_contact_s: float = math.nan
     _last_sequence: int = -1
     _force_error_square_sum: float = 0.0
@@ -118,6 +119,8 @@ class EstimateStatistics:
         self.estimates += 1
         self.since_restart += 1
         self.latest = message
+        if not math.isnan(message.force_measured):
+            self.force_n = message.force_measured
         self.latency.add(message.latency)
         if message.rejected:
             self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
@@ -126,9 +129,11 @@ class EstimateStatistics:
         self.changes += message.change_detected
         self.mismatch += message.model_mismatch
         if message.contact:
-            square = message.innovation_force**2
             if math.isnan(self._first_contact_s):
                 self._first_contact_s = stamp_s
+            square = message.innovation_force**2
+            if math.isnan(square):
+                return  # a sample without a force
             if stamp_s - self._first_contact_s >= SETTLING_S:
                 self._force_error_square_sum += square
                 self._force_errors += 1

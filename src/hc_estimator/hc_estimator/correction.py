@@ -12,9 +12,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
-from hc_estimator.linear_algebra import cholesky, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix, copy_vector
+from hc_estimator.memory import Field
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 from hc_estimator.state_space import registry as state_space
@@ -24,6 +27,8 @@ from hc_estimator.state_space import registry as state_space
 OPEN_SAMPLES = 30
 # Standard deviations of the predicted displacement from which on free motion is certain.
 FREE_DEVIATIONS = 3.0
+
+FIELDS = (Field("outlier_counts", np.int64, (2,), 0),)  # of each channel, one after another
 
 
 @compiled
@@ -99,69 +104,86 @@ def measure_linearised(settings: Any, memory: Any) -> bool:
 
 @compiled
 def innovate(memory: Any) -> bool:
-    """Innovation, its covariance S and the normalised innovation squared.
+    """Innovation, its covariance S, the inverse of S and the normalised innovation squared.
+
+    A missing reading has no innovation and no gain; the other one then has that of its own.
 
     Returns:
         False if S is not positive definite or not finite.
     """
-    covariance = memory.innovation_covariance
-    present = memory.present
+    covariance, inverse = memory.innovation_covariance, memory.inverse
+    innovation = memory.innovation
     for i in range(2):
-        memory.innovation[i] = 0.0
-        if present[i] != 0:
-            memory.innovation[i] = memory.measurement[i] - memory.predicted_measurement[i]
+        innovation[i] = 0.0
+        if memory.present[i] != 0:
+            innovation[i] = memory.measurement[i] - memory.predicted_measurement[i]
         for k in range(2):
             total = memory.curvature[i, k]
             for j in range(7):
                 total += memory.sensitivity[j, i] * memory.sensitivity[j, k]
             covariance[i, k] = total
         covariance[i, i] += memory.measurement_noise[i]
-    determinant = covariance[0, 0] * covariance[1, 1] - covariance[0, 1] * covariance[1, 0]
-    if not (determinant > 0.0 and covariance[0, 0] > 0.0 and determinant < math.inf):
-        return False
-    memory.inverse[0, 0] = covariance[1, 1] / determinant
-    memory.inverse[1, 1] = covariance[0, 0] / determinant
-    memory.inverse[0, 1] = memory.inverse[1, 0] = -covariance[0, 1] / determinant
-    for i in range(2):
-        if present[i] == 0:  # a missing reading has no gain, the other one that of its own
-            memory.inverse[i, i] = 0.0
-            memory.inverse[0, 1] = memory.inverse[1, 0] = 0.0
-            memory.inverse[1 - i, 1 - i] = 1.0 / covariance[1 - i, 1 - i]
-    total = 0.0
-    for i in range(2):
-        for k in range(2):
-            total += memory.innovation[i] * memory.inverse[i, k] * memory.innovation[k]
-    memory.nis = total
-    return math.isfinite(total)
+        if not (covariance[i, i] > 0.0 and covariance[i, i] < math.inf):
+            return False
+    if memory.present[0] == 0 or memory.present[1] == 0:
+        clear_matrix(inverse)
+        memory.nis = 0.0
+        for i in range(2):
+            if memory.present[i] != 0:
+                inverse[i, i] = 1.0 / covariance[i, i]
+                memory.nis = innovation[i] * innovation[i] / covariance[i, i]
+        return math.isfinite(memory.nis)
+    # The force given the displacement. Of its variance no less can be left than its own noise;
+    # where the two are all but one, the difference has lost its digits and may be below zero.
+    share = covariance[0, 1] / covariance[0, 0]
+    rest = covariance[1, 1] - share * covariance[0, 1]
+    if not rest > memory.measurement_noise[1]:
+        rest = memory.measurement_noise[1]
+    inverse[1, 1] = 1.0 / rest
+    inverse[0, 1] = inverse[1, 0] = -share / rest
+    inverse[0, 0] = 1.0 / covariance[0, 0] + share * share / rest
+    left = innovation[1] - share * innovation[0]
+    memory.nis = innovation[0] * innovation[0] / covariance[0, 0] + left * left / rest
+    return math.isfinite(memory.nis)
 
 
 @compiled
 def gate(settings: Any, memory: Any) -> int:
     """Refuse an innovation far outside its distribution, unless many come one after another.
 
+    Each channel has a gate of its own. A sample is refused if either channel is; beside a
+    displacement that is refused the force says nothing. What follows on `outlier_limit` refusals of
+    a channel in a row stands in `recovery`.
+
     Returns:
         ACCEPTED or OUTLIER.
     """
-    limit = settings.outlier_gate * settings.outlier_gate
-    outside = False
+    squared_limit = settings.outlier_gate * settings.outlier_gate
+    decision = ACCEPTED
     for i in range(2):
+        if memory.present[i] == 0 or decision != ACCEPTED:
+            continue
         variance = memory.innovation_covariance[i, i]
-        if memory.innovation[i] * memory.innovation[i] > limit * variance:
-            outside = True
-    count = memory.outlier_count
-    if count > settings.outlier_limit:  # the gate is open
-        memory.outlier_count = count - 1 if not outside else settings.outlier_limit + OPEN_SAMPLES
-        if memory.outlier_count == settings.outlier_limit:
-            memory.outlier_count = 0
-        return ACCEPTED
-    if not outside:
-        memory.outlier_count = 0
-        return ACCEPTED
-    if count == settings.outlier_limit:
-        memory.outlier_count = settings.outlier_limit + OPEN_SAMPLES
-        return ACCEPTED
-    memory.outlier_count += 1
-    return OUTLIER
+        outside = memory.innovation[i] * memory.innovation[i] > squared_limit * variance
+        count = memory.outlier_counts[i]
+        if count >= settings.outlier_limit:  # the gate is open, or opens
+            if outside:
+                count = settings.outlier_limit + OPEN_SAMPLES
+            else:
+                count = count - 1 if count - 1 > settings.outlier_limit else 0
+        elif outside:
+            count += 1
+            decision = OUTLIER
+        else:
+            count = 0
+        memory.outlier_counts[i] = count
+    return decision
+
+
+@compiled
+def open_gate(settings: Any, memory: Any, channel: int) -> None:
+    """Believe the readings of a channel until many in a row lie inside the gate."""
+    memory.outlier_counts[channel] = settings.outlier_limit + OPEN_SAMPLES
 
 
 @compiled

@@ -57,7 +57,7 @@ class Hypothesis(enum.IntEnum):
     """What the tissue does, in the estimate that is given out; numbers as in the message."""
 
     CONSTANT = 0
-    STIFFNESS_DRIFTS = 1
+    CONSTANT_FITTED = 1
     STIFFNESS_TREND = 2
     ALL_DRIFT = 3
     CHANGED = 4

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hc_estimator import screening
+from hc_estimator import recovery, screening
 from hc_estimator.adaptation import policy
 from hc_estimator.compilation import compiled
 from hc_estimator.contact import registry as contact_registry
@@ -155,17 +155,13 @@ MEMORY = record_type(FIELDS + SCRATCH)
 
 @compiled
 def _initialise(settings_array: Any, memory_array: Any) -> None:
-    settings, memory = settings_array[0], memory_array[0]
-    state_space_registry.prior(settings, memory.state, memory.covariance)
-    for i in range(4):
-        memory.prior_variance[i] = memory.covariance[3 + i, 3 + i]
-    memory.process_noise_scale = 1.0
-    policy.initialise(settings, memory)
+    recovery.reset(settings_array[0], memory_array[0])
 
 
 @compiled
 def _set_noise(settings_array: Any, memory_array: Any) -> None:
-    policy.set_noise(settings_array[0], memory_array[0])
+    for i in range(2):
+        policy.set_noise(settings_array[0], memory_array[0], i)
 
 
 class Estimator:
@@ -382,13 +378,15 @@ class Estimator:
                 )
         memory = np.zeros(1, self._memory_type)
         try:
+            if not isinstance(state["configuration"], Mapping):
+                raise ValueError("the configuration holds no names and values")
             values = checked_values(self._specifications, state["configuration"])
             missing = [s.name for s in self._specifications if s.name not in values]
             if missing:
                 raise ValueError(f"no value for {', '.join(missing)}")
             from_plain(state["memory"], self._fields, memory[0])
             particles = self._restored_particles(state["particles"], values)
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"cannot restore an incomplete or damaged state: {error}") from error
         self._values = values
         self._write_settings(values)

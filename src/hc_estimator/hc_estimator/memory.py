@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 # Whole numbers beyond these are no counts of samples.
 SMALLEST_COUNT, LARGEST_COUNT = -(2**53), 2**53
+# Beyond this nothing is measured or learnt, and squares would not be finite any more.
+LARGEST_NUMBER = 1e150
+INDEFINITE = -1e-9  # smallest eigenvalue that rounding may give to a matrix of correlations
 
 
 class Field(NamedTuple):
@@ -25,24 +28,28 @@ class Field(NamedTuple):
         name: its name.
         kind: float64, int64, or the type of a nested record.
         shape: of an array; () for one value.
-        low: smallest value that makes sense, for whole numbers; what is restored is checked.
+        low: smallest value that makes sense; what is restored is checked.
         high: largest such value.
+        finite: False if NaN and infinity make sense too.
+        covariance: True for a matrix that must be symmetric and positive semidefinite.
     """
 
     name: str
     kind: Any
     shape: tuple[int, ...] = ()
-    low: int | None = None
-    high: int | None = None
+    low: float | None = None
+    high: float | None = None
+    finite: bool = True
+    covariance: bool = False
 
 
 # Between samples, besides `screening.CLOCK_FIELDS`.
 CORE_FIELDS: tuple[Field, ...] = (
     Field("state", np.float64, (7,)),
-    Field("covariance", np.float64, (7, 7)),
-    Field("prior_variance", np.float64, (4,)),  # of the parameters, in the state space's coordinates
-    Field("noise", np.float64, (2,)),  # variances in use: displacement [mm^2], force [N^2]
-    Field("change_detected", np.int64, (), 0, 1),  # at the last accepted sample
+    Field("covariance", np.float64, (7, 7), covariance=True),
+    Field("prior_variance", np.float64, (4,), 0.0),  # of the parameters, as the state has them
+    Field("noise", np.float64, (2,), 0.0),  # variances in use: displacement [mm^2], force [N^2]
+    Field("change_detected", np.int64, (), 0, 1),  # at the present sample
     Field("random_counter", np.int64, (), 0),  # numbers drawn so far
     Field("process_noise_scale", np.float64),  # of the adapted part of Q against the settings
 )
@@ -90,6 +97,11 @@ def record_type(fields: tuple[Field, ...]) -> np.dtype[np.void]:
     return result
 
 
+def fields_of(kind: Any) -> tuple[Field, ...] | None:
+    """Fields of a nested record's type; None if it is no record of this package."""
+    return _FIELDS_OF.get(kind) if isinstance(kind, np.dtype) else None
+
+
 def to_plain(record: NDArray[Any], fields: tuple[Field, ...]) -> dict[str, Any]:
     """Plain data (numbers, texts, lists, dicts) of the given fields of one record.
 
@@ -99,7 +111,7 @@ def to_plain(record: NDArray[Any], fields: tuple[Field, ...]) -> dict[str, Any]:
 
 
 def _value_to_plain(value: Any, field: Field) -> Any:
-    nested = _FIELDS_OF.get(field.kind) if isinstance(field.kind, np.dtype) else None
+    nested = fields_of(field.kind)
     if nested is not None:
         if field.shape:
             flat = np.asarray(value).ravel()
@@ -136,7 +148,7 @@ def from_plain(plain: Any, fields: tuple[Field, ...], record: NDArray[Any]) -> N
 
 
 def _value_from_plain(plain: Any, field: Field, record: NDArray[Any]) -> None:
-    nested = _FIELDS_OF.get(field.kind) if isinstance(field.kind, np.dtype) else None
+    nested = fields_of(field.kind)
     if nested is not None:
         if not field.shape:
             from_plain(plain, nested, record[field.name])
@@ -149,14 +161,40 @@ def _value_from_plain(plain: Any, field: Field, record: NDArray[Any]) -> None:
         return
     try:
         given: NDArray[Any] = np.asarray(plain, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{field.name} holds something else than numbers") from None
     if given.shape != field.shape:
         raise ValueError(f"{field.name} has shape {given.shape} instead of {field.shape}")
-    if field.kind is np.int64:
-        low = SMALLEST_COUNT if field.low is None else field.low
-        high = LARGEST_COUNT if field.high is None else field.high
-        whole = np.isfinite(given).all() and (given == np.floor(given)).all()
-        if not (whole and (given >= low).all() and (given <= high).all()):
-            raise ValueError(f"{field.name} is not a whole number from {low} to {high}")
+    _check_range(given, field)
+    if field.covariance and not _is_covariance(given):
+        raise ValueError(f"{field.name} is no covariance")
     record[field.name] = given
+
+
+def _check_range(given: NDArray[Any], field: Field) -> None:
+    """Raise ValueError if a number makes no sense."""
+    whole = field.kind is np.int64
+    least, most = (SMALLEST_COUNT, LARGEST_COUNT) if whole else (-LARGEST_NUMBER, LARGEST_NUMBER)
+    low = least if field.low is None else field.low
+    high = most if field.high is None else field.high
+    usual = given[np.isfinite(given)]
+    sound = bool((usual >= low).all() and (usual <= high).all())
+    if whole:
+        sound = sound and bool((usual == np.floor(usual)).all())
+    if not sound or ((whole or field.finite) and usual.size < given.size):
+        kind = "whole number" if whole else "number"
+        raise ValueError(f"{field.name} is not a {kind} from {low:g} to {high:g}")
+
+
+def _is_covariance(matrix: NDArray[Any]) -> bool:
+    """True if a matrix is symmetric and positive semidefinite but for rounding."""
+    variances = np.diag(matrix)
+    if (variances < 0.0).any():
+        return False
+    scale = np.sqrt(variances)
+    scale[scale == 0.0] = 1e-300  # what has no variance has no covariance either
+    with np.errstate(over="ignore"):
+        correlation = matrix / scale[:, None] / scale
+    if not (np.abs(correlation) < 2.0).all() or np.abs(correlation - correlation.T).max() > 1e-6:
+        return False
+    return bool(np.linalg.eigvalsh(correlation).min() >= INDEFINITE * len(matrix))

@@ -221,7 +221,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
         self._suspicions.add(stamp_ns, displacement_mm, force_n)
-        self._zeros.add(displacement_mm, force_n)
+        self._zeros.add(stamp_ns, displacement_mm, force_n)
 
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""

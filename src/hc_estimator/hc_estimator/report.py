@@ -97,6 +97,6 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
     row[DISPLACEMENT_NOISE_STD] = math.sqrt(memory.noise[0])
     row[FORCE_NOISE_STD] = math.sqrt(memory.noise[1])
     row[CONTACT] = 1.0 if state[0] > 0.0 else 0.0
-    row[CHANGE_DETECTED] = float(memory.change_detected) if rejected == ACCEPTED else 0.0
+    row[CHANGE_DETECTED] = float(memory.change_detected)
     row[REJECTED] = float(rejected)
     row[PROCESS_NOISE_SCALE] = memory.process_noise_scale

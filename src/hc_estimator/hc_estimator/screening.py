@@ -105,7 +105,8 @@ CLOCK_FIELDS = (
     Field("started", np.int64, (), 0, 1),  # 1 once a sample was accepted
     Field("accepted", np.int64, (), 0),  # accepted samples so far
     Field("last_time", np.float64),  # of the last accepted sample [s]
-    Field("channel_time", np.float64, (2,)),  # of the last accepted reading of each channel [s]
+    # Of the last accepted reading of each channel since the start; NaN if there was none [s].
+    Field("channel_time", np.float64, (2,), finite=False),
     Field("backward_time", np.float64),  # of the last sample that was refused as backward [s]
     Field("backward_count", np.int64, (), 0),  # how many such samples came one after another
     Field("outlier_count", np.int64, (), 0),  # outliers one after another
@@ -129,7 +130,9 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
     """Decide whether the filter may use a sample, and after what elapsed time.
 
     With the setting `missing_readings` a NaN is a reading that is missing; the sample then holds
-    the other one alone.
+    the other one alone. A force alone needs to know where the tool is: before the first
+    displacement, and once the displacement has been missing for longer than the longest gap, its
+    NaN is refused like any other, and the motion starts anew with the next displacement.
 
     Args:
         settings: settings record.
@@ -160,8 +163,10 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
     clock.measurement[0] = displacement
     clock.measurement[1] = force
     if clock.started == 0:
+        clock.channel_time[0] = math.nan
+        clock.channel_time[1] = math.nan
         clock.restart = 1
-        return ACCEPTED
+        return ACCEPTED if clock.present[0] != 0 else NOT_FINITE
     if time < clock.last_time:
         in_order = clock.backward_count > 0 and time > clock.backward_time
         clock.backward_count = clock.backward_count + 1 if in_order else 1
@@ -169,13 +174,14 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
         if clock.backward_count < settings.clock_restart_samples:
             return TIME_BACKWARD
         clock.restart = 1
-        return ACCEPTED
+        return ACCEPTED if clock.present[0] != 0 else NOT_FINITE
     for i in range(2):  # two channels may share a stamp, two readings of one may not
         if clock.present[i] != 0 and time == clock.channel_time[i]:
             return TIME_REPEATED
     clock.elapsed = time - clock.last_time
-    if clock.elapsed > settings.longest_gap:
+    if time - clock.channel_time[0] > settings.longest_gap:
         clock.restart = 1
+        return ACCEPTED if clock.present[0] != 0 else NOT_FINITE
     return ACCEPTED
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
+from hc_estimator.input.together import together
 from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import smooth_motion
 
@@ -191,7 +192,8 @@ def evenly_spaced(
     Args:
         time_s: Instants, shape (N,); rows out of order or not finite are left out.
         displacement_mm: Displacement readings, shape (N,).
-        force_n: Force readings, shape (N,).
+        force_n: Force readings, shape (N,). Where samples hold one reading alone, the recording is
+            that at the stamps of the forces.
 
     Returns:
         The three at the median step, by linear interpolation where they are not there already.
@@ -199,7 +201,7 @@ def evenly_spaced(
     Raises:
         ValueError: fewer than two usable rows.
     """
-    rows = np.column_stack((time_s, displacement_mm, force_n))
+    rows = np.column_stack(together(time_s, displacement_mm, force_n))
     rows = rows[np.isfinite(rows).all(axis=1)]
     if len(rows):
         newest = np.maximum.accumulate(rows[:, 0])

@@ -103,7 +103,7 @@ def hold_forward_errors(
         time_s: Evenly spaced instants, shape (N,).
         displacement: Smoothed displacement readings [mm], shape (N,).
         velocity: Smoothed velocity [mm/s], shape (N,).
-        force_n: Measured force, shape (N,).
+        force_n: Measured force, shape (N,); instants where it is NaN do not count.
         estimate: What is frozen; an array is K, B, n, p, shape (N, 4) or (4,), alone.
         horizon_s: How far each frozen estimate predicts.
         start_s: First instant at which an estimate is frozen.
@@ -132,7 +132,9 @@ def hold_forward_errors(
             speed = np.interp(instants[inside], time_s, velocity)
             measured = measured[inside]
         predicted = force_of(depth - contact, speed, parameters, adhesive=adhesive) + zero
-        errors[row] = np.sqrt(np.mean((measured - predicted) ** 2))
+        felt = ~np.isnan(measured)
+        square = np.mean((measured - predicted)[felt] ** 2) if felt.any() else np.nan
+        errors[row] = np.sqrt(square)
     return time_s[origins], errors
 
 

@@ -17,6 +17,7 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import record_dtype
 from hc_logger.mcap_chunk import Messages
+from hc_logger.type_names import SAMPLE_TYPE
 
 GAP_FACTOR = 5.0
 """An interval of more than so many times the usual one is called a gap. Usual is the median or the
@@ -41,6 +42,8 @@ class TopicInfo:
         gaps: intervals longer than five times the median or mean, whichever is larger.
         lost: numbers missing in the messages' own field `sequence`; None if they have none.
         repeated_or_backward: messages whose sequence does not grow; None as above.
+        displacement_hz: rate of the samples that hold a displacement; None for other types.
+        force_hz: rate of the samples that hold a force; None for other types.
     """
 
     name: str
@@ -53,6 +56,8 @@ class TopicInfo:
     gaps: int = 0
     lost: int | None = None
     repeated_or_backward: int | None = None
+    displacement_hz: float | None = None
+    force_hz: float | None = None
 
 
 @dataclass
@@ -95,6 +100,7 @@ class _Pass:
     sequence: int | None = None
     lost: int = 0
     unordered: int = 0
+    readings: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, np.int64))
 
 
 def bag_info(path: str | os.PathLike[str], *, progress: Progress = nothing) -> BagInfo:
@@ -120,7 +126,10 @@ def bag_info(path: str | os.PathLike[str], *, progress: Progress = nothing) -> B
                     rows = np.flatnonzero(messages.channel == channel)
                     _add(passes[name], messages.log_time[rows])
                     if sequenced[name]:
-                        _add_sequence(passes[name], _sequences(messages, rows))
+                        numbers, after = _sequences(messages, rows)
+                        _add_sequence(passes[name], numbers)
+                        if passes[name].definition.name == SAMPLE_TYPE:
+                            _add_readings(passes[name], messages, after)
         topics = [_topic(reader, name, p, sequenced[name]) for name, p in passes.items()]
         filled = [p for p in passes.values() if p.count]
         start = min((p.first for p in filled), default=0)
@@ -168,8 +177,10 @@ def _sequence_offset(definition: TypeDefinition) -> bool:
     )
 
 
-def _sequences(messages: Messages, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the field sequence after the header of those messages that are not damaged."""
+def _sequences(
+    messages: Messages, rows: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the field sequence of those messages that are not damaged, and where it ends."""
     rows = rows[messages.length[rows] >= 16]
     offset, size = messages.offset[rows], messages.length[rows]
     lengths = _words(messages.buffer, offset + 12, "<u4").astype(np.int64)
@@ -177,7 +188,8 @@ def _sequences(messages: Messages, rows: NDArray[np.int64]) -> NDArray[np.int64]
     position += -position % 8
     whole = position + 12 <= size
     offset, position = offset[whole], position[whole]
-    return _words(messages.buffer, offset + 4 + position, "<i8").astype(np.int64)
+    place = offset + 4 + position
+    return _words(messages.buffer, place, "<i8").astype(np.int64), place + 8
 
 
 def _words(buffer: NDArray[np.uint8], offset: NDArray[np.int64], kind: str) -> NDArray[Any]:
@@ -197,6 +209,14 @@ def _add_sequence(one: _Pass, sequence: NDArray[np.int64]) -> None:
     one.unordered += int(np.count_nonzero(steps < 1))
 
 
+def _add_readings(one: _Pass, messages: Messages, place: NDArray[np.int64]) -> None:
+    """Count displacements and forces of samples whose sequence ends there: NaN is none."""
+    place = place[place + 16 <= len(messages.buffer)]
+    for i in range(2):
+        values = _words(messages.buffer, place + 8 * i, "<f8")
+        one.readings[i] += np.count_nonzero(~np.isnan(values))
+
+
 def _topic(reader: Bag, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
     definition = reader.topics[name].definition
     info = TopicInfo(name, definition.name, definition.type_hash, one.count)
@@ -212,4 +232,7 @@ def _topic(reader: Bag, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
         info.gaps = int(one.histogram[far:].sum())
     if sequenced:
         info.lost, info.repeated_or_backward = one.lost, one.unordered
+    if definition.name == SAMPLE_TYPE and info.rate_hz is not None:
+        shares = one.readings / one.count
+        info.displacement_hz, info.force_hz = (info.rate_hz * shares).tolist()
     return info

@@ -73,7 +73,9 @@ class Findings(NamedTuple):
     """What is unusual about the rows of a recording.
 
     Attributes:
-        not_finite: rows with NaN or infinity.
+        not_finite: rows with infinity, or with NaN for the time or for both readings.
+        force_alone: rows with a force and NaN for the displacement.
+        displacement_alone: rows with a displacement and NaN for the force.
         repeated: rows with the same time as the row before.
         backward: rows with a time before that of the row before.
         problems: what of a bag could not be read, one line each.
@@ -85,6 +87,8 @@ class Findings(NamedTuple):
     backward: int
     problems: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    force_alone: int = 0
+    displacement_alone: int = 0
 
     def lines(self) -> list[str]:
         """Return one line for each finding, none for a clean recording."""
@@ -98,7 +102,16 @@ class Findings(NamedTuple):
             for count, text in texts
             if count
         ]
-        return [*counted, *self.problems, *self.notes]
+        alone = [
+            f"{count} {'row' if count == 1 else 'rows'} with a {what} alone"
+            for count, what in (
+                (self.force_alone, "force"),
+                (self.displacement_alone, "displacement"),
+            )
+            if count
+        ]
+        one = [f"{', '.join(alone)}: each reading is used at its own stamp"] if alone else []
+        return [*counted, *one, *self.problems, *self.notes]
 
 
 @dataclass(frozen=True)
@@ -205,15 +218,22 @@ def findings_of(
     """Count the bad rows of a recording.
 
     Args:
-        rows: (n, columns) values that must be finite.
+        rows: (n, columns) values that must be finite; the last two are displacement and force, of
+            which one may be NaN.
         steps: (n - 1,) steps of time from row to row.
         problems: what could not be read, one line each.
     """
+    missing = np.isnan(rows[:, -2:])
+    filled = rows.copy()
+    filled[:, -2:][missing] = 0.0
+    usable = np.isfinite(filled).all(axis=1) & ~missing.all(axis=1)
     return Findings(
-        int(np.count_nonzero(~np.isfinite(rows).all(axis=1))),
+        int(np.count_nonzero(~usable)),
         int(np.count_nonzero(steps == 0)),
         int(np.count_nonzero(steps < 0)),
         problems,
+        force_alone=int(np.count_nonzero(usable & missing[:, 0])),
+        displacement_alone=int(np.count_nonzero(usable & missing[:, 1])),
     )
 
 

@@ -1,7 +1,8 @@
 """A recording from two sensors of one's own: a wrench topic and a position topic of a bag.
 
 Axis, sign, scale, zero and time offset mean what the parameters input.force.* and
-input.position.* of the estimator node mean, and the pairing is the node's own.
+input.position.* of the estimator node mean, and the readings of the two become one stream as they
+do there: every one at its own stamp, nothing is interpolated.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.input.mapping import make_mapping
-from hc_estimator.input.pairing import Paired, Pairer
+from hc_estimator.input.merger import Merged, Merger
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
@@ -68,13 +69,13 @@ def read_sensors(
     position: Sensor | None = None,
     pairing: Pairing | None = None,
 ) -> Recording:
-    """Read force and position of two topics as one recording, at the stamps of the force.
+    """Read force and position of two topics as one recording, each reading at its own stamp.
 
     Args:
         path: a bag of any kind.
         force: the wrench topic; None takes the only one, force along z.
         position: the JointState, PoseStamped or TransformStamped topic; None as above.
-        pairing: limits of the pairing.
+        pairing: limits of the waiting.
 
     Raises:
         BagError: if there are no such topics or they give no sample.
@@ -84,29 +85,30 @@ def read_sensors(
     with open_bag(path) as bag:
         force_topic = _topic(bag, force.topic, (FORCE_TYPE,), "force")
         position_topic = _topic(bag, position.topic, POSITION_TYPES, "position")
-        pairer = Pairer(
+        merger = Merger(
             maximum_wait_ns=round(pairing.maximum_wait_s * 1e9),
             reorder_window_ns=round(pairing.reorder_window_s * 1e9),
             maximum_gap_ns=round(pairing.maximum_gap_s * 1e9),
         )
         take_force = _force_reader(bag, force_topic, force)
         take_position = _position_reader(bag, position_topic, position)
-        samples: list[Paired] = []
+        samples: list[Merged] = []
         for message in bag.messages({force_topic, position_topic}):
             if message.topic == force_topic:
                 for stamp, value in take_force(message.data):
-                    samples += pairer.add_force(stamp, value)
+                    samples += merger.add_force(stamp, value, message.log_time)
             else:
                 for stamp, value in take_position(message.data):
-                    samples += pairer.add_position(stamp, value)
+                    samples += merger.add_displacement(stamp, value, message.log_time)
+        samples += merger.flush()
         problems = list(bag.problems)
-    counters = pairer.counters
+    counters = merger.counters
     for count, text in (
-        (counters.unpaired, "force readings without positions around them in time were left out"),
-        (counters.late, "force readings that came too late were left out"),
+        (counters.unpaired, "of a sensor that was alone"),
+        (counters.late, "that came too late, or repeated a stamp"),
     ):
         if count:
-            problems.append(f"{count} {text}")
+            problems.append(f"{count} reading{'s'[: count > 1]} left out {text}")
     if not samples:
         raise BagError(
             f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"

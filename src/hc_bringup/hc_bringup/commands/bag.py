@@ -79,6 +79,13 @@ def _info_text(info: Any) -> str:
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
         lines.append("  ".join(cells).rstrip())
+    lines += [
+        f"{topic.name}: displacement {topic.displacement_hz:.2f} Hz, force {topic.force_hz:.2f} Hz"
+        for topic in info.topics
+        if topic.displacement_hz is not None
+        and topic.force_hz is not None
+        and topic.displacement_hz != topic.force_hz
+    ]
     lines += [f"Problem:   {problem}" for problem in info.problems]
     return "\n".join(lines)
 

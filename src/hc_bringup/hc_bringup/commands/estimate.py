@@ -137,10 +137,11 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
-    parameters = dict(arguments.param)
+    parameters: dict[str, Any] = dict(arguments.param)
     clash = sorted(set(given) & set(parameters)) or sorted({"filter"} & set(parameters))
     if clash:
         raise UserError(f"give {clash[0]} as an option of its own, not with --param", WRONG_USE)
+    parameters.setdefault("missing_readings", True)
     try:
         return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
     except ValueError as error:
@@ -156,6 +157,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     import numpy as np
 
     from hc_estimator import PARAMETER_NAMES, Rejection
+    from hc_estimator.input.together import of_two_readings
 
     rejected = series.rejected
     used = rejected == 0
@@ -164,20 +166,24 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     since_contact = time_s - time_s[:1]
     counted = np.flatnonzero(touching)
     counted = counted[since_contact >= min(SETTLING_S, 0.5 * since_contact.max(initial=0.0))]
+    force = recording.force_n
     last = series[len(series) - 1]
 
     def named(values: Any) -> dict[str, float]:
         return dict(zip(PARAMETER_NAMES, map(float, values), strict=True))
 
     def rms(values: Any) -> float:
+        values = values[~np.isnan(values)]  # a sample may have no force
         with np.errstate(over="ignore"):  # what is infinite then is told
             return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
-    force = recording.force_n
+    nis = of_two_readings(series.nis, series.innovation)
     return {
         "samples": len(series),
         "used": int(np.count_nonzero(used)),
         "in_contact": int(np.count_nonzero(touching)),
+        "displacements": int(np.count_nonzero(~np.isnan(recording.displacement_mm))),
+        "forces": int(np.count_nonzero(~np.isnan(force))),
         "rejected": {
             Rejection(code).name.lower(): int(count)
             for code, count in zip(*np.unique(rejected[~used], return_counts=True), strict=True)
@@ -194,7 +200,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
         "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
         "force_reconstructed_rmse_n": rms((series.force_reconstructed - force)[counted]),
-        "nis_mean": float(np.mean(series.nis[counted])) if len(counted) else float("nan"),
+        "nis_mean": float(np.mean(nis[counted])) if len(counted) else float("nan"),
         "microseconds_per_step": 1e6 * seconds / len(series),
     }
 
@@ -205,6 +211,9 @@ def why_no_result(summary: dict[str, Any]) -> str:
     if not summary["used"]:
         rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items())
         return f"none of the {count} samples could be used: {rejected}"
+    for name, what in (("forces", "force"), ("displacements", "displacement")):
+        if not summary[name]:
+            return f"there is no {what} in any of the {count} samples"
     if not summary["in_contact"]:
         return (
             f"no contact in {count} samples: displacement counts from the surface, positive into "

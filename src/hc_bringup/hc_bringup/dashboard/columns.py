@@ -6,7 +6,7 @@ from typing import Final
 
 HYPOTHESES: Final = (
     "constant",
-    "stiffness drifts",
+    "constant, fitted",
     "stiffness trend",
     "all drift",
     "changed",
@@ -17,7 +17,8 @@ HYPOTHESES: Final = (
 PARAMETERS: Final = ("K", "B", "n", "p")
 
 COLUMNS: Final = (
-    "time",  # s since the origin; the last sample's of the row, as are all values without a suffix
+    # Values without a suffix are those of the row's last sample that has a force.
+    "time",  # s since the origin
     "sequence",
     "samples",  # in the row
     "lost",  # sequence numbers missing before and within the row
@@ -36,7 +37,7 @@ COLUMNS: Final = (
     "error_min",
     "error_max",
     "nis_sum",
-    "nis_count",
+    "nis_count",  # estimates with both readings; those with one count half
     *PARAMETERS,
     *(f"{name}_std" for name in PARAMETERS),
     "K_n_covariance",

@@ -1,6 +1,7 @@
 """A thousand estimates a second to fifty rows: least, greatest and last of every 20 ms.
 
-A row's last values are those of one estimate, so what the page shows is what was published. Rows
+A row's last values are those of one estimate, so what the page shows is what was published: the
+last one with a force, where sensors have rates of their own and some estimates have none. Rows
 follow the stamps, not the arrival, so a stall of the network leaves no trace in the curves.
 """
 
@@ -149,19 +150,23 @@ class Digest:
         table = kept["record"]
         rows = np.full((len(starts), len(COLUMNS)), np.nan)
         put = _Columns(rows)
-        put["time"] = (kept["stamp"][ends] - self.origin_ns) * 1e-9
+        fields = _FROM_ESTIMATE if self._of_estimates else _FROM_SAMPLE
+        shown = _last_known(table[fields["force"][0]], starts, ends)
+        put["time"] = (kept["stamp"][shown] - self.origin_ns) * 1e-9
         put["samples"] = ends - starts + 1
         put["lost"] = np.add.reduceat(self._lost(table["sequence"]), starts)
-        fields = _FROM_ESTIMATE if self._of_estimates else _FROM_SAMPLE
         for column, (field, factor) in fields.items():
-            put[column] = table[field][ends] * factor
+            put[column] = table[field][shown] * factor
+        if not self._of_estimates:  # a sample with a force may have no displacement
+            field, factor = fields["displacement"]
+            put["displacement"] = table[field][_last_known(table[field], starts, ends)] * factor
         for column in _WITH_RANGE:
             if column in fields:
                 field, factor = fields[column]
                 put[f"{column}_min"] = np.fmin.reduceat(table[field], starts) * factor
                 put[f"{column}_max"] = np.fmax.reduceat(table[field], starts) * factor
         if self._of_estimates:
-            self._judged(put, table, starts, ends)
+            self._judged(put, table, starts, shown)
         for short, value in zip(PARAMETERS, self._truth, strict=True):
             put[f"{short}_true"] = value
         put["tip_x"], put["tip_y"] = self._tip
@@ -169,20 +174,23 @@ class Digest:
 
     @staticmethod
     def _judged(
-        put: _Columns, table: NDArray[Any], starts: NDArray[np.int64], ends: NDArray[np.int64]
+        put: _Columns, table: NDArray[Any], starts: NDArray[np.int64], shown: NDArray[np.int64]
     ) -> None:
         """Fill in what only estimates have."""
         refused = table["rejected"] != 0
         judged = ~refused & np.isfinite(table["nis"])
         put["rejected"] = np.add.reduceat(refused.astype(float), starts)
         put["nis_sum"] = np.add.reduceat(np.where(judged, table["nis"], 0.0), starts)
-        put["nis_count"] = np.add.reduceat(judged.astype(float), starts)
+        # An estimate with one reading counts as half of one: its NIS has one degree of freedom.
+        readings = np.isfinite(table["innovation_displacement"]).astype(float)
+        readings += np.isfinite(table["innovation_force"])
+        put["nis_count"] = np.add.reduceat(np.where(judged, 0.5 * readings, 0.0), starts)
         put["change"] = np.maximum.reduceat(table["change_detected"].astype(float), starts)
         put["latency"] = np.maximum.reduceat(table["latency"], starts)
-        put["K_n_covariance"] = table["covariance"][ends, 2]  # row K, column n of 4x4
+        put["K_n_covariance"] = table["covariance"][shown, 2]  # row K, column n of 4x4
         scores = table["hypothesis_scores"]
         for number in range(scores.shape[1]):
-            put[f"score_{number}"] = scores[ends, number]
+            put[f"score_{number}"] = scores[shown, number]
 
     def _lost(self, sequence: NDArray[Any]) -> Rows:
         counter = sequence.astype(np.int64)
@@ -190,6 +198,15 @@ class Digest:
         gaps = np.diff(counter, prepend=before) - 1.0
         self._last_sequence = int(sequence[-1])
         return np.where((gaps > 0) & (gaps < LONGEST_LOSS), gaps, 0.0)
+
+
+def _last_known(
+    values: NDArray[np.float64], starts: NDArray[np.int64], ends: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Return where each row's last finite value is; the row's end if it has none."""
+    places = np.where(np.isfinite(values), np.arange(len(values)), -1)
+    last = np.maximum.reduceat(places, starts)
+    return np.where(last < 0, ends, last)
 
 
 class _Columns:

@@ -226,7 +226,7 @@ class Feed:
             self._latency.add(table["latency"], time.monotonic())
             self._counts.rejected += int(np.count_nonzero(table["rejected"]))
             self._mismatch = bool(table["model_mismatch"][-1])
-            part = slice(None, None, MOTION_EVERY)
+            part = np.flatnonzero(np.isfinite(table["force_measured"]))[::MOTION_EVERY]
             for stamp, depth, force in zip(
                 stamps[part],
                 table["displacement"][part],

@@ -46,7 +46,7 @@ class Variant:
         Raises:
             ValueError: names what is not allowed.
         """
-        return create_estimator(self.filter, **self.settings)
+        return create_estimator(self.filter, **{"missing_readings": True, **self.settings})
 
 
 @dataclass(frozen=True)

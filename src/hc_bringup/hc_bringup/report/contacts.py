@@ -54,8 +54,8 @@ class Contact:
         parameters: K, B, n, p at its end, shape (4,).
         covariance: of these, shape (4, 4).
         identifiability: of these, shape (4,).
-        peak_depth_mm: largest measured penetration.
-        peak_force_n: largest measured force.
+        peak_depth_mm: largest measured penetration; NaN if none was measured.
+        peak_force_n: largest measured force; NaN if none was measured.
         peak_speed_mm_s: largest filtered speed.
         energy_in_mj: work on the tissue while the penetration grew.
         energy_loss_mj: work that did not come back.
@@ -112,10 +112,9 @@ def find_contacts(data: RunData, rules: ContactRules | None = None) -> list[Cont
         if data.time_s[rows[-1]] - data.time_s[rows[0]] < rules.minimum_duration_s:
             continue
         contact = _contact(data, rows, len(contacts) + 1)
-        if (
-            contact.peak_depth_mm >= rules.minimum_depth_mm
-            and contact.peak_force_n >= rules.minimum_force_n
-        ):
+        too_shallow = contact.peak_depth_mm < rules.minimum_depth_mm
+        too_weak = contact.peak_force_n < rules.minimum_force_n
+        if not (too_shallow or too_weak):
             contacts.append(contact)
     return contacts
 
@@ -124,11 +123,12 @@ def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:
     first, last = int(rows[0]), int(rows[-1])
     estimates = data.estimates
     whole = slice(first, last + 1)
-    depth = estimates["displacement"][rows] * METRE_IN_MM  # filtered: noise would count as work
-    force = data.force_n[rows]
+    felt = rows[~np.isnan(data.force_n[rows])]
+    depth = estimates["displacement"][felt] * METRE_IN_MM  # filtered: noise would count as work
+    force = data.force_n[felt]
     advance = np.diff(depth)
     work = 0.5 * (force[1:] + force[:-1]) * advance
-    error = force - data.force_predicted_n[rows]
+    error = force - data.force_predicted_n[felt]
     position, travel = _place(data.tip, data.time_s[first], data.time_s[last])
     return Contact(
         number=number,
@@ -141,8 +141,8 @@ def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:
         parameters=data.parameters[last],
         covariance=data.covariance[last],
         identifiability=data.identifiability[last],
-        peak_depth_mm=float(np.max(data.displacement_mm[rows])),
-        peak_force_n=float(np.max(force)),
+        peak_depth_mm=_largest(data.displacement_mm[rows]),
+        peak_force_n=_largest(force),
         peak_speed_mm_s=float(np.max(np.abs(estimates["velocity"][rows])) * METRE_IN_MM),
         energy_in_mj=float(work[advance > 0.0].sum()),
         energy_loss_mj=float(work.sum()),
@@ -152,6 +152,11 @@ def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:
         position_mm=position,
         travel_mm=travel,
     )
+
+
+def _largest(values: Array) -> float:
+    """Return the largest reading; NaN if there is none."""
+    return float(np.fmax.reduce(values)) if len(values) else np.nan
 
 
 def _place(tip: TipPath | None, start_s: float, end_s: float) -> tuple[Array, float]:

@@ -121,7 +121,7 @@ def _reason(data: RunData) -> str:
     middle = data.time_s[at[len(at) // 2]]
     near = data.used & (np.abs(data.time_s - middle) < 5.0)
     rows = np.flatnonzero(near)[_increasing(data.time_s[near])]
-    return explain(data.time_s[rows], data.displacement_mm[rows], data.force_n[rows])
+    return explain(*data.together(rows))
 
 
 def _increasing(times: Array) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ BEYOND_REASON_MM: Final = 50.0
 HISTORY: Final = 160
 HYPOTHESES: Final = (
     "constant",
-    "stiffness drifts",
+    "constant, fitted",
     "stiffness trend",
     "all drift",
     "changed",

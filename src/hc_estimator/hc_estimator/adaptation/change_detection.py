@@ -94,7 +94,7 @@ def restart(memory: Any) -> None:
 
 @compiled
 def detect(settings: Any, memory: Any) -> bool:
-    """Take the force innovation of an accepted sample in contact and say whether it is a change."""
+    """Take the innovation of an accepted force in contact and say whether it is a change."""
     if settings.change_detection == NONE:
         return False
     innovation = memory.innovation[1]

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space.registry import KINEMATIC
 
@@ -93,19 +93,31 @@ WINDOW_ONLY = ParameterSpecification(  # not offered: what makes `raukf` an `auk
 )
 
 FIELDS = (
-    # Ring per accepted sample: the matched state's share, and the two squared innovations.
-    Field("matching_values", np.float64, (LONGEST_WINDOW, 3)),
-    Field("matching_position", np.int64, (), 0, LONGEST_WINDOW - 1),
-    Field("matching_filled", np.int64, (), 0, LONGEST_WINDOW),
-    Field("matching_mean", np.float64, (3,)),  # what the predicted covariances should be
-    Field("matching_count", np.int64, (), 0),  # J: samples in the recursion
+    # Three rings: the matched state's share per accepted sample, and the squared innovation of
+    # each channel per reading.
+    Field("matching_values", np.float64, (LONGEST_WINDOW, 3), 0.0),
+    Field("matching_position", np.int64, (3,), 0, LONGEST_WINDOW - 1),
+    Field("matching_filled", np.int64, (3,), 0, LONGEST_WINDOW),
+    Field("matching_mean", np.float64, (3,), 0.0),  # what the predicted covariances should be
+    Field("matching_count", np.int64, (3,), 0),  # J: samples in the recursion
 )
+
+
+@compiled
+def restart(memory: Any) -> None:
+    """Empty the windows; the recursion begins anew."""
+    for c in range(3):
+        memory.matching_position[c] = 0
+        memory.matching_filled[c] = 0
+        memory.matching_mean[c] = 0.0
+    abrupt_change(memory)
 
 
 @compiled
 def abrupt_change(memory: Any) -> None:
     """Let the weight of the next window be 1 again (Eq. 27 and 28, b = k_r - 1)."""
-    memory.matching_count = 0
+    for c in range(3):
+        memory.matching_count[c] = 0
 
 
 @compiled
@@ -118,7 +130,7 @@ def scale_process_noise(settings: Any, memory: Any) -> None:
         return
     literal = settings.matching_trace == LITERAL
     scale = memory.process_noise_scale
-    if memory.matching_count > 0 and memory.restart == 0:
+    if memory.matching_count[0] > 0 and memory.restart == 0:
         propagated = 0.0
         given = 0.0
         for i in range(7):
@@ -148,7 +160,9 @@ def match_measurement_noise(settings: Any, memory: Any) -> None:
     Call between the measurement's transform and `correction.innovate`.
     """
     copy_vector(memory.noise, memory.next_noise)
-    if settings.adapted_noise == PROCESS or memory.matching_count == 0:
+    if settings.adapted_noise == PROCESS:
+        return
+    if memory.matching_count[1] == 0 or memory.matching_count[2] == 0:
         return
     floor0 = settings.matching_floor * settings.displacement_noise_std**2
     floor1 = settings.matching_floor * settings.force_noise_std**2
@@ -173,8 +187,13 @@ def match_measurement_noise(settings: Any, memory: Any) -> None:
 
 @compiled
 def learn(settings: Any, memory: Any) -> None:
-    """Take an accepted sample into the window and the recursion (Eq. 22, 25, 29, 33, 34)."""
-    copy_vector(memory.next_noise, memory.noise)
+    """Take an accepted sample into the windows and the recursion (Eq. 22, 25, 29, 33, 34).
+
+    The noise of a reading that is missing stays as it is.
+    """
+    for i in range(2):
+        if memory.present[i] != 0:
+            memory.noise[i] = memory.next_noise[i]
     if settings.adapted_noise != MEASUREMENT:
         memory.process_noise_scale = memory.next_process_noise_scale
     literal = settings.matching_trace == LITERAL
@@ -187,19 +206,24 @@ def learn(settings: Any, memory: Any) -> None:
             share += moved * moved
             if not literal:
                 share += memory.covariance[i, i]
-    values, position = memory.matching_values, memory.matching_position
-    values[position, 0] = share
-    values[position, 1] = memory.innovation[0] ** 2
-    values[position, 2] = memory.innovation[1] ** 2
-    memory.matching_position = (position + 1) % settings.matching_window
-    memory.matching_filled = min(memory.matching_filled + 1, settings.matching_window)
-    if memory.matching_filled < settings.matching_window:
+    _take(settings, memory, 0, share)
+    for i in range(2):
+        if memory.present[i] != 0:
+            _take(settings, memory, 1 + i, memory.innovation[i] ** 2)
+
+
+@compiled
+def _take(settings: Any, memory: Any, c: int, value: float) -> None:
+    """Put a value into ring c, and its mean into the recursion once the ring is full."""
+    values, window = memory.matching_values, settings.matching_window
+    values[memory.matching_position[c], c] = value
+    memory.matching_position[c] = (memory.matching_position[c] + 1) % window
+    memory.matching_filled[c] = min(memory.matching_filled[c] + 1, window)
+    if memory.matching_filled[c] < window:
         return
-    memory.matching_count += 1
-    weight = 1.0 if settings.window_only != 0 else 1.0 / memory.matching_count
-    for c in range(3):
-        total = 0.0
-        for k in range(settings.matching_window):
-            total += values[k, c]
-        mean = total / settings.matching_window
-        memory.matching_mean[c] += weight * (mean - memory.matching_mean[c])
+    memory.matching_count[c] += 1
+    weight = 1.0 if settings.window_only != 0 else 1.0 / memory.matching_count[c]
+    total = 0.0
+    for k in range(window):
+        total += values[k, c]
+    memory.matching_mean[c] += weight * (total / window - memory.matching_mean[c])

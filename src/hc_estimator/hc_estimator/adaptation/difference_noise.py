@@ -90,11 +90,11 @@ NOISE = record_type(
         Field("readings", np.float64, (ORDER + 1,)),  # the last ones, oldest first
         Field("readings_count", np.int64, (), 0, ORDER + 1),  # that follow one another evenly
         Field("last_time", np.float64, ()),  # of the last reading [s]
-        Field("step", np.float64, ()),  # usual step between two of them [s]
+        Field("step", np.float64, (), 0.0),  # usual step between two of them [s]
         Field("count", np.int64, (), 0),  # differences since the start or the last jump
-        Field("mean", np.float64, ()),  # long running mean of the noise variance
-        Field("short_mean", np.float64, ()),
-        Field("squares", np.float64, (LATEST,)),  # ring of squared differences
+        Field("mean", np.float64, (), 0.0),  # long running mean of the noise variance
+        Field("short_mean", np.float64, (), 0.0),
+        Field("squares", np.float64, (LATEST,), 0.0),  # ring of squared differences
         Field("position", np.int64, (), 0, LATEST - 1),
         Field("jumped", np.int64, (), -1, SCATTERED),  # 1 or -1 where the noise jumped up or down
         Field("refused", np.float64, (REFUSED,)),  # ring of the latest refused innovations

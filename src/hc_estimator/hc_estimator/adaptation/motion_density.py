@@ -116,15 +116,17 @@ MOTION = record_type(
         Field("first", np.float64, (FIRST_READINGS,)),
         Field("count", np.int64, (), 0),  # readings since the start
         Field("last_time", np.float64, ()),  # of the last reading [s]
-        Field("step", np.float64, ()),  # mean step [s]
-        Field("states", np.float64, (MEMBERS, 3)),  # displacement, velocity step, acceleration step^2
+        Field("step", np.float64, (), 0.0),  # mean step [s]
+        # Displacement, velocity step, acceleration step^2.
+        Field("states", np.float64, (MEMBERS, 3)),
         Field("age", np.float64, (MEMBERS,)),  # readings since a member's start, at least
         Field("bias", np.float64, (MEMBERS, 2)),  # cumulative sums upward and downward
-        Field("squares", np.float64, (MEMBERS,)),  # mean squared innovations over variance [mm^2]
+        # Mean squared innovations over variance [mm^2].
+        Field("squares", np.float64, (MEMBERS,), 0.0),
         Field("logs", np.float64, (MEMBERS,)),  # mean logarithm of that variance over the noise's
         Field("weighted", np.int64, (), 0),  # readings in that mean
         Field("chosen", np.int64, (), 0, MEMBERS - 1),  # likeliest member
-        Field("density", np.float64, ()),  # its jerk density; 0: not known yet
+        Field("density", np.float64, (), 0.0),  # its jerk density; 0: not known yet
         Field("log_correction", np.float64, ()),  # logarithm of the slow factor
     )
 )

@@ -15,7 +15,9 @@ from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.memory import Field
 from hc_estimator.specification import ParameterSpecification
+from hc_estimator.state_space import registry as state_space
 
+UNLIKELY = 3.0  # deviations of the first guess from which on a parameter was led astray
 FIXED = 0  # position in the choices of noise_adaptation
 DIFFERENCES = 1
 VARIATIONAL_BAYES = 2
@@ -76,9 +78,10 @@ FIELDS = (
 
 
 @compiled
-def initialise(settings: Any, memory: Any) -> None:
+def reset(settings: Any, memory: Any) -> None:
     """State of the adaptation before any sample."""
-    set_noise(settings, memory)
+    for i in range(2):
+        set_noise(settings, memory, i)
     tempering.restart(memory)
     for i in range(2):
         difference_noise.restart(memory.noise_channels[i])
@@ -86,11 +89,11 @@ def initialise(settings: Any, memory: Any) -> None:
 
 
 @compiled
-def set_noise(settings: Any, memory: Any) -> None:
-    """Take the noise levels of the settings (at the start, and when they were reconfigured)."""
-    memory.noise[0] = settings.displacement_noise_std**2
-    memory.noise[1] = settings.force_noise_std**2
-    variational_bayes.restart(memory)
+def set_noise(settings: Any, memory: Any, channel: int) -> None:
+    """Take the noise level of the settings (at the start, and when they were reconfigured)."""
+    deviation = settings.displacement_noise_std if channel == 0 else settings.force_noise_std
+    memory.noise[channel] = deviation * deviation
+    variational_bayes.restart(memory, channel)
 
 
 @compiled
@@ -105,13 +108,17 @@ def learn(settings: Any, memory: Any) -> None:
     """Learn from an accepted sample: memory.state and memory.covariance are those after it."""
     memory.change_detected = 0
     learn_noise(settings, memory)
-    if memory.state[0] > 0.0:  # free motion says nothing of the tissue
+    if is_touching(memory):
         tempering.count_sample(memory)
         if change_detection.detect(settings, memory):
             memory.change_detected = 1
-            forget_parameters(settings, memory)
-            tempering.restart(memory)
-            change_detection.restart(memory)
+            forget_tissue(settings, memory)
+
+
+@compiled
+def is_touching(memory: Any) -> bool:
+    """True if an accepted sample says something of the tissue: a force reading in contact."""
+    return bool(memory.present[1] != 0 and memory.state[0] > 0.0)
 
 
 @compiled
@@ -138,11 +145,31 @@ def learn_differences(settings: Any, memory: Any) -> None:
 
 
 @compiled
+def forget_tissue(settings: Any, memory: Any) -> None:
+    """Begin anew with another tissue; motion and sensor noise stay."""
+    forget_parameters(settings, memory)
+    tempering.restart(memory)
+    change_detection.restart(memory)
+
+
+@compiled
 def forget_parameters(settings: Any, memory: Any) -> None:
-    """Set the covariance of the parameters back to the prior, without ties to the motion."""
+    """Set the covariance of the parameters back to the prior, without ties to the motion.
+
+    Their mean stays, unless it is as unlikely as no prior allows: then it was led astray, and the
+    first guess is the better start.
+    """
+    first, spread = memory.updated_state, memory.updated_covariance
+    state_space.prior(settings, first, spread)
     last = end_of_parameters(settings.contact_model)
+    astray = False
     for i in range(3, last):
+        distance = memory.state[i] - first[i]
+        astray = astray or distance * distance > UNLIKELY * UNLIKELY * spread[i, i]
+    for i in range(3, last):
+        if astray:
+            memory.state[i] = first[i]
         for j in range(7):
             memory.covariance[i, j] = 0.0
             memory.covariance[j, i] = 0.0
-        memory.covariance[i, i] = memory.prior_variance[i - 3]
+        memory.covariance[i, i] = spread[i, i]

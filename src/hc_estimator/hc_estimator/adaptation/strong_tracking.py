@@ -67,7 +67,8 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    Field("tracking_values", np.float64, (LONGEST_WINDOW,)),  # ring of |Z|^2 / tr R
+    # Ring of |Z|^2 / tr R for two readings.
+    Field("tracking_values", np.float64, (LONGEST_WINDOW,)),
     Field("tracking_position", np.int64, (), 0, LONGEST_WINDOW - 1),
     Field("tracking_filled", np.int64, (), 0, LONGEST_WINDOW),
 )
@@ -82,11 +83,15 @@ def restart(memory: Any) -> None:
 
 @compiled
 def _relative_square(memory: Any) -> float:
-    """Squared length of the innovation, each channel in units of its measurement noise."""
+    """Squared length of the innovation, each channel in units of its measurement noise.
+
+    Where a reading is missing the other one stands for it.
+    """
     total = 0.0
     for i in range(2):
-        total += memory.innovation[i] ** 2 / memory.measurement_noise[i]
-    return total
+        if memory.present[i] != 0:
+            total += memory.innovation[i] ** 2 / memory.measurement_noise[i]
+    return 2.0 * total / (memory.present[0] + memory.present[1])  # type: ignore[no-any-return]
 
 
 @compiled
@@ -103,7 +108,8 @@ def scaling_factor(settings: Any, memory: Any) -> float:
 
     Eq. 29 with Dirichlet weights v_j (exponential numbers over their sum). Traces of a matrix of
     mm^2 and N^2 have no meaning, so both channels count in units of their noise: for R = r I, as
-    in the paper, that is Eq. 29 to the letter.
+    in the paper, that is Eq. 29 to the letter. Where readings come alone the window holds both
+    channels' in turn.
     """
     memory.first_square = _relative_square(memory)
     if memory.nis <= settings.mahalanobis_threshold:

@@ -57,7 +57,7 @@ def is_over(settings: Any, memory: Any) -> bool:
 
 @compiled
 def count_sample(memory: Any) -> None:
-    """Count an accepted sample in contact."""
+    """Count an accepted force in contact."""
     memory.tempering_count += 1
 
 

@@ -28,19 +28,18 @@ SPECIFICATIONS = (
 )
 
 FIELDS = (
-    Field("bayes_shape", np.float64, (2,)),  # alpha of the inverse gamma distributions
-    Field("bayes_scale", np.float64, (2,)),  # beta
+    Field("bayes_shape", np.float64, (2,), 0.0),  # alpha of the inverse gamma distributions
+    Field("bayes_scale", np.float64, (2,), 0.0),  # beta
 )
 
 FIRST_SHAPE = 2.5  # weight of the given noise: that of five samples
 
 
 @compiled
-def restart(memory: Any) -> None:
-    """Start from the noise in memory.noise."""
-    for i in range(2):
-        memory.bayes_shape[i] = FIRST_SHAPE
-        memory.bayes_scale[i] = FIRST_SHAPE * memory.noise[i]
+def restart(memory: Any, channel: int) -> None:
+    """Start from the channel's noise in memory.noise."""
+    memory.bayes_shape[channel] = FIRST_SHAPE
+    memory.bayes_scale[channel] = FIRST_SHAPE * memory.noise[channel]
 
 
 @compiled
@@ -48,17 +47,22 @@ def learn(settings: Any, memory: Any) -> None:
     """Take an accepted sample's innovation into the noise memory.noise.
 
     With R the noise used, S the innovation covariance and Z the innovation, the residual after
-    the update is R S^-1 Z and the measurement's posterior covariance R - R S^-1 R.
+    the update is R S^-1 Z and the measurement's posterior covariance R - R S^-1 R. A missing
+    reading says nothing of its noise.
     """
     keep = 1.0 - 1.0 / settings.bayes_memory
     for i in range(2):
+        if memory.present[i] == 0:
+            continue
         noise = memory.measurement_noise[i]
         residual = 0.0
         for k in range(2):
             residual += noise * memory.inverse[i, k] * memory.innovation[k]
-        uncertain = noise - noise * memory.inverse[i, i] * noise
+        uncertain = max(noise - noise * memory.inverse[i, i] * noise, 0.0)
         memory.bayes_shape[i] = keep * memory.bayes_shape[i] + 0.5
         memory.bayes_scale[i] = keep * memory.bayes_scale[i] + 0.5 * (
             residual * residual + uncertain
         )
+        floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
+        memory.bayes_scale[i] = max(memory.bayes_scale[i], floor * floor * memory.bayes_shape[i])
         memory.noise[i] = memory.bayes_scale[i] / memory.bayes_shape[i]

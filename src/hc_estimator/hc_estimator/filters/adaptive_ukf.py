@@ -59,7 +59,7 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         if tempering.is_over(settings, memory):
             covariance_matching.learn(settings, memory)
         memory.change_detected = 0
-        if memory.state[0] > 0.0:
+        if policy.is_touching(memory):
             tempering.count_sample(memory)
             if change_detection.detect(settings, memory):
                 memory.change_detected = 1
@@ -84,5 +84,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
-        recover(settings, memory, decision)
+        recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])

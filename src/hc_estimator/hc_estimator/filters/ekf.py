@@ -64,5 +64,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
-        recover(settings, memory, decision)
+        recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import change_detection, difference_noise, policy, tempering
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.correction import commit, gate, innovate
-from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix
+from hc_estimator.linear_algebra import cholesky, clear_matrix, clear_vector, copy_matrix
+from hc_estimator.memory import Field
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
 from hc_estimator.recovery import recover
@@ -36,6 +36,7 @@ from hc_estimator.resampling import (
 )
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.specification import ParameterSpecification
+from hc_estimator.state_space import registry as state_space
 
 # Columns of a particle.
 STATE = 0  # d, v, a, K, B, n, p
@@ -78,6 +79,7 @@ SPECIFICATIONS = (
 
 SCRATCH = (
     Field("conditional_gain", np.float64, (SIZE,)),
+    Field("conditional_seen", np.float64, (SIZE,)),
     Field("conditional_slope", np.float64, (SIZE,)),
 )
 
@@ -202,13 +204,15 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     mean, curvature = memory.predicted_measurement, memory.curvature
     clear_matrix(memory.sensitivity)
     d = force = dd = df = ff = 0.0
-    first_force = 0.0
+    first_displacement = first_force = math.nan
     for k in range(particles.shape[0]):
         row = particles[k]
         weight = math.exp(row[WEIGHT])
+        if weight == 0.0:
+            continue
         predicted = _linearise(settings, memory, row)
-        if k == 0:
-            first_force = predicted
+        if math.isnan(first_force):
+            first_displacement, first_force = row[STATE], predicted
         covariance = row[COVARIANCE:COVARIANCE_END].reshape(SIZE, SIZE)
         slope = memory.conditional_slope
         own_df = 0.0
@@ -217,14 +221,14 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
             own_df += slope[i] * covariance[i, 0]
             for j in range(SIZE):
                 own_ff += slope[i] * covariance[i, j] * slope[j]
-        # Sums of deviations from the first particle lose no digits.
-        x, y = row[STATE] - particles[0, STATE], predicted - first_force
+        # Sums of deviations from one particle lose no digits.
+        x, y = row[STATE] - first_displacement, predicted - first_force
         d += weight * x
         force += weight * y
         dd += weight * (x * x + covariance[0, 0])
         df += weight * (x * y + own_df)
         ff += weight * (y * y + own_ff)
-    mean[0] = particles[0, STATE] + d
+    mean[0] = first_displacement + d
     mean[1] = first_force + force
     curvature[0, 0] = max(dd - d * d, 0.0)
     curvature[0, 1] = curvature[1, 0] = df - d * force
@@ -232,53 +236,76 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
 
 
 @compiled
-def _update(
-    memory: Any, row: NDArray[np.float64], channel: int, residual: float, noise: float
-) -> float:
-    """Kalman update of one particle with one reading (Joseph form); its log likelihood.
+def _use_displacement(memory: Any, row: NDArray[np.float64], noise: float) -> float:
+    """Update mean and factor of a particle with the displacement; its log likelihood.
 
-    Args:
-        memory: memory record; conditional_slope holds the derivatives of the reading.
-        row: the particle.
-        channel: 0 displacement, 1 force.
-        residual: reading minus prediction.
-        noise: variance of the reading.
-
-    Returns:
-        Logarithm of the density of the residual, up to a constant.
+    The displacement is the first state, so that only the first column of the lower factor knows
+    it: scaling that column is the whole update, exactly.
     """
-    covariance = row[COVARIANCE:COVARIANCE_END].reshape(SIZE, SIZE)
-    gain, slope = memory.conditional_gain, memory.conditional_slope
-    if channel == 0:
-        clear_vector(slope)
-        slope[0] = 1.0
+    factor = memory.factor
+    residual = memory.measurement[0] - row[STATE]
+    spread = factor[0, 0] * factor[0, 0] + noise
+    gain = factor[0, 0] / spread
+    scale = math.sqrt(noise / spread)
+    for i in range(SIZE):
+        row[STATE + i] += factor[i, 0] * gain * residual
+        factor[i, 0] *= scale
+    return -0.5 * float(residual * residual / spread + math.log(spread))
+
+
+@compiled
+def _use_force(settings: Any, memory: Any, row: NDArray[np.float64], noise: float) -> float:
+    """Update mean and factor of a particle with the force; its log likelihood.
+
+    Potter's square-root update (Bierman, Factorization Methods for Discrete Sequential Estimation,
+    1977, section II.6): whatever the rounding, factor times its transpose is a covariance.
+    """
+    factor, slope = memory.factor, memory.conditional_slope
+    seen, gain = memory.conditional_seen, memory.conditional_gain
+    residual = memory.measurement[1] - _linearise(settings, memory, row)
     spread = noise
+    for j in range(SIZE):
+        seen[j] = 0.0
+        for i in range(j, SIZE):
+            seen[j] += factor[i, j] * slope[i]
+        spread += seen[j] * seen[j]
     for i in range(SIZE):
         gain[i] = 0.0
-        for j in range(SIZE):
-            gain[i] += covariance[i, j] * slope[j]
-    for i in range(SIZE):
-        spread += slope[i] * gain[i]
-    for i in range(SIZE):
-        row[STATE + i] += gain[i] * residual / spread
         for j in range(i + 1):
-            element = covariance[i, j] - gain[i] * gain[j] / spread
-            covariance[i, j] = element
-            covariance[j, i] = element
-        covariance[i, i] = max(covariance[i, i], 0.0)
-    return -0.5 * (residual * residual / spread + math.log(spread))
+            gain[i] += factor[i, j] * seen[j]
+        row[STATE + i] += gain[i] * residual / spread
+    share = 1.0 / (spread + math.sqrt(noise * spread))
+    for i in range(SIZE):
+        for j in range(SIZE):
+            factor[i, j] -= gain[i] * seen[j] * share
+    return -0.5 * float(residual * residual / spread + math.log(spread))
 
 
 @compiled
 def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
-    """Update each particle with displacement and force and multiply its weight."""
+    """Update each particle with what was read and multiply its weight.
+
+    A particle whose covariance is none any more gets no weight.
+    """
+    factor = memory.factor
     for k in range(particles.shape[0]):
         row = particles[k]
         row[WEIGHT - 1] = row[WEIGHT]
-        residual = memory.measurement[0] - row[STATE]
-        row[WEIGHT] += _update(memory, row, 0, residual, memory.measurement_noise[0])
-        residual = memory.measurement[1] - _linearise(settings, memory, row)
-        row[WEIGHT] += _update(memory, row, 1, residual, memory.measurement_noise[1])
+        covariance = row[COVARIANCE:COVARIANCE_END].reshape(SIZE, SIZE)
+        if not cholesky(covariance, factor):
+            row[WEIGHT] = -math.inf
+            continue
+        if memory.present[0] != 0:
+            row[WEIGHT] += _use_displacement(memory, row, memory.measurement_noise[0])
+        if memory.present[1] != 0:
+            row[WEIGHT] += _use_force(settings, memory, row, memory.measurement_noise[1])
+        for i in range(SIZE):
+            for j in range(i + 1):
+                element = 0.0
+                for m in range(SIZE):
+                    element += factor[i, m] * factor[j, m]
+                covariance[i, j] = element
+                covariance[j, i] = element
 
 
 @compiled
@@ -292,6 +319,8 @@ def _summarise(memory: Any, particles: NDArray[np.float64]) -> None:
     clear_matrix(covariance)
     for k in range(particles.shape[0]):
         weight = math.exp(particles[k, WEIGHT])
+        if weight == 0.0:
+            continue
         for i in range(SIZE):
             mean[i] += weight * particles[k, STATE + i]
     for k in range(particles.shape[0]):
@@ -321,7 +350,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     count = particles.shape[0] // 2
     current, moved = particles[:count], particles[count:]
     copy_matrix(current, moved)
-    if memory.started == 0:
+    if memory.begun == 0:
         _draw_parameters(settings, memory, moved)
     if memory.restart != 0:
         _start_motion(settings, memory, moved)
@@ -337,16 +366,19 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     _weigh(settings, memory, moved)
     if math.isnan(flatten(moved, settings.surviving_share)):
         return NUMERICAL
+    for k in range(count):
+        state_space.constrain(settings, moved[k, :SIZE])
     _summarise(memory, moved)
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
     copy_matrix(moved, current)
+    memory.begun = 1
     if effective_sample_size(current) < settings.resampling_threshold * count:
         resample(settings, memory, current, moved)
     memory.change_detected = 0
     policy.learn_noise(settings, memory)
-    if memory.state[0] > 0.0:
+    if policy.is_touching(memory):
         tempering.count_sample(memory)
         if change_detection.detect(settings, memory):
             memory.change_detected = 1
@@ -371,5 +403,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time, particles)
-        recover(settings, memory, decision)
+        recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])

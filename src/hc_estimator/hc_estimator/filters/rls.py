@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.correction import commit, gate, innovate
-from hc_estimator.linear_algebra import clear_matrix
+from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
+from hc_estimator.memory import Field
 from hc_estimator.prediction import add_process_noise, predict
 from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
@@ -53,10 +53,14 @@ SPECIFICATIONS = (
 
 FIELDS = (
     Field("regression", np.float64, (3,)),  # ln K, n, B/K
-    Field("regression_covariance", np.float64, (3, 3)),
-    Field("regression_prior", np.float64, (3,)),  # variances before any sample
+    Field("regression_factor", np.float64, (3, 3)),  # square root of their covariance
+    Field("regression_prior", np.float64, (3,), 0.0),  # variances before any sample
 )
-SCRATCH = (Field("regressor", np.float64, (3,)), Field("regression_gain", np.float64, (3,)))
+SCRATCH = (
+    Field("regressor", np.float64, (3,)),
+    Field("regression_seen", np.float64, (3,)),
+    Field("reported_factor", np.float64, (3, 3)),
+)
 
 SMALLEST_RATIO = 1e-9  # of B to K that is reported
 SMALLEST_RATIO_STD = 0.1  # of the first guess of B/K [s/mm]
@@ -73,10 +77,11 @@ def _start(settings: Any, memory: Any) -> None:
     memory.regression_prior[0] = settings.initial_stiffness_log_std**2
     memory.regression_prior[1] = settings.initial_displacement_exponent_std**2
     memory.regression_prior[2] = spread * spread
-    clear_matrix(memory.regression_covariance)
+    clear_matrix(memory.regression_factor)
     for i in range(3):
-        memory.regression_covariance[i, i] = memory.regression_prior[i]
+        memory.regression_factor[i, i] = math.sqrt(memory.regression_prior[i])
     memory.state[6] = 1.0
+    memory.begun = 1
     _to_state(memory)
 
 
@@ -87,17 +92,20 @@ def _to_state(memory: Any) -> None:
     memory.state[3] = memory.regression[0]
     memory.state[4] = memory.regression[0] + math.log(ratio)
     memory.state[5] = memory.regression[1]
-    covariance, source = memory.covariance, memory.regression_covariance
+    covariance, factor = memory.covariance, memory.regression_factor
+    reported = memory.reported_factor  # of ln K, ln B, n
+    for j in range(3):
+        reported[0, j] = factor[0, j]
+        reported[1, j] = factor[0, j] + factor[2, j] / ratio
+        reported[2, j] = factor[1, j]
     for i in range(3, 7):
         for j in range(7):
             covariance[i, j] = 0.0
             covariance[j, i] = 0.0
-    covariance[3, 3] = source[0, 0]
-    covariance[3, 4] = covariance[4, 3] = source[0, 0] + source[0, 2] / ratio
-    covariance[4, 4] = source[0, 0] + 2.0 * source[0, 2] / ratio + source[2, 2] / ratio**2
-    covariance[3, 5] = covariance[5, 3] = source[0, 1]
-    covariance[4, 5] = covariance[5, 4] = source[0, 1] + source[1, 2] / ratio
-    covariance[5, 5] = source[1, 1]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                covariance[3 + i, 3 + j] += reported[i, k] * reported[j, k]
     memory.prior_variance[0] = memory.regression_prior[0]
     memory.prior_variance[1] = memory.regression_prior[0] + memory.regression_prior[2] / ratio**2
     memory.prior_variance[2] = memory.regression_prior[1]
@@ -107,6 +115,9 @@ def _to_state(memory: Any) -> None:
 @compiled
 def _regress(settings: Any, memory: Any, displacement: float, velocity: float) -> None:
     """One step of recursive least squares with the measured force, if it stands out of the noise.
+
+    In Potter's square-root form (Bierman, Factorization Methods for Discrete Sequential
+    Estimation, 1977, section II.6): whatever the rounding, the covariance stays one.
 
     Args:
         settings: settings record.
@@ -118,37 +129,48 @@ def _regress(settings: Any, memory: Any, displacement: float, velocity: float) -
     noise = memory.noise[1]
     if displacement <= 0.0 or force * abs(force) < settings.smallest_force**2 * noise:
         return
-    regressor, gain = memory.regressor, memory.regression_gain
-    covariance = memory.regression_covariance
+    regressor, seen, factor = memory.regressor, memory.regression_seen, memory.regression_factor
     regressor[0] = 1.0
     regressor[1] = math.log(displacement)
     regressor[2] = velocity
     residual = math.log(force)
-    for i in range(3):
-        residual -= regressor[i] * memory.regression[i]
-        gain[i] = 0.0
-        for j in range(3):
-            gain[i] += covariance[i, j] * regressor[j]
-    spread = noise / (force * force)  # of ln F
-    for i in range(3):
-        spread += regressor[i] * gain[i]
+    relative_noise = noise / (force * force)  # of ln F
+    spread = relative_noise + _see(memory)
     wide = False
     for i in range(3):
-        memory.regression[i] += gain[i] * residual / spread
-        wide = wide or covariance[i, i] > memory.regression_prior[i]
-    remember = 1.0 if wide else settings.forgetting
+        residual -= regressor[i] * memory.regression[i]
+        variance = 0.0
+        for j in range(3):
+            variance += factor[i, j] * factor[i, j]
+        wide = wide or variance > memory.regression_prior[i]
+    remember = 1.0 if wide else math.sqrt(settings.forgetting)
+    share = 1.0 / (spread + math.sqrt(relative_noise * spread))
     for i in range(3):
-        for j in range(i + 1):
-            element = (covariance[i, j] - gain[i] * gain[j] / spread) / remember
-            covariance[i, j] = element
-            covariance[j, i] = element
-        covariance[i, i] = max(covariance[i, i], 0.0)
+        gain = 0.0
+        for j in range(3):
+            gain += factor[i, j] * seen[j]
+        memory.regression[i] += gain * residual / spread
+        for j in range(3):
+            factor[i, j] = (factor[i, j] - gain * seen[j] * share) / remember
+
+
+@compiled
+def _see(memory: Any) -> float:
+    """What the regressor sees of the factor, in memory.regression_seen; the variance of ln F."""
+    total = 0.0
+    for j in range(3):
+        seen = 0.0
+        for i in range(3):
+            seen += memory.regression_factor[i, j] * memory.regressor[i]
+        memory.regression_seen[j] = seen
+        total += seen * seen
+    return total
 
 
 @compiled
 def _use(settings: Any, memory: Any, time: float) -> int:
     """Filter the motion with the displacement, then regress the force on it."""
-    if memory.started == 0:
+    if memory.begun == 0:
         _start(settings, memory)
     if not predict(settings, memory, False):
         return NUMERICAL
@@ -166,29 +188,30 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         memory.regressor[0] = 1.0
         memory.regressor[1] = math.log(state[0])
         memory.regressor[2] = state[1]
-        spread = 0.0
-        for i in range(3):
-            for j in range(3):
-                spread += (
-                    memory.regressor[i] * memory.regression_covariance[i, j] * memory.regressor[j]
-                )
-        memory.curvature[1, 1] = max(force * force * spread, 0.0)
+        memory.curvature[1, 1] = force * force * _see(memory)
     if not innovate(memory):
         return NUMERICAL
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    kinematic.correct_motion(
-        memory.innovation[0],
-        memory.measurement_noise[0],
-        state,
-        covariance,
-        memory.updated_state,
-        memory.updated_covariance,
-    )
+    if memory.present[0] != 0:
+        if not kinematic.correct_motion(
+            memory.innovation[0],
+            memory.measurement_noise[0],
+            state,
+            covariance,
+            memory.factor,
+            memory.updated_state,
+            memory.updated_covariance,
+        ):
+            return NUMERICAL
+    else:
+        copy_vector(state, memory.updated_state)
+        copy_matrix(covariance, memory.updated_covariance)
     decision = commit(settings, memory, time)
     if decision == ACCEPTED:
-        _regress(settings, memory, memory.state[0], memory.state[1])
+        if memory.present[1] != 0:
+            _regress(settings, memory, memory.state[0], memory.state[1])
         _to_state(memory)
         policy.learn_noise(settings, memory)
     return decision
@@ -209,5 +232,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
-        recover(settings, memory, decision)
+        recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])

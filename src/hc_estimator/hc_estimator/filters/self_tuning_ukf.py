@@ -1,7 +1,7 @@
 """`self_tuning_ukf`: the default, a bank of hypotheses on the tissue under one judge.
 
-Nothing is to be tuned: noise, motion, drift, changes and misfit are found. What happens to a sample,
-and in which order, stands in `multiple_model.sample`.
+Nothing is to be tuned: noise, motion, drift, changes and misfit are found. What happens to a
+sample, and in which order, stands in `multiple_model.sample`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import NOISE_ADAPTATION, NOISE_SPECIFICATIONS
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import alignment, change, maneuver, sample, tempering
+from hc_estimator.multiple_model import alignment, batch_fit, change, maneuver, sample, tempering
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
 from hc_estimator.screening import ACCEPTED, screen
@@ -47,6 +47,7 @@ SPECIFICATIONS = (
         "Try the hypothesis that the surface moves: breathing, a curved organ, a wrong zero.",
         runtime=False,
     ),
+    *batch_fit.SPECIFICATIONS,
     *change.SPECIFICATIONS,
     *maneuver.SPECIFICATIONS,
     *alignment.SPECIFICATIONS,

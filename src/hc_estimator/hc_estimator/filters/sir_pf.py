@@ -10,8 +10,7 @@ resampling when the effective sample size falls, with roughening of the paramete
 Salmond and Smith 1993), which would otherwise never move.
 
 A particle filter that has lost track may show a full effective sample size; the innovations tell:
-after `outlier_limit` of them in a row beyond the gate, the particles are drawn from the prior anew,
-and a change is reported.
+see `recovery` for what follows on too many of them beyond the gate.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
-from hc_estimator.memory import Field
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import (
@@ -34,10 +32,11 @@ from hc_estimator.linear_algebra import (
     copy_matrix,
     copy_vector,
 )
+from hc_estimator.memory import Field
 from hc_estimator.prediction import restart_motion
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import gamma, normal
-from hc_estimator.recovery import forget_parameters, recover
+from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
 from hc_estimator.resampling import (
     RESAMPLING_THRESHOLD,
@@ -58,7 +57,7 @@ MOTION = 1
 
 FIELDS = (
     Field("motion_state", np.float64, (7,)),  # of the motion filter; the first three count
-    Field("motion_covariance", np.float64, (7, 7)),
+    Field("motion_covariance", np.float64, (7, 7), covariance=True),
 )
 
 SPECIFICATIONS = (
@@ -267,7 +266,7 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
 
 @compiled
 def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64], first_channel: int) -> None:
-    """Multiply the weights by the likelihood of the sample (paper C, Eq. 9 and 27).
+    """Multiply the weights by the likelihood of what was read (paper C, Eq. 9 and 27).
 
     Args:
         settings: settings record.
@@ -280,6 +279,8 @@ def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64], first_cha
         particles[k, WEIGHT - 1] = particles[k, WEIGHT]
         state_space.measure(settings, particles[k, :7], memory.outputs[0])
         for i in range(first_channel, 2):
+            if memory.present[i] == 0:
+                continue
             residual = memory.measurement[i] - memory.outputs[0, i]
             particles[k, WEIGHT] -= (
                 0.5 * residual * residual / (scale * memory.measurement_noise[i])
@@ -329,16 +330,14 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     """Move, weigh and resample the particles; the decision on the sample."""
     count = particles.shape[0] // 2
     current, moved = particles[:count], particles[count:]
-    lost = memory.outlier_count > 0 and memory.outlier_count == settings.outlier_limit
-    if lost:  # begin again around the reading
-        memory.restart = 1
-        forget_parameters(settings, memory)
     elapsed = min(memory.elapsed, settings.longest_gap)
     state_space.process_noise(settings, elapsed, memory.process_noise)
-    if memory.restart != 0:
+    if memory.restart != 0 or memory.begun == 0:
+        memory.restart = 1
         restart_motion(settings, memory)
         if not _draw_prior(settings, memory, moved):
             return NUMERICAL
+        memory.begun = 1
     elif not _move(settings, memory, current, moved):
         return NUMERICAL
     by_motion = settings.proposal == MOTION
@@ -354,15 +353,17 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     decision = gate(settings, memory)
     if decision != ACCEPTED:
         return decision
-    if by_motion:
-        kinematic.correct_motion(
+    if by_motion and memory.present[0] != 0:
+        if not kinematic.correct_motion(
             memory.measurement[0] - memory.predicted_state[0],
             memory.measurement_noise[0],
             memory.predicted_state,
             memory.predicted_covariance,
+            memory.factor,
             memory.updated_state,
             memory.updated_covariance,
-        )
+        ):
+            return NUMERICAL
         state, covariance = memory.updated_state, memory.updated_covariance
         if not _draw_motion(settings, memory, state, covariance, moved):
             return NUMERICAL
@@ -381,7 +382,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
-    memory.change_detected = 1 if lost else 0
+    memory.change_detected = 0
     copy_matrix(moved, current)
     if by_motion:
         copy_vector(memory.predicted_state, memory.motion_state)
@@ -416,5 +417,5 @@ def run(
         decision = screen(settings, memory, time, samples[k, 1], samples[k, 2])
         if decision == ACCEPTED:
             decision = _use(settings, memory, time, particles)
-        recover(settings, memory, decision)
+        recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])

@@ -13,9 +13,9 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import batch_fit, sample
 from hc_estimator.multiple_model import delay as delays
-from hc_estimator.multiple_model import sample
-from hc_estimator.multiple_model.hypotheses import VELOCITY_EXPONENT
+from hc_estimator.multiple_model.hypotheses import FITTED, VELOCITY_EXPONENT
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.screening import ACCEPTED
@@ -63,10 +63,9 @@ def use(settings: Any, bank: Any, time: float) -> int:
     if clock.restart != 0:
         held.first = held.count
         delays.restart(bank.delay)
-    if math.isnan(settings.channel_delay):
-        for i in range(2):
-            if clock.present[i] != 0:
-                delays.take(bank.delay, i, time, clock.measurement[i])
+    for i in range(2):
+        if clock.present[i] != 0:
+            delays.take(bank.delay, i, time, clock.measurement[i])
     clock.offset = 0.0
     bank.given.latest_force = clock.measurement[1]
     if bank.delay.delay == 0.0:
@@ -75,8 +74,8 @@ def use(settings: Any, bank: Any, time: float) -> int:
         decision = _use_pair(settings, bank, time)
     else:
         decision = _use_single(settings, bank, time)
-    if decision == ACCEPTED and math.isnan(settings.channel_delay):
-        _look_for_delay(settings, bank)
+    if decision == ACCEPTED:
+        _take_point(settings, bank)
     return decision
 
 
@@ -124,6 +123,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     reading = clock.measurement[arrived]
     now = time - max(delay, 0.0)
     restart = clock.restart
+    stamp = clock.channel_time[ahead]
     decision = ACCEPTED
     while held.first < held.count:
         slot = held.first % HELD
@@ -137,6 +137,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
         clock.restart = restart
         restart = 0
         decision = _use_at(settings, bank, time, place, 0.0)
+    clock.channel_time[ahead] = stamp  # what was held came before this sample
     clock.present[arrived] = 1
     clock.present[1 - arrived] = 0
     clock.measurement[arrived] = reading
@@ -179,11 +180,24 @@ def _nearest(held: Any, wanted: float, period: float) -> int:
 
 
 @compiled
+def _take_point(settings: Any, bank: Any) -> None:
+    """Let the batch fit and the finder of the delay take the next point of the grid."""
+    finder, rows = bank.delay, bank.rows
+    before = finder.grid_count
+    full = delays.advance(finder)
+    if finder.grid_count > before and settings.fit_batches != 0 and bank.calibrated != 0:
+        clock = bank.tool.contact_clock
+        batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock)
+        if rows[bank.judge.chosen].active == 0:
+            bank.judge.chosen = 0
+    if full and math.isnan(settings.channel_delay):
+        _look_for_delay(settings, bank)
+
+
+@compiled
 def _look_for_delay(settings: Any, bank: Any) -> None:
-    """Let the finder take the next point; begin anew with a delay that it has found."""
+    """Let the finder take the full window; begin anew with a delay that it has found."""
     finder = bank.delay
-    if not delays.advance(finder):
-        return
     before = finder.delay
     row = bank.rows[bank.judge.chosen]
     prior = prior_deviation(settings, 3) ** 2

@@ -2,9 +2,9 @@
 
 Sensors filter and networks delay, and a delay of the force looks like damping (a negative one like
 damping that is not there). The delay cannot be a state: the likelihood has two optima, one false.
-Instead the readings of every second in contact are fitted, for each candidate delay, by the law
-with the p that the bank has found (1 until then), F = d^n (K + B v^p), B >= 0 (ours, after delay_prototype of the project's notes). Windows
-of their own are what makes this immune to tissue that varies. The logarithm of what a fit leaves is
+Instead the readings of every half second are fitted, for each candidate delay, by the law with the
+p that the bank has found (1 until then), F = d^n (K + B v^p), B >= 0 (ours). Windows of their own
+are what makes this immune to tissue that varies. The logarithm of what a fit leaves is
 a log likelihood with an unknown noise per window; the windows' sum chooses, and their scatter says
 whether the answer is clear. A Gauss-Newton fit with the delay as a fourth parameter gives the fine
 value.
@@ -86,10 +86,11 @@ def take(finder: Any, channel: int, time: float, reading: float) -> None:
 
 @compiled
 def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """Least-squares parabola through the readings about a time, in finder.parabola; False if few."""
+    """Least-squares parabola about a time, in finder.parabola; False if readings are few."""
     count = finder.raw_count[channel]
     s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
-    y0, y1, y2 = 0.0, 0.0, 0.0
+    y0, y1, y2, squares = 0.0, 0.0, 0.0, 0.0
+    reference = finder.raw_value[channel, (count - 1) % RAW]
     before, after = 0, 0
     for back in range(1, min(count, RAW) + 1):
         slot = (count - back) % RAW
@@ -98,7 +99,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
             continue
         if x < -1.0:
             break
-        y = finder.raw_value[channel, slot]
+        y = finder.raw_value[channel, slot] - reference
         if x < 0.0:
             before += 1
         else:
@@ -112,6 +113,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
         y0 += y
         y1 += x * y
         y2 += square * y
+        squares += y * y
     if min(before, after) < FEWEST_READINGS // 2:
         return False
     c00, c01, c02 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
@@ -119,9 +121,14 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
     if not determinant > 0.0:
         return False
     c11, c12, c22 = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1
-    finder.parabola[0] = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
-    finder.parabola[1] = (c01 * y0 + c11 * y1 + c12 * y2) / determinant / half
-    finder.parabola[2] = 2.0 * (c02 * y0 + c12 * y1 + c22 * y2) / determinant / (half * half)
+    a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
+    b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
+    c = (c02 * y0 + c12 * y1 + c22 * y2) / determinant
+    finder.parabola[0] = reference + a
+    finder.parabola[1] = b / half
+    finder.parabola[2] = 2.0 * c / (half * half)
+    left = squares - a * y0 - b * y1 - c * y2
+    finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
     return True
 
 
@@ -145,6 +152,7 @@ def advance(finder: Any) -> bool:
     last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
     last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
     newest = min(last0, last1) - half
+    finder.grid_width = 2.0 * half
     if finder.grid_count == 0:
         finder.grid_step = max(STEP, slowest)
         finder.grid_next = newest
@@ -158,10 +166,12 @@ def advance(finder: Any) -> bool:
     slot = finder.grid_count % GRID
     for i in range(3):
         finder.grid[slot, i] = finder.parabola[i]
+    finder.grid[slot, 4] = finder.parabola[3]
     if not _parabola(finder, 1, centre, half):
         finder.grid_count = 0
         return False
     finder.grid[slot, 3] = finder.parabola[0]
+    finder.grid[slot, 5] = finder.parabola[3]
     finder.grid_count += 1
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)
     points = min(int(WINDOW / finder.grid_step), GRID - 2 * reach - 1)
@@ -183,7 +193,7 @@ def _gather(finder: Any, delay: float) -> int:
     A point is ln d, w = sign(v) |v|^p, its rate along with the rate of ln d, and F.
     """
     p = finder.velocity_exponent
-    shift = int(round(delay / finder.grid_step))
+    shift = round(delay / finder.grid_step)
     rest = shift * finder.grid_step - delay
     count = 0
     for k in range(finder.points):
@@ -461,14 +471,14 @@ def _decide(finder: Any, chosen: int) -> bool:
         finder.delay = mean
     if changes or finder.delay != 0.0:
         finder.deviation = math.hypot(deviation, mean - finder.delay)
-    return changes
+    return bool(changes)
 
 
 @compiled
 def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     """True if the windows agree that the chosen candidate is better than the delay in use."""
     step, centre = finder.grid_step, CANDIDATES // 2
-    used = centre + int(round(finder.delay / step))
+    used = centre + round(finder.delay / step)
     if used == chosen:  # between two candidates: by the fine values alone
         return True
     mean, square = 0.0, 0.0

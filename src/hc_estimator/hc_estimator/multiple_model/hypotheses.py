@@ -54,10 +54,12 @@ CALM = 3e-10  # keeps the covariance of a constant tissue from vanishing
 # Walks and rates were chosen on simulated scans (single rows over seven random scans; see
 # docs/accuracy.md): over a lump the rate of ln K wanders by about 0.1 / s within a second; with the
 # damping tied to the stiffness but for a walk of its own both a damping that follows and one
-# that does not are tracked; layers whose exponent varies need the rate of n as well. Breathing (1 mm,
-# 0.25 Hz) changes the surface's velocity by a mm/s in half a second.
+# that does not are tracked; layers whose exponent varies need the rate of n as well. Breathing
+# (1 mm, 0.25 Hz) changes the surface's velocity by a mm/s in half a second.
 ROWS = (
     HypothesisRow(Hypothesis.CONSTANT, "", (CALM, CALM, CALM, CALM)),
+    # The same, with parameters of a fit to what was felt; see `batch_fit`.
+    HypothesisRow(Hypothesis.CONSTANT_FITTED, "fit_batches", (CALM, CALM, CALM, CALM)),
     HypothesisRow(
         Hypothesis.STIFFNESS_TREND,
         "follow_stiffness",
@@ -90,6 +92,7 @@ ROWS = (
     HypothesisRow(Hypothesis.CHANGED, "find_changes", (CALM, CALM, CALM, CALM)),
 )
 FRESH = len(ROWS) - 1
+FITTED = 1
 
 # The same as arrays, which compiled code sees as constants.
 CODES = np.array([int(row.hypothesis) for row in ROWS])
@@ -98,7 +101,7 @@ WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
 
 
-def _own_values(name: str, width: int) -> np.ndarray:  # type: ignore[type-arg]
+def _own_values(name: str, width: int) -> np.ndarray:
     values = np.zeros((len(ROWS), 2, width))
     for m, row in enumerate(ROWS):
         for i, value in enumerate(getattr(row, name)):

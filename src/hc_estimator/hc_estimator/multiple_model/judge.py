@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     DRIVES,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
@@ -41,10 +42,14 @@ PERIOD = 0.005  # between two snapshots, at least [s]
 MEMORY = 0.4  # time constant of the scores [s]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
+FORGIVEN = 10.0  # mean square over the best up to which an old error counts
+MISFIT_MARGIN = 3.0  # the same for a row that claims to fit, over one with a model error
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 REFUTED = 5.0  # log likelihood ratio
 REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
 FLOOR = 15.0  # of the log likelihoods below the best: what was long ago is forgiven
+CLAIM = 1.0  # mean square over what a row claims up to which its errors are its ignorance
+LEARNING_NIS = 1.5  # recent_nis (mean 2) below which it is its ignorance that dominates
 CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
@@ -66,7 +71,7 @@ def _shrunk(row: Any, i: int) -> float:
     value = row.state[OWN + i]
     square = value * value
     variance = row.covariance[OWN + i, OWN + i]
-    return value * square / (square + variance) if square > 0.0 else 0.0  # type: ignore[no-any-return]
+    return value * square / (square + variance) if square > 0.0 else 0.0
 
 
 @compiled
@@ -74,6 +79,13 @@ def _note(judge: Any, rows: Any, clock: float) -> None:
     """Keep what every row says now."""
     slot = judge.count % SLOTS
     judge.said_at[slot] = clock
+    _write(judge, rows, slot)
+    judge.count += 1
+
+
+@compiled
+def _write(judge: Any, rows: Any, slot: int) -> None:
+    """Write what every row says now into a snapshot."""
     for m in range(rows.shape[0]):
         said, row = judge.said[slot, m], rows[m]
         said[0] = row.state[LOG_STIFFNESS]
@@ -86,7 +98,24 @@ def _note(judge: Any, rows: Any, clock: float) -> None:
         else:
             said[4] = _shrunk(row, 0)
             said[5] = _shrunk(row, 1)
-    judge.count += 1
+
+
+@compiled
+def go_back(judge: Any, rows: Any, chosen: int, clock: float) -> None:
+    """Take back what was said since the rows were as they are again.
+
+    Args:
+        judge: changed.
+        rows: as they were, scores and likelihoods included.
+        chosen: row that was chosen then.
+        clock: contact clock then [s].
+    """
+    judge.chosen = chosen
+    for back in range(1, min(judge.count, SLOTS) + 1):
+        slot = (judge.count - back) % SLOTS
+        if judge.said_at[slot] <= clock:
+            return
+        _write(judge, rows, slot)
 
 
 @compiled
@@ -104,7 +133,9 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
 
 
 @compiled
-def _score(settings: Any, judge: Any, rows: Any, clock: float, force: float, share: float) -> None:
+def _score(
+    settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float
+) -> None:
     """Hold what the rows said some time ago against the force of now."""
     period = max(PERIOD, judge.waited)
     tool = rows[judge.chosen].state
@@ -114,7 +145,7 @@ def _score(settings: Any, judge: Any, rows: Any, clock: float, force: float, sha
             continue
         total, count = 0.0, 0
         for h in range(HORIZONS.size):
-            back = max(int(round(HORIZONS[h] / period)), 1)
+            back = max(round(HORIZONS[h] / period), 1)
             if back > min(judge.count, SLOTS - 1):
                 break
             slot = (judge.count - back) % SLOTS
@@ -122,16 +153,27 @@ def _score(settings: Any, judge: Any, rows: Any, clock: float, force: float, sha
             if said_at <= row.since:
                 break
             ahead = clock - said_at
-            error = force - _expected(settings, judge.said[slot, m], m, ahead, tool)
+            error = abs(force - _expected(settings, judge.said[slot, m], m, ahead, tool))
+            # A row gone wild must not be so far off that its score never comes back.
+            error = min(error, settings.force_limit)
             total += error * error
             count += 1
         if count > 0:
             row.score += share * (total / count - row.score)
+            claimed = row.innovation_variance[1] - row.model_error - noise
+            row.claimed += share * (claimed - row.claimed)
 
 
 @compiled
 def learn(
-    settings: Any, judge: Any, rows: Any, tool: Any, force: float, elapsed: float, contact: bool
+    settings: Any,
+    judge: Any,
+    rows: Any,
+    tool: Any,
+    force: float,
+    noise: float,
+    elapsed: float,
+    contact: bool,
 ) -> None:
     """Take an accepted force into scores and likelihoods, and choose.
 
@@ -141,6 +183,7 @@ def learn(
         rows: scores are changed; rows that stay inconsistent are seeded anew.
         tool: record of the motion, whose contact clock has advanced.
         force: reading, less the zero [N].
+        noise: variance of the force sensor [N^2].
         elapsed: time since the last sample [s].
         contact: True if the tool is in contact.
     """
@@ -156,7 +199,7 @@ def learn(
     clock = tool.contact_clock
     share = min(1.0, judge.waited / MEMORY)
     judge.weight = min(1.0, judge.weight + share)
-    _score(settings, judge, rows, clock, force, share)
+    _score(settings, judge, rows, clock, force, noise, share)
     _note(judge, rows, clock)
     if judge.weight > FIRST_WEIGHT:
         _choose(judge, rows, clock)
@@ -185,12 +228,26 @@ def _is_eligible(row: Any, clock: float, steadiest: float, likeliest: float) -> 
     """True if nothing speaks against the row but, perhaps, its predictions."""
     if not _counts(row, clock) or row.recent_nis > CONSISTENT * steadiest:
         return False
-    return bool(row.model_error > 0.0 or row.log_likelihood >= likeliest - REFUTED)
+    if row.model_error > 0.0 or _still_learns(row):
+        return True
+    return bool(row.log_likelihood >= likeliest - REFUTED)
+
+
+@compiled
+def _still_learns(row: Any) -> bool:
+    """True if the row predicts no worse than it says itself, for it knows little yet.
+
+    At the start each step is tempered; a freer row that follows at once predicts better, and says
+    nothing against a tissue that is constant.
+    """
+    if row.active == 0 or row.model_error > 0.0 or row.recent_nis > LEARNING_NIS:
+        return False
+    return bool(row.score <= CLAIM * row.claimed)
 
 
 @compiled
 def _choose(judge: Any, rows: Any, clock: float) -> None:
-    """The calmest eligible row that predicts as well as the best of them."""
+    """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = _steadiest(rows)
     likeliest = -math.inf
     for m in range(FRESH if clock > REFUTED_AFTER else 0):
@@ -198,15 +255,25 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
             likeliest = max(likeliest, rows[m].log_likelihood)
     for m in range(FRESH):
         rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
-    best = math.inf
+    best, best_fitting = math.inf, math.inf
     for m in range(FRESH):
-        if _is_eligible(rows[m], clock, steadiest, likeliest):
-            best = min(best, rows[m].score)
+        row = rows[m]
+        if not _is_eligible(row, clock, steadiest, likeliest):
+            continue
+        best = min(best, row.score)
+        if row.model_error == 0.0:
+            best_fitting = min(best_fitting, row.score)
+        if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
+            break
     for m in range(FRESH):
-        if (
-            _is_eligible(rows[m], clock, steadiest, likeliest)
-            and rows[m].score <= MARGIN * best
-        ):
+        rows[m].score = min(rows[m].score, FORGIVEN * best)
+    must_fit = best_fitting <= MISFIT_MARGIN * best
+    limit = MARGIN * (best_fitting if must_fit else best)
+    for m in range(FRESH):
+        row = rows[m]
+        if must_fit and row.model_error > 0.0:
+            continue
+        if row.score <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
             return
 

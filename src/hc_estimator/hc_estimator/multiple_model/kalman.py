@@ -171,13 +171,15 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
         noise: its variance [mm^2].
         hold: which parameters are only considered.
     """
-    state, covariance, gain = row.state, row.covariance, row.sensitivity
+    covariance, gain = row.covariance, row.sensitivity
     count = COUNTS[row.index]
     half = 0.5 * offset * offset
     predicted = displacement_of(row, offset)
     for i in range(count):
         gain[i] = (
-            covariance[i, DEPTH] + offset * covariance[i, VELOCITY] + half * covariance[i, ACCELERATION]
+            covariance[i, DEPTH]
+            + offset * covariance[i, VELOCITY]
+            + half * covariance[i, ACCELERATION]
         )
     variance = gain[DEPTH] + offset * gain[VELOCITY] + half * gain[ACCELERATION] + noise
     innovation = reading - predicted
@@ -191,7 +193,7 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
 def _is_held(i: int, hold: int) -> bool:
     """True if a state is only considered."""
     if hold == HOLD_DAMPING:
-        return i == LOG_DAMPING or i == VELOCITY_EXPONENT
+        return i in (LOG_DAMPING, VELOCITY_EXPONENT)
     return FIRST_PARAMETER <= i < LAST_PARAMETER or i >= OWN
 
 

@@ -34,6 +34,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import ADHESIVE, HUNT_CROSSLEY
 from hc_estimator.linear_algebra import copy_matrix, copy_vector
 from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     DEPTH,
@@ -91,7 +92,14 @@ def reset(maneuver: Any) -> None:
 
 @compiled
 def keep(
-    maneuver: Any, rows: Any, chosen: Any, motion: Any, time: float, elapsed: float, hold: bool
+    maneuver: Any,
+    rows: Any,
+    chosen: Any,
+    tool: Any,
+    motion: Any,
+    time: float,
+    elapsed: float,
+    hold: bool,
 ) -> None:
     """Keep the rows after an accepted sample if it is time to.
 
@@ -99,6 +107,7 @@ def keep(
         maneuver: changed.
         rows: kept.
         chosen: the row in charge.
+        tool: record of the motion.
         motion: record of `motion_density`.
         time: of the sample [s].
         elapsed: since the last one [s].
@@ -120,12 +129,19 @@ def keep(
     maneuver.waited = 0
     slot = maneuver.count % KEPT
     for m in range(FRESH):
+        kept = maneuver.rows[slot, m]
+        kept.active = rows[m].active
         if rows[m].active != 0:
-            kept = maneuver.rows[slot, m]
             copy_vector(rows[m].state, kept.state)
             copy_matrix(rows[m].covariance, kept.covariance)
             kept.model_error = rows[m].model_error
+            kept.score = rows[m].score
+            kept.log_likelihood = rows[m].log_likelihood
+            kept.recent_nis = rows[m].recent_nis
+            kept.inconsistent_time = rows[m].inconsistent_time
     maneuver.time[slot] = time
+    maneuver.contact_clock[slot] = tool.contact_clock
+    maneuver.chosen[slot] = chosen.index
     maneuver.member[slot] = motion.chosen
     maneuver.count += 1
 
@@ -216,7 +232,7 @@ def audit(settings: Any, bank: Any) -> None:
 def _go_back(bank: Any, slot: int) -> None:
     """Take parameters and model errors from a slot; the motion is the last reading."""
     maneuver, motion, noise = bank.maneuver, bank.motion, bank.sensor_noise[0]
-    chosen = bank.judge.chosen
+    chosen = maneuver.chosen[slot]
     velocity = bank.rows[chosen].state[VELOCITY]
     if motion.count > motion_density.FIRST_READINGS:
         velocity = motion_density.motion_of(motion, 1)
@@ -226,6 +242,7 @@ def _go_back(bank: Any, slot: int) -> None:
     acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
     for m in range(FRESH):
         row, kept = bank.rows[m], maneuver.rows[slot, m]
+        row.active = kept.active
         if row.active == 0:
             continue
         copy_vector(kept.state, row.state)
@@ -236,10 +253,16 @@ def _go_back(bank: Any, slot: int) -> None:
         row.covariance[VELOCITY, VELOCITY] = square
         row.covariance[ACCELERATION, ACCELERATION] = acceleration
         row.model_error = kept.model_error
+        row.score = kept.score
+        row.log_likelihood = kept.log_likelihood
+        row.recent_nis = kept.recent_nis
+        row.inconsistent_time = kept.inconsistent_time
         row.alarm_sum = 0.0
         for k in range(row.alarm_line.shape[0]):
             for j in range(row.alarm_line.shape[1]):
                 row.alarm_line[k, j] = 0.0
+    clock = maneuver.contact_clock[slot]
+    judging.go_back(bank.judge, bank.rows, maneuver.chosen[slot], clock)
     maneuver.density = 3.0 * square / TURN_TIME**3
     maneuver.since = 0.0
     maneuver.since_member = maneuver.member[slot]
@@ -264,12 +287,14 @@ def is_turning(maneuver: Any, row: Any, elapsed: float) -> bool:
 def jerk_density(maneuver: Any, row: Any, elapsed: float, density: float) -> float:
     """Jerk density for a row [mm^2/s^5]: that of a maneuver while the tool turns."""
     if is_turning(maneuver, row, elapsed):
-        return max(density, maneuver.density)
+        return float(max(density, maneuver.density))
     return density
 
 
 @compiled
-def product_variance(settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float) -> float:
+def product_variance(
+    settings: Any, maneuver: Any, row: Any, elapsed: float, coherent: float
+) -> float:
     """Variance of the force from velocity times damping, both not known [N^2].
 
     The second-order term of the damping force in the velocity and in the logarithm of its factor

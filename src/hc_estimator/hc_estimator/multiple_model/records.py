@@ -24,15 +24,17 @@ ROW = record_type(
         Field("active", np.int64, (), 0, 1),
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
-        Field("model_error", np.float64, ()),  # variance of the force that the law misses [N^2]
-        Field("alarm_sum", np.float64, ()),
+        # Variance of the force that the law misses [N^2].
+        Field("model_error", np.float64, (), 0.0),
+        Field("alarm_sum", np.float64, (), 0.0),
         # Squared innovation and its variance without sensor noise: force, displacement.
         Field("alarm_line", np.float64, (ALARM_DELAY, 4)),
         Field("alarm_position", np.int64, (), 0, ALARM_DELAY - 1),
         Field("alarm", np.int64, (), 0, 1),  # 1 if the alarm went off at this sample
-        Field("contact_time", np.float64, ()),  # informative contact since the row's start [s]
-        Field("recent_nis", np.float64, ()),  # short mean of the normalised innovation squared
-        Field("score", np.float64, ()),  # mean squared error of delayed predictions [N^2]
+        Field("contact_time", np.float64, (), 0.0),  # informative contact since the row's start [s]
+        Field("recent_nis", np.float64, (), 0.0),  # short mean of the normalised innovation squared
+        Field("score", np.float64, (), 0.0),  # mean squared error of delayed predictions [N^2]
+        Field("claimed", np.float64, ()),  # what it would be by the row's own variance [N^2]
         Field("log_likelihood", np.float64, ()),  # forgetting sum
         Field("since", np.float64, ()),  # contact clock at its last seeding [s]
         Field("counts_from", np.float64, ()),  # contact clock from which on it may be chosen [s]
@@ -56,10 +58,13 @@ ROW = record_type(
 # How the tool has moved of late.
 TOOL = record_type(
     (
-        Field("mean_square_velocity", np.float64, ()),
+        Field("mean_square_velocity", np.float64, (), 0.0),
         Field("mean_square_acceleration", np.float64, ()),  # less its own variance
-        Field("away_time", np.float64, ()),  # since contact was lost [s]
-        Field("contact_clock", np.float64, ()),  # time in contact so far [s]
+        Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
+        Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
+        Field("deepest", np.float64),  # largest displacement in contact [mm]
+        Field("fastest", np.float64, (), 0.0),  # largest speed there [mm/s]
+        Field("largest_force", np.float64, (), 0.0),  # [N]
     )
 )
 
@@ -73,8 +78,8 @@ JUDGE = record_type(
         Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
         Field("count", np.int64, (), 0),
-        Field("waited", np.float64, ()),  # contact since the last snapshot [s]
-        Field("weight", np.float64, ()),  # of the scores, grows to 1
+        Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
+        Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
     )
 )
 
@@ -87,9 +92,9 @@ CHANGE = record_type(
         Field("time", np.float64, ()),  # in contact since the alarm [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
         Field("trusted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
-        Field("fitting_time", np.float64, ()),  # in contact without model error [s]
+        Field("fitting_time", np.float64, (), 0.0),  # in contact without model error [s]
         Field("before", np.float64, (4,)),  # ln K, ln B, n, p of that row at the alarm
-        Field("before_variance", np.float64, (4,)),
+        Field("before_variance", np.float64, (4,), 0.0),
         Field("detected", np.int64, (), 0, 1),  # at the present sample
     )
 )
@@ -102,7 +107,12 @@ KEPT_ROW = record_type(
     (
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
-        Field("model_error", np.float64),
+        Field("active", np.int64, (), 0, 1),
+        Field("model_error", np.float64, (), 0.0),
+        Field("score", np.float64),
+        Field("log_likelihood", np.float64),
+        Field("recent_nis", np.float64),
+        Field("inconsistent_time", np.float64),
     )
 )
 # Did the tool turn suddenly?
@@ -110,6 +120,8 @@ MANEUVER = record_type(
     (
         Field("rows", KEPT_ROW, (KEPT, FRESH)),  # ring
         Field("time", np.float64, (KEPT,)),  # [s]
+        Field("contact_clock", np.float64, (KEPT,)),  # [s]
+        Field("chosen", np.int64, (KEPT,), 0, ROW_COUNT - 1),  # row that was chosen
         Field("member", np.int64, (KEPT,), 0, MEMBERS - 1),  # chosen in the bank
         Field("count", np.int64, (), 0),  # kept so far
         Field("waited", np.int64, (), 0),  # samples since the last of them
@@ -119,6 +131,30 @@ MANEUVER = record_type(
         Field("density", np.float64),  # jerk density of the maneuver [mm^2/s^5]
         Field("alarm_since", np.float64),  # samples since the chosen row's alarm sum was zero
         Field("square_speed", np.float64),  # largest of the last seconds [mm^2/s^2]
+    )
+)
+
+POINTS = 512  # remembered samples
+
+# What was felt before, and the least-squares fit to it.
+HISTORY = record_type(
+    (
+        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2].
+        Field("points", np.float64, (POINTS, 4)),
+        Field("count", np.int64, (), 0),  # remembered since the start or the last change
+        Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
+        Field("waited", np.int64, (), 0),  # points of the grid since the last of them
+        Field("unfitted", np.int64, (), 0),  # points of the grid since the last fit
+        Field("fit", np.float64, (4,)),  # ln K, ln B, n, p
+        Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
+        # Within one fit:
+        Field("next", np.float64, (4,)),
+        Field("slope", np.float64, (4,)),
+        Field("gradient", np.float64, (6,)),
+        Field("information", np.float64, (4, 4)),
+        Field("damped", np.float64, (4, 4)),
+        Field("factor", np.float64, (4, 4)),
+        Field("covariance", np.float64, (4, 4)),
     )
 )
 
@@ -143,30 +179,33 @@ WINDOWS = 24  # that are remembered
 DELAY = record_type(
     (
         Field("delay", np.float64),  # in use [s]
-        Field("deviation", np.float64),  # of it; NaN if it is not known [s]
+        Field("deviation", np.float64, (), 0.0, finite=False),  # of it; NaN: not known [s]
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
-        Field("grid", np.float64, (GRID, 4)),  # ring: displacement, velocity, acceleration, force
+        # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
+        Field("grid", np.float64, (GRID, 6)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
+        Field("grid_width", np.float64),  # of the parabolas [s]
         Field("grid_next", np.float64),  # time of the next point [s]
         Field("reach", np.int64, (), 0, CANDIDATES // 2),  # candidates to either side of zero
         Field("points", np.int64, (), 0, GRID),  # of a window
         Field("first", np.int64, (), 0),  # grid_count at its first point
         Field("windows", np.int64, (), 0),
-        Field("profile", np.float64, (WINDOWS, CANDIDATES)),  # negative log likelihoods
+        # Negative log likelihoods; infinite for candidates out of reach.
+        Field("profile", np.float64, (WINDOWS, CANDIDATES), finite=False),
         Field("fine_valid", np.int64, (WINDOWS,), 0, 1),
         Field("fine_delay", np.float64, (WINDOWS,)),  # [s]
-        Field("fine_variance", np.float64, (WINDOWS,)),  # [s^2]
+        Field("fine_variance", np.float64, (WINDOWS,), 0.0),  # [s^2]
         Field("fit", np.float64, (3,)),  # K, B, n of the last window
         # Within one window:
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64),  # p of the fits
         Field("points_of", np.float64, (GRID, 5)),  # see `delay`
-        Field("parabola", np.float64, (3,)),
+        Field("parabola", np.float64, (4,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
-        Field("total", np.float64, (CANDIDATES,)),
+        Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
         Field("normal", np.float64, (4, 4)),
         Field("slope", np.float64, (4,)),
         Field("column", np.float64, (4,)),
@@ -182,7 +221,8 @@ GIVEN = record_type(
         Field("predicted_force", np.float64),  # [N]
         Field("latest_force", np.float64),  # the sample's own reading [N]
         Field("reconstructed_force", np.float64),  # [N]
-        Field("innovation", np.float64, (2,)),  # displacement [mm], force [N]
+        # Displacement [mm], force [N]; NaN where a reading is missing.
+        Field("innovation", np.float64, (2,), finite=False),
         Field("nis", np.float64),
     )
 )
@@ -192,7 +232,7 @@ BANK: tuple[Field, ...] = (
     Field("calibrated", np.int64, (), 0, 1),  # 1 once the sensors' noise is known
     Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
-    Field("sensor_noise", np.float64, (2,)),  # variances in use [mm^2], [N^2]
+    Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),
     Field("motion", MOTION),
     Field("tool", TOOL),
@@ -200,6 +240,7 @@ BANK: tuple[Field, ...] = (
     Field("judge", JUDGE),
     Field("change", CHANGE),
     Field("maneuver", MANEUVER),
+    Field("history", HISTORY),
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
     Field("given", GIVEN),

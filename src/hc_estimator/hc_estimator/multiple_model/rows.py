@@ -66,6 +66,7 @@ def clear_adaptation(row: Any) -> None:
     row.contact_time = 0.0
     row.recent_nis = 2.0
     row.score = 0.0
+    row.claimed = 0.0
     row.log_likelihood = 0.0
     row.inconsistent_time = 0.0
     row.alarmed = 0
@@ -206,4 +207,4 @@ def is_sound(row: Any) -> bool:
         if not row.covariance[i, i] >= 0.0:
             return False
         total += abs(row.state[i]) + row.covariance[i, i]
-    return total < LARGEST_SOUND  # type: ignore[no-any-return]
+    return total < LARGEST_SOUND

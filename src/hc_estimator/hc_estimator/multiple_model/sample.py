@@ -9,6 +9,7 @@
 6.  Who predicts best?                                     -> the chosen row
 7.  Did the tool turn suddenly?                            -> back to before it
 8.  Is an alarm another tissue?                            -> a fresh row, a change
+9.  What does least squares say to what was felt?          -> `batch_fit`, after this
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
-from hc_estimator.multiple_model import model_error, tempering
+from hc_estimator.multiple_model import model_error, plausible, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
@@ -35,8 +38,8 @@ from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
     displacement_of,
-    foresee_force,
     force_of_row,
+    foresee_force,
     innovate_force,
     predict,
     use_displacement,
@@ -82,17 +85,20 @@ def start(settings: Any, bank: Any) -> None:
     tempering.reset(bank.tool)
     bank.tool.away_time = 0.0
     bank.tool.contact_clock = 0.0
+    plausible.reset(bank.tool)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         row.index = m
         row.active = 1
         reset(settings, row, 0.0)
-    bank.rows[1].active = settings.follow_stiffness
-    bank.rows[2].active = settings.follow_layers
-    bank.rows[3].active = settings.follow_surface
+    bank.rows[FITTED].active = 0
+    bank.rows[2].active = settings.follow_stiffness
+    bank.rows[3].active = settings.follow_layers
+    bank.rows[4].active = settings.follow_surface
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
 
 
 @compiled
@@ -179,6 +185,7 @@ def begin_aligned(settings: Any, bank: Any) -> None:
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
 
 
 @compiled
@@ -186,6 +193,7 @@ def _update(settings: Any, bank: Any) -> int:
     """Predict every row to the sample and update it with the readings that are there."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
+    plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
     _foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     if clock.present[0] != 0 and _is_outlier(settings, bank, chosen, 0):
@@ -194,7 +202,6 @@ def _update(settings: Any, bank: Any) -> int:
         row = rows[m]
         if row.active == 0:
             continue
-        row.predicted_force = force_of_row(settings, row, 0.0)
         if clock.present[0] != 0:
             hold = _hold(settings, bank, row)
             noise = bank.sensor_noise[0]
@@ -286,11 +293,9 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
     clock = bank.clock
     depth = bank.rows[bank.judge.chosen].state[DEPTH]
     sure = SURE * math.sqrt(bank.sensor_noise[1])
-    if clock.present[1] == 0 or bank.calibrated == 0 or depth < SMALLEST_DEPTH:
+    if clock.present[1] == 0 or depth < SMALLEST_DEPTH or clock.measurement[1] < sure:
         return
-    if clock.measurement[1] < sure:
-        return
-    bank.guessed = 1
+    bank.guessed = bank.calibrated  # until then each sample says it anew, for no force is used
     if settings.initial_stiffness_log_std == 0.0:
         return
     for m in range(bank.rows.shape[0]):
@@ -448,12 +453,22 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     if touching:
         tool.away_time = 0.0
         tool.contact_clock += clock.elapsed
+        if clock.present[1] != 0:
+            plausible.learn(tool, chosen, clock.measurement[1])
     else:
         tool.away_time += clock.elapsed
     _correct_density(settings, bank, chosen)
-    if clock.present[1] != 0:
+    turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
+    if clock.present[1] != 0 and not turning:
         judging.learn(
-            settings, bank.judge, rows, tool, clock.measurement[1], clock.force_elapsed, touching
+            settings,
+            bank.judge,
+            rows,
+            tool,
+            clock.measurement[1],
+            bank.sensor_noise[1],
+            clock.force_elapsed,
+            touching,
         )
     alarm = rows[bank.judge.chosen].alarm != 0
     if not maneuvers.answer(settings, bank, time, alarm):
@@ -471,6 +486,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         changes.judge_test(bank.change, bank.judge, rows, tool, clock.force_elapsed, rose)
         if bank.change.testing == 0 and bank.change.detected == 0:
             maneuvers.audit(settings, bank)
+    if bank.change.detected != 0:
+        histories.reset(bank.history)
+        rows[FITTED].active = 0
     if rows[bank.judge.chosen].model_error > 0.0:
         bank.change.fitting_time = 0.0
     elif touching:
@@ -481,6 +499,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.maneuver,
         rows,
         rows[bank.judge.chosen],
+        tool,
         bank.motion,
         time,
         clock.elapsed,

@@ -62,4 +62,4 @@ def coherent_samples(settings: Any, tool: Any, elapsed: float) -> float:
     slowest = LONGEST / settings.coherence_share
     rate = max(tool.mean_square_acceleration, 0.0) + square / (slowest * slowest)
     time = settings.coherence_share * math.sqrt(square / (rate + 1e-30))
-    return max(time, SHORTEST) / elapsed
+    return float(max(time, SHORTEST) / elapsed)

@@ -22,6 +22,7 @@ class ContactSummary:
         first_sequence: sequence of the first sample in contact.
         last_sequence: sequence of the last sample in contact.
         samples: samples used.
+        forces: how many of them hold a force.
         rejected: samples not used.
         tissue_changes: changes of the tissue detected.
         model_mismatch: whether the contact law failed to describe the sensors at some time.
@@ -43,6 +44,7 @@ class ContactSummary:
     last_sequence: int
     estimate: Estimate
     samples: int = 0
+    forces: int = 0
     rejected: int = 0
     tissue_changes: int = 0
     model_mismatch: bool = False
@@ -77,8 +79,8 @@ class ContactSummary:
 
     @property
     def force_rmse(self) -> float:
-        """Root mean square of measured minus predicted force [N]; NaN without a used sample."""
-        return math.sqrt(self.squared_error / self.samples) if self.samples else math.nan
+        """Root mean square of measured minus predicted force [N]; NaN without a used force."""
+        return math.sqrt(self.squared_error / self.forces) if self.forces else math.nan
 
 
 class ContactTracker:
@@ -102,8 +104,8 @@ class ContactTracker:
         self.current: ContactSummary | None = None
         self.contacts = 0
         self._announced = False
-        self._displacement = 0.0
-        self._force = 0.0
+        self._displacement = math.nan  # at the last force of the contact
+        self._force = math.nan
 
     def update(
         self,
@@ -118,8 +120,8 @@ class ContactTracker:
         Args:
             stamp_ns: stamp of the sample [ns].
             sequence: its sequence.
-            displacement_mm: measured displacement [mm].
-            force_n: measured force [N].
+            displacement_mm: measured displacement [mm]; NaN if the sample has none.
+            force_n: measured force [N]; NaN if the sample has none.
             estimate: the estimate after it.
 
         Returns:
@@ -134,7 +136,6 @@ class ContactTracker:
             if contact is not None and stamp_ns - contact.end_ns >= self.release_ns:
                 return None, self.finish()
             return None, None
-        displacement = estimate.displacement
         if contact is None:
             contact = self.current = ContactSummary(
                 self.contacts + 1,
@@ -144,15 +145,9 @@ class ContactTracker:
                 sequence,
                 estimate,
             )
-        else:
-            # The filtered displacement: the noise of the measured one would count as work.
-            advance = displacement - self._displacement
-            work = 0.5 * (force_n + self._force) * advance
-            contact.energy_loss += work
-            if advance > 0.0:
-                contact.energy_in += work
-        self._displacement = displacement
-        self._force = force_n
+            self._displacement = self._force = math.nan
+        if not math.isnan(force_n):
+            self._add_work(contact, estimate.displacement, force_n)
         self._collect(contact, stamp_ns, sequence, displacement_mm, force_n, estimate)
         if not self._announced and stamp_ns - contact.start_ns >= self.minimum_duration_ns:
             self._announced = True
@@ -165,6 +160,17 @@ class ContactTracker:
         contact, self.current = self.current, None
         counted, self._announced = self._announced, False
         return contact if counted else None
+
+    def _add_work(self, contact: ContactSummary, displacement: float, force: float) -> None:
+        """Add the work since the last force."""
+        # The filtered displacement: the noise of the measured one would count as work.
+        advance = displacement - self._displacement
+        if not math.isnan(advance):  # not the contact's first force
+            work = 0.5 * (force + self._force) * advance
+            contact.energy_loss += work
+            if advance > 0.0:
+                contact.energy_in += work
+        self._displacement, self._force = displacement, force
 
     @staticmethod
     def _collect(
@@ -181,8 +187,11 @@ class ContactTracker:
         contact.tissue_changes += estimate.change_detected
         contact.model_mismatch |= estimate.model_mismatch
         contact.estimate = estimate
-        contact.peak_force = max(contact.peak_force, force_n)
-        contact.peak_displacement = max(contact.peak_displacement, displacement_mm)
         contact.peak_speed = max(contact.peak_speed, abs(estimate.velocity))
-        error = force_n - estimate.force_predicted
-        contact.squared_error += error * error
+        if not math.isnan(displacement_mm):
+            contact.peak_displacement = max(contact.peak_displacement, displacement_mm)
+        if not math.isnan(force_n):
+            contact.forces += 1
+            contact.peak_force = max(contact.peak_force, force_n)
+            error = force_n - estimate.force_predicted
+            contact.squared_error += error * error

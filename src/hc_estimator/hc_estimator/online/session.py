@@ -6,6 +6,7 @@ estimates, events, contacts and new revisions of the configuration. Nothing here
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -37,7 +38,8 @@ class EstimationSession:
         computation: wall times of the estimation steps since `computation.clear()`.
         revision: the revision in force.
         loaded: the state that was gone on from last; None if there was none.
-        silent_s: for how long no sample came, when it was looked at last.
+        silent_s: for how long a channel had no reading, when it was looked at last.
+        silent_what: which one: displacement, force, or sample for both.
         started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
     """
@@ -67,15 +69,17 @@ class EstimationSession:
         self.started = False
         self.loaded: Mapping[str, Any] | None = None
         self.silent_s = 0.0
+        self.silent_what = "sample"
         self.last_estimate: Estimate | None = None
         self._listener = listener
         self._origin_ns: int | None = None
         self._last_time_ns: int | None = None
-        self._arrival_ns: int | None = None
+        self._displacement_ns: int | None = None  # when its last reading came
+        self._force_ns: int | None = None
         self._silent = False
         self._burst = 0
         self._burst_reason = 0
-        self._force = 0.0
+        self._force = 0.0  # the last reading
         self._displacement = 0.0
         self._equal_forces = 0
         self._equal_displacements = 0
@@ -189,8 +193,9 @@ class EstimationSession:
         Args:
             stamp_ns: stamp [ns].
             sequence: number of the sample; 0 throughout if the source does not count.
-            displacement_mm: penetration [mm], positive into the tissue.
-            force_n: contact force [N], compression positive.
+            displacement_mm: penetration [mm], positive into the tissue; NaN if there is no reading
+                at this stamp.
+            force_n: contact force [N], compression positive; NaN as above.
         """
         self.counters.received += 1
         if self.guard.is_next(stamp_ns, sequence):
@@ -205,14 +210,21 @@ class EstimationSession:
             now_ns: time.perf_counter_ns().
 
         Returns:
-            True if no sample came for longer than the timeout.
+            True if a channel had no reading for longer than the timeout.
         """
-        if self._arrival_ns is None:
+        if self._displacement_ns is None or self._force_ns is None:
             return False
-        silent_s = self.silent_s = (now_ns - self._arrival_ns) * 1e-9
-        if not self._silent and silent_s > self.settings.silence_timeout_s:
+        limit_s = self.settings.silence_timeout_s
+        displacement_s = (now_ns - self._displacement_ns) * 1e-9
+        force_s = (now_ns - self._force_ns) * 1e-9
+        self.silent_s = max(displacement_s, force_s)
+        if min(displacement_s, force_s) > limit_s:
+            self.silent_what = "sample"
+        else:
+            self.silent_what = "force" if force_s > displacement_s else "displacement"
+        if not self._silent and self.silent_s > limit_s:
             self._silent = True
-            self.report(EventKind.INPUT_SILENT, f"no sample for {silent_s:.2f} s")
+            self.report(EventKind.INPUT_SILENT, f"no {self.silent_what} for {self.silent_s:.2f} s")
         return self._silent
 
     @property
@@ -259,7 +271,7 @@ class EstimationSession:
         before = time.perf_counter_ns()
         estimate = self.estimator.step((stamp_ns - origin) * 1e-9, displacement_mm, force_n)
         after = time.perf_counter_ns()
-        self._arrival_ns = after
+        self._note_arrival(after, displacement_mm, force_n)
         self._last_time_ns = stamp_ns
         computation_ns = after - before
         self.computation.add(computation_ns)
@@ -267,7 +279,7 @@ class EstimationSession:
         self.last_estimate = estimate
         # First of all the estimate goes out; what follows may take its time.
         self._listener.on_estimate(stamp_ns, sequence, force_n, estimate, computation_ns)
-        if self._silent:
+        if self._silent and not self._is_overdue(after):
             self._silent = False
             self.report(EventKind.INPUT_RECOVERED, "samples come again")
         self._watch_rejection(estimate)
@@ -279,12 +291,31 @@ class EstimationSession:
         if over is not None:
             self._tell_contact(over)
 
+    def _note_arrival(self, now_ns: int, displacement_mm: float, force_n: float) -> None:
+        without_displacement, without_force = math.isnan(displacement_mm), math.isnan(force_n)
+        if without_displacement != without_force:
+            self.counters.without_displacement += without_displacement
+            self.counters.without_force += without_force
+        if not without_displacement or self._displacement_ns is None:
+            self._displacement_ns = now_ns
+        if not without_force or self._force_ns is None:
+            self._force_ns = now_ns
+
+    def _is_overdue(self, now_ns: int) -> bool:
+        assert self._displacement_ns is not None
+        assert self._force_ns is not None
+        oldest_ns = min(self._displacement_ns, self._force_ns)
+        return (now_ns - oldest_ns) * 1e-9 > self.settings.silence_timeout_s
+
     def _watch_rejection(self, estimate: Estimate) -> None:
         rejected = estimate.rejected
         if not rejected:
+            counters = self.counters
             self._burst = 0
-            self.counters.accepted += 1
-            self.counters.nis_sum += estimate.nis
+            counters.accepted += 1
+            displacement, force = estimate.innovation.tolist()  # NaN where none was used
+            counters.readings += (displacement == displacement) + (force == force)
+            counters.nis_sum += estimate.nis
             return
         self.counters.rejected[rejected] += 1
         self._burst += 1
@@ -298,18 +329,21 @@ class EstimationSession:
             self.report(kind, reason)
 
     def _watch_readings(self, displacement_mm: float, force_n: float) -> None:
-        # Zero is what a simulated force reads in free motion: not a frozen sensor.
-        self._equal_forces = self._equal_forces + 1 if force_n == self._force != 0.0 else 0
-        self._force = force_n
-        equal = displacement_mm == self._displacement != 0.0
-        self._equal_displacements = self._equal_displacements + 1 if equal else 0
-        self._displacement = displacement_mm
+        """Count equal readings of each channel, those that are missing left out."""
         limit = self.settings.frozen_samples
-        if self._equal_forces == limit:
-            self.report(EventKind.INPUT_FROZEN, f"force frozen at {force_n:.6g} N")
-        if self._equal_displacements == limit:
-            text = f"displacement frozen at {displacement_mm:.6g} mm"
-            self.report(EventKind.INPUT_FROZEN, text)
+        # Zero is what a simulated force reads in free motion: not a frozen sensor.
+        if not math.isnan(force_n):
+            self._equal_forces = self._equal_forces + 1 if force_n == self._force != 0.0 else 0
+            self._force = force_n
+            if self._equal_forces == limit:
+                self.report(EventKind.INPUT_FROZEN, f"force frozen at {force_n:.6g} N")
+        if not math.isnan(displacement_mm):
+            equal = displacement_mm == self._displacement != 0.0
+            self._equal_displacements = self._equal_displacements + 1 if equal else 0
+            self._displacement = displacement_mm
+            if self._equal_displacements == limit:
+                text = f"displacement frozen at {displacement_mm:.6g} mm"
+                self.report(EventKind.INPUT_FROZEN, text)
 
     def _watch_fit(self, estimate: Estimate) -> None:
         if estimate.change_detected:

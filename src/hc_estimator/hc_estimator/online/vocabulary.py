@@ -92,7 +92,7 @@ class SessionSettings:
     """How a session judges its stream.
 
     Attributes:
-        silence_timeout_s: without a sample for so long, the input is silent [s].
+        silence_timeout_s: without a reading of either channel for so long, the input is silent [s].
         maximum_gap_s: stamps further ahead than this are a time jump [s].
         rejection_burst: samples refused in a row that are worth an event.
         frozen_samples: equal readings in a row that are worth an event.
@@ -122,6 +122,9 @@ class Counters:
         changes: tissue changes detected.
         nis_sum: sum of the normalised innovations squared of accepted samples.
         accepted: accepted samples.
+        readings: displacements and forces in them.
+        without_displacement: samples with a force alone.
+        without_force: samples with a displacement alone.
     """
 
     received: int = 0
@@ -133,3 +136,6 @@ class Counters:
     changes: int = 0
     nis_sum: float = 0.0
     accepted: int = 0
+    readings: int = 0
+    without_displacement: int = 0
+    without_force: int = 0

@@ -10,6 +10,7 @@ from hc_estimator.input.mapping import AXES
 from hc_estimator.online.vocabulary import SessionSettings
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
+MISSING_READINGS = "missing_readings"
 
 NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
     (
@@ -243,7 +244,8 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.pairing.maximum_wait",
         0.05,
-        "A force waits no longer than this for the position after it, then it is dropped.",
+        "A reading waits no longer than this for older ones of the other sensor; those that come "
+        "later are dropped. The slower sensor's delay and period must fit in.",
         minimum=0.0,
         maximum=10.0,
         unit="s",
@@ -251,7 +253,7 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.pairing.reorder_window",
         0.0,
-        "Every force waits so long for messages that come out of order; adds to the latency.",
+        "Every reading waits so long for messages that come out of order; adds to the latency.",
         minimum=0.0,
         maximum=10.0,
         unit="s",
@@ -259,7 +261,8 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.pairing.maximum_gap",
         0.1,
-        "Positions further apart than this are not interpolated.",
+        "A reading further than this from any of the other sensor is dropped: one sensor alone "
+        "says nothing of a tissue.",
         minimum=0.0001,
         maximum=10.0,
         unit="s",
@@ -267,7 +270,7 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.publish_samples",
         True,
-        "With source sensors: publish the paired samples on indenter/sample, to record and plot.",
+        "With source sensors: publish their readings on indenter/sample, to record and plot.",
     ),
     NodeSetting(
         "input.silence_timeout",

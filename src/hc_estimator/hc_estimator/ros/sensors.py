@@ -1,12 +1,14 @@
 """A force and a position sensor of one's own as the node's input.
 
-Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped or TransformStamped. The two
-are paired at the force's stamps and, so that they can be recorded and plotted like any other
-source, published on indenter/sample.
+Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped or TransformStamped. The
+readings of the two become one stream in the order of their stamps and, so that they can be recorded
+and plotted like any other source, are published on indenter/sample: NaN for a reading that the
+other sensor does not have at that stamp.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,7 +23,7 @@ from hc_estimator.input.contact_frame import (
     rotated,
     unit_quaternion,
 )
-from hc_estimator.input.pairing import Paired, Pairer
+from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
@@ -39,8 +41,8 @@ class SensorInput:
     With the contact frame `surface`, depth and force are those along the surface's normal: the
     wrench is turned by the newest attitude of the tool.
 
-    Zeros are taken off whole samples, at the moment when they are handed on: a zero that changes
-    while readings wait for their partner applies to the samples that come after it.
+    Zeros are taken off at the moment when samples are handed on: a zero that changes while readings
+    wait applies to those that come after it.
     """
 
     def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
@@ -57,7 +59,7 @@ class SensorInput:
         self._skipped_positions = 0
         self._frame_id = ""
         self._encoder = SampleEncoder()
-        self._pairer = Pairer(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
+        self._merger = Merger(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
         kind = values["input.position.type"]
         take_position = {
             "joint": self._take_joints,
@@ -123,9 +125,9 @@ class SensorInput:
         self._position_offset_ns = round(values["input.position.time_offset"] * 1e9)
         self._joint = values["input.position.joint"]
         self._child_frame = values["input.position.child_frame"]
-        self._pairer.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
-        self._pairer.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
-        self._pairer.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
+        self._merger.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
+        self._merger.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
+        self._merger.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
         for channel in self.channels:
             channel.maximum_backlog = values["input.maximum_backlog"]
         reading = (
@@ -140,13 +142,13 @@ class SensorInput:
             self._position_factor,
         )
         if self._reading and reading != self._reading:
-            self._pairer.clear()  # readings of before and after do not belong together
+            self._merger.clear()  # readings of before and after do not belong together
         self._reading = reading
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """What the pairing dropped, and joint messages without the joint."""
-        counters = self._pairer.counters
+        """Readings that are in no sample, and joint messages without the joint."""
+        counters = self._merger.counters
         return {
             "pairing_late": counters.late,
             "pairing_unpaired": counters.unpaired,
@@ -164,15 +166,14 @@ class SensorInput:
             self._node.destroy_publisher(self._samples)
 
     def _on_skip(self, number: int) -> None:
-        self._pairer.skip(number)
+        self._merger.skip(number)
         self._receiver.on_skip(number)
 
     def _on_skipped_positions(self, number: int) -> None:
         self._skipped_positions += number
 
     def _take_force(self, message: Any) -> None:
-        # Positions that wait come first: a force must not be given up for want of one that is
-        # here already.
+        # Positions that wait come first: a force must not go without one that is here already.
         self._positions.flush()
         if message.header.frame_id != self._frame_id:
             self._frame_id = message.header.frame_id
@@ -190,7 +191,7 @@ class SensorInput:
         else:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
-        self._hand_on(self._pairer.add_force(stamp_ns, value))
+        self._hand_on(self._merger.add_force(stamp_ns, value, time.monotonic_ns()))
 
     def _take_joints(self, message: Any) -> None:
         index = 0
@@ -245,9 +246,9 @@ class SensorInput:
 
     def _add_position(self, stamp: Any, displacement_mm: float) -> None:
         stamp_ns = nanoseconds_from_stamp(stamp) + self._position_offset_ns
-        self._hand_on(self._pairer.add_position(stamp_ns, displacement_mm))
+        self._hand_on(self._merger.add_displacement(stamp_ns, displacement_mm, time.monotonic_ns()))
 
-    def _hand_on(self, samples: list[Paired]) -> None:
+    def _hand_on(self, samples: list[Merged]) -> None:
         for stamp_ns, sequence, reading_mm, reading_n in samples:
             # The estimator gets what a recorder gets, to the last bit.
             displacement_mm = sent_mm(reading_mm - self._position_zero)

@@ -7,6 +7,7 @@ has. A setting that nobody gave follows the default of the filter in use.
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -23,7 +24,12 @@ from hc_estimator import (
     available_state_spaces,
     parameter_specifications,
 )
-from hc_estimator.ros.node_settings import CHOICE_NAMES, NODE_SETTINGS, NodeSetting
+from hc_estimator.ros.node_settings import (
+    CHOICE_NAMES,
+    MISSING_READINGS,
+    NODE_SETTINGS,
+    NodeSetting,
+)
 from hc_estimator.ros.settings_meaning import check_together
 from hc_msgs_py.node_main import NodeStartError
 from hc_msgs_py.parameters import declare
@@ -116,7 +122,7 @@ class Settings:
             return parameters
         kind = Kind(*(named.get(name, self._values[name]) for name in CHOICE_NAMES))
         try:
-            specifications = parameter_specifications(*kind)
+            specifications = _specifications(kind)
         except ValueError:
             return parameters  # the on-set callback refuses it with the reason
         follow = {
@@ -167,7 +173,7 @@ class Settings:
             return parameter  # the on-set callback refuses it with the reason
 
     def _own_specifications(self) -> dict[str, ParameterSpecification]:
-        return {s.name: s for s in parameter_specifications(*self.kind)}
+        return {s.name: s for s in _specifications(self.kind)}
 
     def _check(self, values: Mapping[str, Any]) -> str:
         """Return why these values cannot be, or nothing."""
@@ -213,10 +219,24 @@ class Settings:
             raise NodeStartError(f"unknown parameter {name} for node estimator: {hint}")
 
 
+def _specifications(kind: Kind) -> tuple[ParameterSpecification, ...]:
+    """Return the settings of a kind of estimator with the node's defaults.
+
+    In hc_msgs/IndenterSample a NaN is a reading that is missing.
+
+    Raises:
+        ValueError: see parameter_specifications.
+    """
+    return tuple(
+        dataclasses.replace(s, default=True) if s.name == MISSING_READINGS else s
+        for s in parameter_specifications(*kind)
+    )
+
+
 def _every_kind() -> dict[Kind, tuple[ParameterSpecification, ...]]:
     """Return the settings of every combination of filter, state space and contact model."""
     return {
-        Kind(name, space, model): parameter_specifications(name, space, model)
+        Kind(name, space, model): _specifications(Kind(name, space, model))
         for name in available_filters()
         for space in available_state_spaces(name)
         for model in available_contact_models(name)

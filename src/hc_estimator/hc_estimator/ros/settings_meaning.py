@@ -19,6 +19,7 @@ from hc_estimator.input.contact_frame import (
 from hc_estimator.input.mapping import Mapping as AxisMapping
 from hc_estimator.input.mapping import make_mapping
 from hc_estimator.online.vocabulary import SessionSettings
+from hc_estimator.ros.node_settings import MISSING_READINGS
 from hc_msgs_py import topics
 
 OWN_TOPICS = frozenset(
@@ -51,6 +52,11 @@ def check_together(values: Mapping[str, Any]) -> None:
             "parameter input.pairing.maximum_wait = "
             f"{values['input.pairing.maximum_wait']!r} must be larger than "
             f"input.pairing.reorder_window = {values['input.pairing.reorder_window']!r}"
+        )
+    if values["input.source"] == "sensors" and not values[MISSING_READINGS]:
+        raise ValueError(
+            f"parameter {MISSING_READINGS} = False does not go with input.source = 'sensors': its "
+            "samples hold the reading of one sensor each"
         )
     for sensor in ("force", "position", "contact"):
         topic = values[f"input.{sensor}.topic"]

@@ -64,6 +64,8 @@ class StatusReporter:
             "strays": counts["strays"],
             "restarts": session.counters.restarts,
             "time_jumps": session.counters.time_jumps,
+            "without_displacement": session.counters.without_displacement,
+            "without_force": session.counters.without_force,
             "tissue_changes": session.counters.changes,
             "contacts": session.contacts.contacts,
             "silent_s": session.silent_s if session.silent else 0.0,
@@ -92,7 +94,7 @@ class StatusReporter:
             "lost": session.guard.lost,
             "strays": session.guard.strays,
             "skipped": counters.skipped,
-            "accepted": counters.accepted,
+            "readings": counters.readings,
             "nis_sum": counters.nis_sum,
             "undecodable": source.undecodable,
             "zero_stamps": session.guard.faults.zero_stamps,
@@ -111,8 +113,8 @@ class StatusReporter:
             "contact_model": estimator.contact_model,
             "configuration_revision": session.revision.number,
         }
-        if since["accepted"]:
-            values["nis_mean"] = since["nis_sum"] / since["accepted"]
+        if since["readings"]:  # 2 in a consistent filter, also where samples hold one reading
+            values["nis_mean"] = 2.0 * since["nis_sum"] / since["readings"]
         if estimate is not None:
             values["contact"] = estimate.contact
             values["model_mismatch"] = estimate.model_mismatch
@@ -140,7 +142,7 @@ class StatusReporter:
             if silent:
                 unusable = any(since[channel.topic] for channel in source.channels)
                 level = max(level, Level.ERROR if unusable else Level.STALE)
-                start = f"no usable sample for {session.silent_s:.1f} s"
+                start = f"no usable {session.silent_what} for {session.silent_s:.1f} s"
             else:
                 start = "waits for the first sample"
                 if self._waiting_s() > WAITING_S and reasons:

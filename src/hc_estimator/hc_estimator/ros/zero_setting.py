@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter
 
 from hc_estimator.input.contact_frame import NormalFinder, raised
 from hc_estimator.input.tare import TareResult
+from hc_estimator.input.together import Together
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.vocabulary import EventKind
 from hc_estimator.ros.inputs import Input
@@ -39,6 +40,7 @@ class ZeroSetting:
         self._node, self._settings = node, settings
         self._session, self._source = session, source
         self._zeroing = Zeroing()
+        self._together = Together()
 
     def tare(self) -> str:
         """Begin a tare; returns what to tell the user.
@@ -65,16 +67,21 @@ class ZeroSetting:
             source.normal_finder = NormalFinder()
         return told
 
-    def add(self, displacement_mm: float, force_n: float) -> None:
-        """Take in a sample, and set the zeros with the last one that was wanted."""
-        self._zeroing.watch.add(displacement_mm, force_n)
-        if not self._zeroing.active:
-            return
-        outcome = self._zeroing.add(displacement_mm, force_n)
-        if isinstance(outcome, Refusal):
-            self._report(EventKind.TARE_REFUSED, outcome.reason)
-        elif outcome is not None:
-            self._take(outcome, displacement_mm)
+    def add(self, stamp_ns: int, displacement_mm: float, force_n: float) -> None:
+        """Take in a sample, and set the zeros with the last one that was wanted.
+
+        A force without a displacement at its stamp counts once there is one after it.
+        """
+        for displacement, force in self._together.add(stamp_ns, displacement_mm, force_n):
+            self._zeroing.watch.add(displacement, force)
+            if not self._zeroing.active:
+                continue
+            outcome = self._zeroing.add(displacement, force)
+            if isinstance(outcome, Refusal):
+                self._report(EventKind.TARE_REFUSED, outcome.reason)
+            elif outcome is not None:
+                self._take(outcome, displacement)
+                return  # the rest was read with the zeros of before
 
     def look(self) -> None:
         """Give up a tare that does not get its samples."""
@@ -90,6 +97,7 @@ class ZeroSetting:
     def forget(self) -> None:
         """Forget the samples: a sensor is read otherwise."""
         self._zeroing.watch.forget()
+        self._together.forget()
 
     def _report(self, kind: EventKind, reason: str) -> None:
         session = self._session()

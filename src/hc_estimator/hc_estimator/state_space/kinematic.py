@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_force, contact_gradient
-from hc_estimator.linear_algebra import clear_matrix, clear_vector
+from hc_estimator.linear_algebra import cholesky, clear_matrix, clear_vector
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -299,37 +299,42 @@ def correct_motion(
     noise: float,
     state: NDArray[np.float64],
     covariance: NDArray[np.float64],
+    factor: NDArray[np.float64],
     updated_state: NDArray[np.float64],
     updated_covariance: NDArray[np.float64],
-) -> None:
-    """Kalman update of the motion alone with a measured displacement (Joseph form).
+) -> bool:
+    """Kalman update of the motion alone with a measured displacement.
 
-    For filters that estimate the parameters apart from the motion.
+    For filters that estimate the parameters apart from the motion. The displacement is the first
+    state, so that only the first column of the covariance's lower factor knows it: scaling that
+    column is the whole update, and what it leaves is a covariance whatever the rounding.
 
     Args:
         innovation: measured minus predicted displacement [mm].
         noise: variance of the measurement [mm^2].
         state: predicted state, shape (7,).
         covariance: predicted covariance, shape (7, 7); the first three rows and columns are used.
+        factor: scratch, shape (7, 7).
         updated_state: takes the updated state, shape (7,).
         updated_covariance: takes the updated covariance, shape (7, 7).
+
+    Returns:
+        False if the covariance has no Cholesky factor.
     """
-    total = covariance[0, 0] + noise
     for i in range(7):
         updated_state[i] = state[i]
         for j in range(7):
             updated_covariance[i, j] = covariance[i, j]
+    if not cholesky(covariance[:3, :3], factor):
+        return False
+    total = factor[0, 0] * factor[0, 0] + noise
+    scale = noise / total
     for i in range(3):
-        gain = covariance[i, 0] / total
-        updated_state[i] += gain * innovation
+        updated_state[i] += factor[i, 0] * factor[0, 0] / total * innovation
         for j in range(i + 1):
-            other = covariance[j, 0] / total
-            # (I - K H) P (I - K H)^T + K R K^T written out for H = [1, 0, 0].
-            element = (
-                covariance[i, j]
-                - gain * covariance[0, j]
-                - other * (covariance[i, 0] - gain * covariance[0, 0])
-                + gain * other * noise
-            )
+            element = scale * factor[i, 0] * factor[j, 0]
+            for k in range(1, 3):
+                element += factor[i, k] * factor[j, k]
             updated_covariance[i, j] = element
             updated_covariance[j, i] = element
+    return True

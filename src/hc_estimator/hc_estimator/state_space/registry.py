@@ -128,11 +128,9 @@ SPECIFICATIONS = {
 }
 
 
-# Beyond these an estimate is lost: ln K and ln B, K and B themselves, and the exponents' distance
-# from the middle of their range.
+# Beyond these an estimate is lost: ln K and ln B, K and B themselves.
 LOST_LOG = 35.0
 LOST_VALUE = 1e12
-LOST_EXPONENT = 3.5
 
 
 @compiled
@@ -247,32 +245,35 @@ def start_motion(
 
 
 @compiled
+def is_literal(settings: Any) -> bool:
+    """True for the papers' filters to the letter: `paper` without limit_parameters."""
+    return bool(settings.state_space == PAPER and settings.limit_parameters == 0)
+
+
+@compiled
 def constrain(settings: Any, state: NDArray[np.float64]) -> None:
-    """Project the parameters of `paper` into their physical range where the option asks for it."""
-    if settings.state_space == PAPER and settings.limit_parameters != 0:
+    """Project the parameters into their physical range.
+
+    Beyond it the law is that of the limit, and no reading would ever bring an exponent back. K and
+    B are positive by their logarithms on `kinematic`.
+    """
+    if is_literal(settings):
+        return
+    if settings.state_space == PAPER:
         state[3] = max(state[3], 0.0)
         state[4] = max(state[4], 0.0)
-        state[5] = min(max(state[5], SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT)
-        if not has_lagged_velocity(settings.contact_model):
-            state[6] = min(max(state[6], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+    state[5] = min(max(state[5], SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT)
+    if not has_lagged_velocity(settings.contact_model):
+        state[6] = min(max(state[6], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
 
 
 @compiled
 def is_lost(settings: Any, state: NDArray[np.float64]) -> bool:
-    """True if the parameters are so far from any tissue that no data would bring them back.
-
-    Never for `paper` without limit_parameters: that is the papers' filter to the letter.
-    """
-    if settings.state_space == PAPER and settings.limit_parameters == 0:
+    """True if the parameters are so far from any tissue that no data would bring them back."""
+    if is_literal(settings):
         return False
     largest = LOST_LOG if settings.state_space == KINEMATIC else LOST_VALUE
-    if abs(state[3]) > largest or abs(state[4]) > largest:
-        return True
-    if abs(state[5] - 2.0) > LOST_EXPONENT:
-        return True
-    return bool(
-        abs(state[6] - 1.5) > LOST_EXPONENT and not has_lagged_velocity(settings.contact_model)
-    )
+    return bool(abs(state[3]) > largest or abs(state[4]) > largest)
 
 
 @compiled

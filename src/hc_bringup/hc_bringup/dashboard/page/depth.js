@@ -48,8 +48,10 @@ HC.DepthPanel = class {
     const depth = [];
     const force = [];
     for (let row = from; row < view.to; row++) {
+      const felt = store.at(row, "force");
+      if (felt !== felt) continue; // the sensor is slower than the rows
       depth.push(store.at(row, "displacement"));
-      force.push(store.at(row, "force"));
+      force.push(felt);
     }
     const xs = HC.extent(depth);
     const ys = HC.extent(force);

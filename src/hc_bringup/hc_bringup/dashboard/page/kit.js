@@ -242,9 +242,11 @@ HC.toggleTheme = () => HC.setTheme(HC.isDark() ? "light" : "dark");
 
 /* Series in the house's style. */
 HC.line = (colour, more) => ({
-  stroke: () => HC.palette[colour], width: 1.5, points: { show: false }, ...more,
+  stroke: () => HC.palette[colour], width: 1.5, points: { show: false }, spanGaps: true, ...more,
 });
-HC.hidden = () => ({ stroke: "transparent", width: 0, points: { show: false } });
+HC.hidden = () => ({
+  stroke: "transparent", width: 0, points: { show: false }, spanGaps: true,
+});
 HC.bandFill = (colour, alpha) => () => HC.withAlpha(HC.palette[colour], alpha);
 
 /* A range around what is drawn, that grows at once and shrinks slowly, so that axes keep still. */
@@ -276,7 +278,7 @@ HC.CalmRange = class {
    Wilson and Hilferty. */
 HC.nisBand = function (table, count) {
   if (!count) return [null, null];
-  if (count <= table.length) return table[count - 1];
+  if (count <= table.length) return table[Math.max(1, Math.round(count)) - 1];
   const degrees = 2 * count;
   const spread = Math.sqrt(2 / (9 * degrees));
   return [-1.959964, 1.959964].map((z) => 2 * (1 - 2 / (9 * degrees) + z * spread) ** 3);

@@ -86,7 +86,7 @@ HC.numbers = function (packed) {
 };
 
 /* Columns of a view as arrays for uPlot: null where there is nothing. `specs` lists
-   [name, kind]: last, min, max, sum or any of a group. */
+   [name, kind]: last (that is there), min, max, sum or any of a group. */
 HC.take = function (view, specs) {
   const { store, group } = view;
   const out = specs.map(() => []);
@@ -98,7 +98,9 @@ HC.take = function (view, specs) {
       const place = store.place[name];
       let value = NaN;
       if (kind === "last") {
-        value = store.data[((end - 1) % store.capacity) * store.width + place];
+        for (let row = end - 1; row >= begin && value !== value; row--) {
+          value = store.data[(row % store.capacity) * store.width + place];
+        }
       } else {
         for (let row = begin; row < end; row++) {
           const one = store.data[(row % store.capacity) * store.width + place];

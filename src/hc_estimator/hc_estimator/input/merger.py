@@ -1,0 +1,216 @@
+"""Brings the readings of two sensors, with rates and delays of their own, into one stream.
+
+Every reading goes on at its own stamp, nothing is interpolated: a sample holds both readings where
+the stamps are equal, otherwise one of the two is NaN. Samples come out in the order of their
+stamps. A reading therefore waits for the other sensor as long as that may still bring an older
+one, but never longer than a bound. What comes later is dropped and counted, and so are the
+readings of a sensor that is alone: they say nothing of a tissue. At the start, and after a pause, a
+displacement comes first: a force alone would be that of a tool whose place nobody knows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from bisect import bisect_left
+from typing import NamedTuple
+
+JUMP_NS = 1_000_000_000
+"""A stamp so far behind the newest of its sensor is no late message: the clock was set back."""
+
+TOLERANCE_NS = 1_000
+"""Stamps that differ by no more are one: drivers round them."""
+
+LONGEST_QUEUE = 10_000
+"""Readings that wait at most, whatever the stamps say."""
+
+_NEVER = -(2**63)
+
+
+class Merged(NamedTuple):
+    """What the sensors read at one stamp; NaN for a sensor that has no reading there."""
+
+    stamp_ns: int
+    sequence: int
+    displacement_mm: float
+    force_n: float
+
+
+@dataclasses.dataclass
+class MergerCounters:
+    """What became of the readings that are in no sample.
+
+    Attributes:
+        late: came after their place in the stream had passed, or repeated a stamp.
+        unpaired: the other sensor had no reading near them in time, or they were forces before the
+            first displacement.
+        resets: times the clock was set back.
+    """
+
+    late: int = 0
+    unpaired: int = 0
+    resets: int = 0
+
+
+class _Reading(NamedTuple):
+    stamp_ns: int
+    value: float
+    arrival_ns: int
+
+
+class _Sensor:
+    """Readings of one sensor that wait, oldest first."""
+
+    __slots__ = ("last_ns", "newest_ns", "waiting")
+
+    def __init__(self) -> None:
+        self.waiting: list[_Reading] = []
+        self.forget()
+
+    def forget(self) -> None:
+        self.waiting.clear()
+        self.newest_ns = self.last_ns = _NEVER  # newest that came; last that was taken out
+
+    def insert(self, reading: _Reading) -> bool:
+        """Put a reading in its place; False if there is one with its stamp."""
+        waiting = self.waiting
+        if not waiting or reading.stamp_ns > waiting[-1].stamp_ns:
+            waiting.append(reading)
+        else:
+            place = bisect_left(waiting, reading.stamp_ns, key=_stamp)
+            if waiting[place].stamp_ns == reading.stamp_ns:
+                return False
+            waiting.insert(place, reading)
+        self.newest_ns = max(self.newest_ns, reading.stamp_ns)
+        return True
+
+    def take(self) -> float:
+        """Take out the oldest."""
+        reading = self.waiting.pop(0)
+        self.last_ns = reading.stamp_ns
+        return reading.value
+
+    def is_near(self, stamp_ns: int, gap_ns: int) -> bool:
+        """Whether there is a reading within a time before or after."""
+        if abs(stamp_ns - self.last_ns) <= gap_ns:
+            return True
+        return bool(self.waiting) and self.waiting[0].stamp_ns - stamp_ns <= gap_ns
+
+
+class Merger:
+    """Two streams of readings in, one stream of samples out, in the order of the stamps.
+
+    Attributes:
+        counters: what was dropped, and why.
+    """
+
+    def __init__(
+        self, *, maximum_wait_ns: int, reorder_window_ns: int, maximum_gap_ns: int
+    ) -> None:
+        """Make a merger.
+
+        Args:
+            maximum_wait_ns: how long a reading waits for the other sensor, both by the stamps of
+                its own sensor and by the times of arrival: a program that was held up finds a
+                second of one sensor before the first message of the other, and a recording that
+                is played slowly has its other reading come long after, yet nothing is late.
+            reorder_window_ns: for how long every reading waits for those of either sensor that
+                come out of order.
+            maximum_gap_ns: a reading further than this from any of the other sensor is dropped.
+        """
+        self.maximum_wait_ns = maximum_wait_ns
+        self.reorder_window_ns = reorder_window_ns
+        self.maximum_gap_ns = maximum_gap_ns
+        self.counters = MergerCounters()
+        self._displacement = _Sensor()
+        self._force = _Sensor()
+        self._released_ns = _NEVER
+        self._sequence = 0
+
+    def add_displacement(
+        self, stamp_ns: int, displacement_mm: float, arrival_ns: int
+    ) -> list[Merged]:
+        """Take in a displacement reading; return the samples that wait for nothing any more.
+
+        Args:
+            stamp_ns: when it was measured.
+            displacement_mm: the reading [mm].
+            arrival_ns: when it came, by a clock that goes on steadily.
+        """
+        return self._add(self._displacement, _Reading(stamp_ns, displacement_mm, arrival_ns))
+
+    def add_force(self, stamp_ns: int, force_n: float, arrival_ns: int) -> list[Merged]:
+        """Take in a force reading [N]; the rest as in `add_displacement`."""
+        return self._add(self._force, _Reading(stamp_ns, force_n, arrival_ns))
+
+    def flush(self) -> list[Merged]:
+        """Return what waits: a recording is over."""
+        return self._release(None)
+
+    def skip(self, number: int) -> None:
+        """Leave a gap in the numbers for readings that were left out before they came here."""
+        self._sequence += number
+
+    def clear(self) -> None:
+        """Drop what waits: readings to come are of other sensors, or read otherwise."""
+        for sensor in (self._displacement, self._force):
+            self.counters.unpaired += len(sensor.waiting)
+            sensor.forget()
+        self._released_ns = _NEVER
+
+    def _add(self, sensor: _Sensor, reading: _Reading) -> list[Merged]:
+        if reading.stamp_ns < sensor.newest_ns - JUMP_NS:
+            self.counters.resets += 1
+            self.clear()
+        if reading.stamp_ns <= self._released_ns or not sensor.insert(reading):
+            self.counters.late += 1
+            return []
+        return self._release(reading.arrival_ns)
+
+    def _release(self, now_ns: int | None) -> list[Merged]:
+        """Return what need not wait any more, oldest first; all of it without a time."""
+        result: list[Merged] = []
+        displacement, force = self._displacement, self._force
+        while displacement.waiting or force.waiting:
+            first, other = displacement, force
+            if not first.waiting or (
+                other.waiting and other.waiting[0].stamp_ns < first.waiting[0].stamp_ns
+            ):
+                first, other = other, first
+            oldest = first.waiting[0]
+            if now_ns is not None and not self._may_go(first, other, oldest, now_ns):
+                break
+            stamp_ns = oldest.stamp_ns
+            near = other.is_near(stamp_ns, self.maximum_gap_ns)
+            values = {first: first.take()}
+            if other.waiting and other.waiting[0].stamp_ns - stamp_ns <= TOLERANCE_NS:
+                stamp_ns = other.waiting[0].stamp_ns
+                values[other] = other.take()
+            sequence, self._sequence = self._sequence, self._sequence + 1
+            begun = stamp_ns - self._released_ns <= self.maximum_gap_ns
+            if not (near and (begun or displacement in values)):
+                self.counters.unpaired += len(values)
+                continue
+            self._released_ns = stamp_ns
+            result.append(
+                Merged(
+                    stamp_ns,
+                    sequence,
+                    values.get(displacement, math.nan),
+                    values.get(force, math.nan),
+                )
+            )
+        return result
+
+    def _may_go(self, first: _Sensor, other: _Sensor, oldest: _Reading, now_ns: int) -> bool:
+        """Whether nothing older can come, or the wait for it is over."""
+        if min(first.newest_ns, other.newest_ns) - self.reorder_window_ns >= oldest.stamp_ns:
+            return True
+        wait_ns = self.maximum_wait_ns
+        if first.newest_ns - oldest.stamp_ns >= wait_ns and now_ns - oldest.arrival_ns >= wait_ns:
+            return True
+        return len(first.waiting) > LONGEST_QUEUE
+
+
+def _stamp(reading: _Reading) -> int:
+    return reading.stamp_ns

@@ -1,0 +1,93 @@
+"""No row may expect a force far beyond what was ever felt, where depth and speed are not new.
+
+A recursive filter whose linearisation broke down, or that learnt from a wrong motion, can stand at
+parameters whose law explodes a moment later. Such a row is no hypothesis any more: it begins anew
+from a row that is possible, or, if there is none, from its own stiffness brought down to what was
+felt, with parameters let go.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.hypotheses import (
+    DEPTH,
+    LOG_DAMPING,
+    LOG_STIFFNESS,
+    VELOCITY,
+)
+from hc_estimator.multiple_model.kalman import force_of_row
+from hc_estimator.multiple_model.rows import free_parameters, seed
+
+LARGEST_FACTOR = 2.5  # of the largest force felt
+NOISE = 10.0  # deviations of the force sensor that are added to it
+FELT_TIME = 0.1  # in contact before it means anything [s]
+NOWHERE = 1e9  # [mm]
+DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p of a row brought down
+
+
+@compiled
+def reset(tool: Any) -> None:
+    """Nothing was felt so far."""
+    tool.deepest = -NOWHERE
+    tool.fastest = 0.0
+    tool.largest_force = 0.0
+
+
+@compiled
+def learn(tool: Any, row: Any, force: float) -> None:
+    """Take a sample in contact: force reading [N], motion of the chosen row."""
+    tool.deepest = max(tool.deepest, row.state[DEPTH])
+    tool.fastest = max(tool.fastest, abs(row.state[VELOCITY]))
+    tool.largest_force = max(tool.largest_force, force)
+
+
+@compiled
+def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) -> None:
+    """Note what every row expects of the sample, and begin impossible rows anew.
+
+    Args:
+        settings: settings record.
+        rows: predicted to the sample; predicted_force is written.
+        tool: what was felt.
+        chosen: index of the row in charge.
+        force_noise: variance of the force sensor [N^2].
+    """
+    largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(force_noise)
+    felt = tool.contact_clock > FELT_TIME
+    possible = -1
+    for m in range(rows.shape[0]):
+        row = rows[m]
+        if row.active == 0:
+            continue
+        row.predicted_force = force_of_row(settings, row, 0.0)
+        if _is_possible(row, tool, felt, largest) and (possible < 0 or m == chosen):
+            possible = m
+    for m in range(rows.shape[0]):
+        row = rows[m]
+        if row.active == 0 or _is_possible(row, tool, felt, largest):
+            continue
+        if possible >= 0:
+            seed(rows[possible], row, tool.contact_clock, tool.contact_clock)
+        else:
+            _bring_down(settings, row, largest)
+        row.predicted_force = force_of_row(settings, row, 0.0)
+
+
+@compiled
+def _is_possible(row: Any, tool: Any, felt: bool, largest: float) -> bool:
+    """False if the row expects far more than was felt at a depth and a speed that are not new."""
+    if not felt or row.state[DEPTH] > tool.deepest or abs(row.state[VELOCITY]) > tool.fastest:
+        return True
+    return bool(abs(row.predicted_force) <= largest)
+
+
+@compiled
+def _bring_down(settings: Any, row: Any, largest: float) -> None:
+    """Scale the law to the largest force that is possible; its parameters are let go."""
+    shift = math.log(largest / abs(row.predicted_force))
+    row.state[LOG_STIFFNESS] += shift
+    row.state[LOG_DAMPING] += shift
+    free_parameters(settings, row, DEVIATIONS)

@@ -1,0 +1,267 @@
+"""After whatever came in, ten seconds of good data give the tissue; and nothing is ever unsound.
+
+`hostile` is everything that sensors, clocks and wires can do wrong, in phases; hypothesis puts the
+phases together.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import hc_estimator as hc
+from hc_estimator import Rejection
+
+COMBINATIONS = [(f, s) for f in hc.available_filters() for s in hc.available_state_spaces(f)]
+RATE = 500.0
+TISSUE = (0.2, 0.009, 1.8, 1.05)
+# `rls` is biased where the damping force is not small, by its linearisation.
+HARDLY_DAMPED = (0.5, 0.001, 1.6, 1.0)
+
+
+def palpation(plant, seconds, parameters=TISSUE, seed=77, rate=RATE, force_noise=0.01):
+    time = np.arange(round(seconds * rate)) / rate
+    d, v = plant.motion(time)
+    force = plant.force(d, v, *parameters)
+    return (time, *plant.noisy(d, force, seed, force_noise=force_noise))
+
+
+def gaps(rng, time, d, force):
+    return time * rng.choice([30.0, 30_000.0]), d, force
+
+
+def stamps(rng, time, d, force):
+    time = time + rng.choice([0.0, 1e5, -1e3])
+    where = rng.random(time.size) < 0.1
+    where[-1] = False
+    return (
+        np.where(where, rng.choice([np.nan, np.inf, -1e9, 1e-300, 1e12], time.size), time),
+        d,
+        force,
+    )
+
+
+def disorder(rng, time, d, force):
+    return time + rng.choice([1e-9, 1e-3, 0.1]) * rng.standard_normal(time.size), d, force
+
+
+def nothing(rng, time, d, force):
+    share = rng.choice([0.05, 0.5, 1.0])
+    bad = [np.nan, np.inf, -np.inf, 1e9, -1e308, 5e-324]
+    for values in (d, force):
+        where = rng.random(time.size) < share
+        values[where] = rng.choice(bad, where.sum())
+    return time, d, force
+
+
+def nonsense(rng, time, d, force):
+    which = rng.integers(1, 4)
+    if which & 1:
+        d = rng.uniform(-900, 900, time.size)
+    if which & 2:
+        force = rng.uniform(-900, 900, time.size)
+    return time, d, force
+
+
+def spikes(rng, time, d, force):
+    for values in (d, force):
+        where = rng.random(time.size) < 0.2
+        values[where] = rng.uniform(-900, 900, where.sum())
+    return time, d, force
+
+
+def stuck(rng, time, d, force):
+    return time, np.full_like(d, d[0]), np.full_like(force, rng.choice([0.0, 1.0, -1.0]))
+
+
+def another_law(rng, time, d, force):
+    return time, d, rng.choice([-1.0, 1e-3, 300.0]) * force
+
+
+def no_force_in_depth(rng, time, d, force):
+    return time, d, 0.0 * force
+
+
+def jumps(rng, time, d, force):
+    return time, d, force * np.repeat(10.0 ** rng.uniform(-3, 3, time.size // 50), 50)
+
+
+def wandering(rng, time, d, force):
+    return time, np.cumsum(rng.standard_cauchy(time.size)), force
+
+
+PHASES = [gaps, stamps, disorder, nothing, nonsense, spikes, stuck, another_law]
+PHASES += [wandering, no_force_in_depth, jumps]
+ORDERS = st.lists(
+    st.tuples(st.sampled_from(range(len(PHASES))), st.integers(0, 2**32 - 1)),
+    min_size=1,
+    max_size=3,
+)
+
+
+def hostile(plant, estimator, order, samples=500):
+    """Feed the phases one after another; a stamp after which the good data may begin.
+
+    Whatever they leave can be saved and restored.
+    """
+    start = 0.0
+    for index, seed in order:
+        readings = palpation(plant, samples / RATE, seed=seed % 1000)
+        time, d, force = PHASES[index](np.random.default_rng(seed), *readings)
+        series = estimator.run(start + time, d, force)
+        assert_sound(series)
+        usual = time[np.isfinite(time) & (np.abs(time) < 1e8)]
+        start += max(usual.max(initial=0.0), 0.0) + 0.01
+        estimator.restore(json.loads(json.dumps(estimator.state())))
+    return start
+
+
+def assert_sound(series):
+    """Finite, in range, and a covariance that is one, after every sample."""
+    for name in ("parameters", "covariance", "force_reconstructed", "displacement", "velocity"):
+        assert np.isfinite(getattr(series, name)).all(), name
+    assert (series.parameters[:, 0] >= 0.0).all()
+    np.testing.assert_array_equal(series.covariance, series.covariance.transpose(0, 2, 1))
+    scale = np.sqrt(np.einsum("kii->ki", series.covariance)) + 1e-300
+    correlation = series.covariance / scale[:, :, None] / scale[:, None, :]
+    assert np.linalg.eigvalsh(correlation).min(initial=0.0) > -1e-9
+    assert (series.force_noise_std > 0).all()
+    assert (series.displacement_noise_std > 0).all()
+    used = series.rejected == Rejection.ACCEPTED
+    assert np.isfinite(series.nis[used]).all()
+    assert (series.nis[used] >= 0).all()
+
+
+def after(plant, filter_name, state_space, order):
+    """The estimates on ten seconds of good data after the phases, and without them."""
+    parameters = HARDLY_DAMPED if filter_name == "rls" else TISSUE
+    noise = 0.002 if filter_name == "rls" else 0.01
+    time, d, force = palpation(plant, 10.0, parameters, force_noise=noise)
+    estimator = hc.create_estimator(filter_name, state_space=state_space)
+    start = hostile(plant, estimator, order)
+    series = estimator.run(start + time, d, force)
+    assert_sound(series)
+    assert np.mean(series.rejected[-1000:] == Rejection.ACCEPTED) > 0.95
+    clean = hc.create_estimator(filter_name, state_space=state_space).run(time, d, force)
+    return series, clean, force
+
+
+STUCK_NOISE = pytest.mark.xfail(
+    strict=True,
+    reason="the recursive R, weighed by 1 / J, keeps the level of a nonsense force for minutes",
+)
+EXACT = [
+    pytest.param(*c, marks=STUCK_NOISE) if c[0] == "raukf" else c
+    for c in COMBINATIONS
+    if c[0] not in ("self_tuning_ukf", "sir_pf", "rbpf")
+]
+
+
+@pytest.mark.parametrize(("filter_name", "state_space"), EXACT)
+@given(order=ORDERS)
+@settings(
+    max_examples=12,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_ten_seconds_of_good_data_give_the_stiffness(filter_name, state_space, order, plant):
+    """Within 1 % of what the filter says without the phases.
+
+    On `paper`, which is 1 to 4 % off itself on these data, within 3 %.
+    """
+    series, clean, _ = after(plant, filter_name, state_space, order)
+    rel = 0.01 if state_space == "kinematic" else 0.03
+    assert series.parameters[-1, 0] == pytest.approx(clean.parameters[-1, 0], rel=rel)
+
+
+@given(order=ORDERS)
+@settings(
+    max_examples=3,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_ten_seconds_of_good_data_give_the_stiffness_to_the_gaussian_mixture(order, plant):
+    series, clean, _ = after(plant, "rbpf", "kinematic", order)
+    assert series.parameters[-1, 0] == pytest.approx(clean.parameters[-1, 0], rel=0.01)
+
+
+@pytest.mark.parametrize("phase", [gaps, nonsense, jumps], ids=lambda phase: phase.__name__)
+def test_the_particle_filter_follows_the_force_again(phase, plant):
+    """Its K is 10 to 50 % off on the best of data with its 50 particles; its forces are less so."""
+    series, _, force = after(plant, "sir_pf", "kinematic", [(PHASES.index(phase), 1)])
+    error = (series.force_predicted - force)[-1000:]
+    assert np.sqrt(np.nanmean(error**2)) < 0.3 * np.sqrt(np.mean(force[-1000:] ** 2))
+
+
+# Of twelve seeds: stuck 8, another_law 4, jumps 9 times more than 1 % off.
+LOST = {
+    stuck: "a model error of newtons outlives 10 s of good data, K 40 % off",
+    another_law: "the same, K off by any factor",
+    jumps: "the same, K off by any factor",
+}
+
+
+@pytest.mark.parametrize(
+    "phase",
+    [
+        pytest.param(phase, marks=pytest.mark.xfail(strict=True, reason=LOST[phase]))
+        if phase in LOST
+        else phase
+        for phase in PHASES
+    ],
+    ids=lambda phase: phase.__name__,
+)
+def test_ten_seconds_of_good_data_give_the_stiffness_to_the_default(phase, plant):
+    for seed in range(6):
+        order = [(PHASES.index(phase), seed)]
+        series, clean, _ = after(plant, "self_tuning_ukf", "kinematic", order)
+        assert clean.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.005)
+        assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.01), f"seed {seed}"
+
+
+@pytest.mark.parametrize("missing", [False, True], ids=["pairs", "missing"])
+@given(order=ORDERS)
+@settings(
+    max_examples=30,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+def test_the_default_is_sound_after_every_sample(missing, order, plant):
+    hostile(plant, hc.create_estimator("self_tuning_ukf", missing_readings=missing), order)
+
+
+@pytest.mark.parametrize("filter_name", ["self_tuning_ukf", "ukf", "ekf", "raukf", "rls"])
+def test_gaps_of_minutes_are_bridged(filter_name, real):
+    """Regression: 3,112 of these 25,000 samples were used once, and K was 1 +- 2."""
+    samples = real("hostile/gaps_600s.csv")
+    series = hc.create_estimator(filter_name).run(*samples)
+    assert np.mean(series.rejected == Rejection.ACCEPTED) > 0.9
+    if filter_name != "rls":  # biased anyway
+        assert series.parameters[-1, 0] == pytest.approx(0.5, rel=0.02)
+
+
+# `raukf` and `rls` take the first such force after half a second for a sensor gone noisy.
+WATCHED = ["self_tuning_ukf", "ukf", "ekf", "rwstukf", "rbpf"]
+
+
+@pytest.mark.parametrize("filter_name", WATCHED)
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_who_refuses_everything_for_a_second_starts_anew_and_says_so(filter_name, rate, plant):
+    """A force that no tissue gives, and a gate that never opens by itself."""
+    time, d, force = palpation(plant, 4.0, rate=rate)
+    estimator = hc.create_estimator(filter_name, outlier_limit=1_000_000)
+    before = estimator.run(time, d, force)[-1]
+    bad = estimator.run(4.0 + time, d, force + 500.0)
+    told = np.flatnonzero(bad.change_detected)
+    assert told.size
+    refused = bad.rejected[: told[0]] == Rejection.OUTLIER
+    assert np.mean(refused) > 0.8
+    if refused.all():  # a motion begun anew after half a second may have let one through
+        assert 1.0 < time[told[0]] < 1.1
+    assert time[told[0]] < 2.1
+    assert bad.parameters_std[told[0], 0] > 3.0 * before.parameters_std[0]

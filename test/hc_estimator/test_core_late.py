@@ -1,0 +1,79 @@
+"""Readings that come late: whatever the order of arrival, the numbers are those of the right."""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+
+PARAMETERS = (0.2, 0.009, 1.8, 1.05)
+LATE = {"missing_readings": True, "reorder_window": 0.05}
+
+
+def two_channels(plant, seconds=2.0, pose_rate=250.0, wrench_rate=500.0):
+    """Pose and wrench, each at stamps of its own: time, displacement or NaN, force or NaN."""
+    pose = np.arange(round(seconds * pose_rate)) / pose_rate
+    wrench = np.arange(round(seconds * wrench_rate)) / wrench_rate + 0.37e-3
+    d, _ = plant.noisy(*plant.motion(pose), seed=3)
+    _, force = plant.noisy(wrench, plant.force(*plant.motion(wrench), *PARAMETERS), seed=4)
+    time = np.concatenate([pose, wrench])
+    order = np.argsort(time, kind="stable")
+    d = np.concatenate([d, np.full(wrench.size, np.nan)])[order]
+    force = np.concatenate([np.full(pose.size, np.nan), force])[order]
+    return time[order], d, force
+
+
+def arrival(time, d, seed, latest):
+    """Order in which the readings arrive: poses late by up to `latest`, each by its own time."""
+    rng = np.random.default_rng(seed)
+    delay = np.where(np.isnan(d), 0.0, rng.uniform(0.0, latest, time.size))
+    delay[0] = 0.0  # nothing can be used before the first pose
+    return np.argsort(time + delay, kind="stable")
+
+
+def numbers(series):
+    return np.column_stack(
+        [series.parameters, series.parameters_std, series.displacement, series.force_reconstructed]
+    )
+
+
+@pytest.mark.parametrize("filter_name", ["self_tuning_ukf", "ukf", "sir_pf"])
+@pytest.mark.parametrize("pieces", [1, 7, 10_000], ids=["run", "pieces", "step"])
+def test_late_readings_within_the_window_change_no_bit(filter_name, pieces, plant):
+    time, d, force = two_channels(plant, seconds=0.6 if filter_name == "sir_pf" else 2.0)
+    order = arrival(time, d, 5, 0.03)
+    assert np.mean(np.diff(time[order]) < 0.0) > 0.2  # most poses are late
+    in_order = hc.create_estimator(filter_name, **LATE)
+    expected = in_order.run(time, d, force)
+    late = hc.create_estimator(filter_name, **LATE)
+    parts = [
+        late.run(time[k], d[k], force[k]) for k in np.array_split(order, min(pieces, time.size))
+    ]
+    rejected = np.concatenate([part.rejected for part in parts])
+    np.testing.assert_array_equal(rejected, expected.rejected[order])
+    assert late.state()["memory"] == in_order.state()["memory"]
+    np.testing.assert_array_equal(numbers(parts[-1])[-1], numbers(expected)[-1])
+
+
+def test_a_reading_beyond_the_window_is_refused_and_changes_nothing(plant):
+    time, d, force = two_channels(plant)
+    estimator = hc.create_estimator("self_tuning_ukf", **LATE)
+    estimator.run(time, d, force)
+    before = estimator.state()["memory"]
+    late = estimator.step(time[-1] - 0.06, 3.0, None)
+    assert late.rejected is hc.Rejection.TIME_BACKWARD
+    after = estimator.state()["memory"]
+    for name in set(before) - {"clock"}:  # which counts how many came
+        if name == "change":
+            continue  # whether one was detected is told of the present sample
+        assert after[name] == before[name], name
+
+
+def test_a_late_reading_that_is_nonsense_is_refused_in_its_place(plant):
+    time, d, force = two_channels(plant)
+    clean = hc.create_estimator("self_tuning_ukf", **LATE)
+    clean.run(time, d, force)
+    dirty = hc.create_estimator("self_tuning_ukf", **LATE)
+    dirty.run(time[:800], d[:800], force[:800])
+    assert dirty.step(time[799] - 0.0101, 5000.0, None).rejected is hc.Rejection.OUT_OF_RANGE
+    dirty.run(time[800:], d[800:], force[800:])
+    assert dirty.state()["memory"]["rows"] == clean.state()["memory"]["rows"]

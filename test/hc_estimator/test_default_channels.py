@@ -1,0 +1,94 @@
+"""Channels that are out of step: the default filter finds the delay, and invents none."""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+
+TISSUE = (0.5, 0.03, 1.7, 1.0)
+
+
+def late(plant, delay, seconds=10.0, rate=500.0, seed=1, tissue=TISSUE):
+    """Readings of which the force is late by some time [s], early if that is negative."""
+    time = np.arange(round(seconds * rate)) / rate
+    d, _ = plant.motion(time)
+    force = plant.force(*plant.motion(time - delay), *tissue)
+    return (time, *plant.noisy(d, force, seed))
+
+
+@pytest.mark.parametrize("delay", [0.03, -0.03, 0.012, -0.055])
+def test_a_delay_is_found_within_two_milliseconds(delay, plant):
+    time, d, force = late(plant, delay)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d, force)
+    assert series.channel_delay[-1] == pytest.approx(delay, abs=2e-3)
+    found = np.abs(series.channel_delay - delay) < 2e-3
+    assert time[np.argmax(found)] < 8.0
+    assert np.all(found[np.argmax(found) :])
+    assert abs(series.channel_delay[-1] - delay) < 5.0 * series.channel_delay_std[-1]
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.02)
+    assert series.parameters[-1, 1] == pytest.approx(TISSUE[1], rel=0.1)
+    assert not series.change_detected.any()
+    assert not series.model_mismatch[-1000:].any()
+
+
+@pytest.mark.parametrize("damping", [0.001, 0.03, 0.09], ids=["hardly", "usual", "separates"])
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_no_delay_is_invented(damping, rate, plant):
+    samples = late(plant, 0.0, rate=rate, tissue=(0.5, damping, 1.7, 1.0))
+    series = hc.create_estimator("self_tuning_ukf").run(*samples)
+    assert np.abs(series.channel_delay).max() < 2e-3
+    np.testing.assert_allclose(series.parameters[-1, 0], 0.5, rtol=0.02)
+
+
+@pytest.mark.parametrize("delay", [0.02, -0.02])
+def test_readings_that_come_alone_are_put_in_step_as_well(delay, plant):
+    """Pose at 125 Hz, wrench at 500 Hz."""
+    time, d, force = late(plant, delay, seconds=12.0)
+    alone = np.repeat(time, 2)
+    alone[1::2] += 0.37e-3
+    nothing = np.full(time.size, np.nan)
+    pose = np.where(np.arange(time.size) % 4 == 0, d, np.nan)
+    pose = np.column_stack([pose, nothing]).ravel()
+    wrench = np.column_stack([nothing, force]).ravel()
+    there = np.isfinite(pose) | np.isfinite(wrench)
+    estimator = hc.create_estimator("self_tuning_ukf", missing_readings=True)
+    series = estimator.run(alone[there], pose[there], wrench[there])
+    assert series.channel_delay[-1] == pytest.approx(delay - 0.37e-3, abs=2e-3)
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.02)
+    assert np.mean(series.rejected == 0) > 0.99
+    assert np.mean(series.model_mismatch[-2000:]) < 0.02
+
+
+@pytest.mark.parametrize("first", ["displacement", "force"])
+@pytest.mark.parametrize("delay", [0.0, 0.02, -0.02])
+def test_two_readings_of_one_stamp_are_both_used_whichever_comes_first(delay, first, plant):
+    """Regression: the one held back was taken for another of that stamp, and all of it refused."""
+    time, d, force = late(plant, delay, seconds=4.0)
+    nothing = np.full(time.size, np.nan)
+    pair = [np.column_stack(c).ravel() for c in ((d, nothing), (nothing, force))]
+    if first == "force":
+        pair = [np.column_stack(c).ravel() for c in ((nothing, d), (force, nothing))]
+        pair = [np.concatenate([[d[0], np.nan], pair[0][2:]]), pair[1]]
+        pair[1][:2] = np.nan, force[0]
+    estimator = hc.create_estimator("self_tuning_ukf", missing_readings=True, channel_delay=delay)
+    series = estimator.run(np.repeat(time, 2), *pair)
+    assert np.mean(series.rejected == 0) > 0.99
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.02)
+
+
+def test_a_delay_that_is_given_is_used_and_not_looked_for(plant):
+    samples = late(plant, 0.025)
+    estimator = hc.create_estimator("self_tuning_ukf", channel_delay=0.025)
+    series = estimator.run(*samples)
+    assert np.all(series.channel_delay == 0.025)
+    np.testing.assert_allclose(series.parameters[-1], TISSUE, rtol=0.02)
+    off = hc.create_estimator("self_tuning_ukf", channel_delay=0.0).run(*samples)
+    assert np.all(off.channel_delay == 0.0)
+    assert abs(off.parameters[-1, 1] / TISSUE[1] - 1.0) > 0.1
+
+
+def test_the_horse_is_late_in_one_recording_and_not_in_the_other(real):
+    for name, delay in (("raw", -0.03), ("aligned", 0.0)):
+        samples = real(f"palpation_sine_horse_{name}.csv")
+        series = hc.create_estimator("self_tuning_ukf").run(*samples)
+        assert series.channel_delay[-1] == pytest.approx(delay, abs=5e-3), name
