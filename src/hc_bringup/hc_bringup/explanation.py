@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 Array = NDArray[np.float64]
 
@@ -168,6 +167,8 @@ def _fit(
     time_s: Array, depth_mm: Array, force_n: Array, delay_s: float, contact_mm: float, zero: bool
 ) -> tuple[float, float]:
     """Return what is left of the force, and the zero that was fitted; the best exponent of many."""
+    from scipy.signal import savgol_filter  # takes two seconds to import, and few runs need it
+
     depth = np.interp(time_s - delay_s, time_s, depth_mm) - contact_mm
     step = float(time_s[1] - time_s[0])
     window = max(5, min(len(depth) // 4, round(0.03 / step)) | 1)
