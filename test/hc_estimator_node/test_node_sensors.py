@@ -226,9 +226,6 @@ def test_a_slow_and_late_pose_gives_the_tissue_and_its_bag_verifies_to_the_last_
     assert report.differences == []
     assert report.compared == len(estimates) > 2900
     assert report.not_comparable == 0
-    print(
-        "K found", found, "true", plant.parameters, "mismatch", np.mean(estimates["model_mismatch"])
-    )
 
 
 def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
