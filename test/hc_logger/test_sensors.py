@@ -104,7 +104,7 @@ def test_a_time_offset_moves_the_force_against_the_position(tmp_path: Path) -> N
     np.testing.assert_allclose(depth[has_depth], 2.0 * t[has_depth], atol=1e-9)
     np.testing.assert_allclose(force[has_force], 3.0 * (t[has_force] + 0.03) + 0.5, atol=1e-12)
     assert (np.count_nonzero(has_depth), np.count_nonzero(has_force)) == (101, 971)
-    assert recording.findings.problems == ("30 readings of a sensor that was alone were left out",)
+    assert recording.findings.problems == ("30 readings left out of a sensor that was alone",)
 
 
 def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:
