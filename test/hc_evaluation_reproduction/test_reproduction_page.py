@@ -28,6 +28,7 @@ def _marked(text: str) -> dict[tuple[str, str], str]:
     return {(name, column): value for name, column, value in rows}
 
 
+@pytest.mark.slow
 def test_the_page_says_what_the_quick_command_finds(quick_campaign: Campaign) -> None:
     printed = _marked(DOCUMENT.read_text(encoding="utf-8"))
     found = {
