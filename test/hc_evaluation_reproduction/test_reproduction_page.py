@@ -13,6 +13,8 @@ import pytest
 from hc_evaluation.reproduction import ReproductionResult, available_experiments, load_experiment
 from hc_evaluation.reproduction.tables import QUICK_BEGIN, QUICK_END, number, quick_numbers
 
+pytestmark = pytest.mark.slow  # a whole campaign: two minutes
+
 Campaign = tuple[ReproductionResult, list[tuple[str, int, int]]]
 
 ROOT = Path(__file__).resolve().parents[2]
