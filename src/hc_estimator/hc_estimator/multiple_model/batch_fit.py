@@ -46,6 +46,8 @@ SPECIFICATIONS = (
     ),
 )
 
+PASSES = 5  # of Levenberg-Marquardt with other weights, at most
+SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 STEPS = 8  # of Levenberg-Marquardt at most
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
@@ -129,12 +131,15 @@ def _fit(settings: Any, history: Any, force_noise: float, velocity_noise: float)
         Variance of the force that the law misses [N^2]; -1 if the fit says nothing.
     """
     count = history.count - histories.oldest(history)
-    for _ in range(2):  # the weights are those of the law found before
+    left, total = math.inf, 0.0
+    for _ in range(PASSES):  # the weights are those of the law found before
         total = _weigh(settings, history, force_noise, velocity_noise)
-        left = _squares(settings, history, history.fit) / count
-        if not _improve(settings, history, 1.0 / min(max(left, 1.0), 1e6)):
+        before = max(_squares(settings, history, history.fit) / count, 1.0)
+        if not _improve(settings, history, 1.0 / min(before, 1e6)):
             return -1.0
-    left = max(_squares(settings, history, history.fit) / count, 1.0)
+        left = max(_squares(settings, history, history.fit) / count, 1.0)
+        if before < SETTLED * left:  # else the samples counted for too little beside the prior
+            break
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
     if not left < max(largest, SMALL_MISFIT):
         return -1.0

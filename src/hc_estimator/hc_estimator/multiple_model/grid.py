@@ -14,6 +14,10 @@ from hc_estimator.multiple_model.records import CANDIDATES, GRID, RAW
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
+# With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack,
+# a share of the half width, the rounding of the stamps would decide, and with it the origin of time.
+SLACK = 1e-3
+EDGE = 1.0 + SLACK
 FEWEST_READINGS = 7  # in it
 LARGEST = 0.064  # delay that is looked for [s]
 WINDOW = 0.5  # [s]
@@ -49,14 +53,14 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
     for back in range(1, min(count, RAW) + 1):
         slot = (count - back) % RAW
         x = (finder.raw_time[channel, slot] - centre) / half
-        if x > 1.0:
+        if x > EDGE:
             continue
-        if x < -1.0:
+        if x < -EDGE:
             break
         y = finder.raw_value[channel, slot] - reference
-        if x < 0.0:
+        if x < -SLACK:
             before += 1
-        else:
+        elif x > SLACK:
             after += 1
         square = x * x
         s0 += 1.0
@@ -110,7 +114,7 @@ def advance(finder: Any) -> bool:
     if finder.grid_count == 0:
         finder.grid_step = max(STEP, slowest)
         finder.grid_next = newest
-    if finder.grid_next > newest:
+    if finder.grid_next > newest + SLACK * half:
         return False
     centre = finder.grid_next
     finder.grid_next += finder.grid_step
