@@ -20,8 +20,9 @@ class Fed:
         )
         self.counters = self.merger.counters
 
-    def displacement(self, stamp, value=0.0, arrival=None):
-        return self.merger.add_displacement(*_times(stamp, value, arrival))
+    def displacement(self, stamp, value=0.0, arrival=None, complete=None):
+        complete_ns = None if complete is None else complete * MS
+        return self.merger.add_displacement(*_times(stamp, value, arrival), complete_ns)
 
     def force(self, stamp, value=0.0, arrival=None):
         return self.merger.add_force(*_times(stamp, value, arrival))
@@ -107,6 +108,28 @@ def test_a_burst_of_one_sensor_does_not_hurry_the_other():
         released += fed.merger.flush()
         assert [s.stamp_ns for s in released] == [i * MS for i in range(300)]
         assert fed.counters.late == fed.counters.unpaired == 0
+
+
+def test_a_second_reading_within_the_rounding_of_a_stamp_does_not_repeat_it():
+    fed = Fed()
+    fed.displacement(0)
+    fed.displacement(1e-6, 1.0)
+    assert told(fed.force(1e-6, 2.0)) == [(1e-6, 0.0, 2.0)]
+    assert fed.counters.late == 1
+
+
+def test_a_program_that_falls_behind_gives_up_no_reading_that_has_come():
+    """Under load the pose's messages were taken in a second before the wrench's that wait."""
+    fed = Fed(wait=50)
+    fed.displacement(0)
+    released = fed.force(0)
+    for stamp in range(8, 1000, 8):
+        fed_now = fed.displacement(stamp, complete=1)  # a force that came at 1 ms still waits
+        assert fed_now == []
+    for stamp in range(1, 1000):
+        released += fed.force(stamp)
+    assert [s.stamp_ns for s in released] == [stamp * MS for stamp in range(993)]
+    assert fed.counters.late == fed.counters.unpaired == 0
 
 
 def test_what_is_later_than_its_place_or_repeats_a_stamp_is_dropped_and_counted():
@@ -227,6 +250,17 @@ def test_memory_stays_bounded_when_no_wait_is_ever_over():
     for i in range(LONGEST_QUEUE + 500):
         fed.displacement(i, arrival=0)
     assert fed.counters.unpaired == 500
+
+
+def test_a_sensor_that_dies_while_its_last_reading_waits_holds_nothing_up():
+    fed = Fed(wait=20, window=5)
+    released = []
+    for stamp in range(500):
+        if stamp <= 100:
+            released += fed.displacement(stamp)
+        released += fed.force(stamp)
+    assert [s.stamp_ns for s in released] == [i * MS for i in range(201)]
+    assert fed.counters.unpaired == 279  # the last 20 still wait
 
 
 def test_sensors_whose_clocks_differ_give_no_samples():

@@ -110,8 +110,8 @@ class Merger:
         """Make a merger.
 
         Args:
-            maximum_wait_ns: how long a reading waits for the other sensor, both by the stamps of
-                its own sensor and by the times of arrival: a program that was held up finds a
+            maximum_wait_ns: how long a reading waits for the other sensor, both by the stamps
+                and by the times of arrival: a program that was held up takes in a
                 second of one sensor before the first message of the other, and a recording that
                 is played slowly has its other reading come long after, yet nothing is late.
             reorder_window_ns: for how long every reading waits for those of either sensor that
@@ -128,20 +128,29 @@ class Merger:
         self._sequence = 0
 
     def add_displacement(
-        self, stamp_ns: int, displacement_mm: float, arrival_ns: int
+        self,
+        stamp_ns: int,
+        displacement_mm: float,
+        arrival_ns: int,
+        complete_ns: int | None = None,
     ) -> list[Merged]:
         """Take in a displacement reading; return the samples that wait for nothing any more.
 
         Args:
             stamp_ns: when it was measured.
             displacement_mm: the reading [mm].
-            arrival_ns: when it came, by a clock that goes on steadily.
+            arrival_ns: when it came.
+            complete_ns: up to which time of arrival all readings of both sensors were taken in;
+                None for that of this one.
         """
-        return self._add(self._displacement, _Reading(stamp_ns, displacement_mm, arrival_ns))
+        reading = _Reading(stamp_ns, displacement_mm, arrival_ns)
+        return self._add(self._displacement, reading, complete_ns)
 
-    def add_force(self, stamp_ns: int, force_n: float, arrival_ns: int) -> list[Merged]:
+    def add_force(
+        self, stamp_ns: int, force_n: float, arrival_ns: int, complete_ns: int | None = None
+    ) -> list[Merged]:
         """Take in a force reading [N]; the rest as in `add_displacement`."""
-        return self._add(self._force, _Reading(stamp_ns, force_n, arrival_ns))
+        return self._add(self._force, _Reading(stamp_ns, force_n, arrival_ns), complete_ns)
 
     def flush(self) -> list[Merged]:
         """Return what waits: a recording is over."""
@@ -158,14 +167,14 @@ class Merger:
             sensor.forget()
         self._released_ns = _NEVER
 
-    def _add(self, sensor: _Sensor, reading: _Reading) -> list[Merged]:
+    def _add(self, sensor: _Sensor, reading: _Reading, complete_ns: int | None) -> list[Merged]:
         if reading.stamp_ns < sensor.newest_ns - JUMP_NS:
             self.counters.resets += 1
             self.clear()
         if reading.stamp_ns <= self._released_ns or not sensor.insert(reading):
             self.counters.late += 1
             return []
-        return self._release(reading.arrival_ns)
+        return self._release(reading.arrival_ns if complete_ns is None else complete_ns)
 
     def _release(self, now_ns: int | None) -> list[Merged]:
         """Return what need not wait any more, oldest first; all of it without a time."""
@@ -181,6 +190,10 @@ class Merger:
             if now_ns is not None and not self._may_go(first, other, oldest, now_ns):
                 break
             stamp_ns = oldest.stamp_ns
+            if stamp_ns <= self._released_ns:  # within the tolerance of the one before
+                first.take()
+                self.counters.late += 1
+                continue
             near = other.is_near(stamp_ns, self.maximum_gap_ns)
             values = {first: first.take()}
             if other.waiting and other.waiting[0].stamp_ns - stamp_ns <= TOLERANCE_NS:
@@ -207,9 +220,10 @@ class Merger:
         if min(first.newest_ns, other.newest_ns) - self.reorder_window_ns >= oldest.stamp_ns:
             return True
         wait_ns = self.maximum_wait_ns
-        if first.newest_ns - oldest.stamp_ns >= wait_ns and now_ns - oldest.arrival_ns >= wait_ns:
+        newest_ns = max(first.newest_ns, other.newest_ns)
+        if newest_ns - oldest.stamp_ns >= wait_ns and now_ns - oldest.arrival_ns >= wait_ns:
             return True
-        return len(first.waiting) > LONGEST_QUEUE
+        return len(first.waiting) + len(other.waiting) > LONGEST_QUEUE
 
 
 def _stamp(reading: _Reading) -> int:
