@@ -189,8 +189,7 @@ class SensorInput:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
         arrival_ns = self._forces.received_ns
-        complete_ns = _earlier(arrival_ns, self._positions.next_ns())
-        self._hand_on(self._merger.add_force(stamp_ns, value, arrival_ns, complete_ns))
+        self._hand_on(self._merger.add_force(stamp_ns, value, arrival_ns, self._complete_ns()))
 
     def _take_joints(self, message: Any) -> None:
         index = 0
@@ -246,10 +245,17 @@ class SensorInput:
     def _add_position(self, stamp: Any, displacement_mm: float) -> None:
         stamp_ns = nanoseconds_from_stamp(stamp) + self._position_offset_ns
         arrival_ns = self._positions.received_ns
-        complete_ns = _earlier(arrival_ns, self._forces.next_ns())
+        complete_ns = self._complete_ns()
         self._hand_on(
             self._merger.add_displacement(stamp_ns, displacement_mm, arrival_ns, complete_ns)
         )
+
+    def _complete_ns(self) -> int | None:
+        """Return when the oldest message that waits came; None if none waits."""
+        force_ns, position_ns = self._forces.next_ns(), self._positions.next_ns()
+        if force_ns is None or position_ns is None:
+            return position_ns if force_ns is None else force_ns
+        return min(force_ns, position_ns)
 
     def _hand_on(self, samples: list[Merged]) -> None:
         for stamp_ns, sequence, reading_mm, reading_n in samples:
@@ -261,11 +267,3 @@ class SensorInput:
                     self._encoder.encode(stamp_ns, sequence, displacement_mm, force_n)
                 )
             self._receiver.on_sample(stamp_ns, sequence, displacement_mm, force_n)
-
-
-def _earlier(arrival_ns: int, next_ns: int | None) -> int:
-    """Return up to when all messages were taken in, given the next one of the other sensor.
-
-    A node that is held up has not given up on messages that wait for it.
-    """
-    return arrival_ns if next_ns is None else min(arrival_ns, next_ns)
