@@ -127,6 +127,8 @@ class Channel:
         """When the oldest message that waits came, by the system's clock; None if none waits."""
         if not self._waiting and not self._closed:
             self._fetch()
+            if self._waiting:  # for what is fetched here the executor finds nothing to hand over
+                self._go_on_later()
         return _came_ns(self._waiting[0][1]) if self._waiting else None
 
     def _on_message(self, message: Any, info: dict[str, Any] | None = None) -> None:
@@ -168,9 +170,13 @@ class Channel:
             if lines.follows(info["publication_sequence_number"], info["received_timestamp"]):
                 self._take(message)
             if waiting and time.perf_counter() > deadline_s:
-                self._continues = True
-                self._node.executor.create_task(self._continue)
+                self._go_on_later()
                 return
+
+    def _go_on_later(self) -> None:
+        if not self._continues:
+            self._continues = True
+            self._node.executor.create_task(self._continue)
 
     def _continue(self) -> None:
         """Go on after a slice: a task of the executor's."""
