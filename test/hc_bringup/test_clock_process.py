@@ -19,7 +19,7 @@ from hc_logger.recording import read_recording
 SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
 HOUR, LEAP = 3600.0, 1.0
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(300), pytest.mark.slow]
 
 
 @pytest.fixture

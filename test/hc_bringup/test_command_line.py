@@ -228,7 +228,8 @@ def test_simulated_bag_and_its_csv_give_the_same_estimates(
     summaries = [json.loads(run(capsys, "estimate", str(path), "--json")[1]) for path in (bag, csv)]
     assert summaries[0]["samples"] == 3000
     for name, value in summaries[0]["parameters"].items():
-        assert summaries[1]["parameters"][name] == pytest.approx(value, rel=1e-6)
+        # The readings differ in their last digits (m and mm), and the default chooses among rows.
+        assert summaries[1]["parameters"][name] == pytest.approx(value, rel=1e-3)
 
 
 def test_same_seed_same_bytes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

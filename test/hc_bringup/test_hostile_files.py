@@ -33,7 +33,7 @@ from hc_sim_rig.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS_A_FILE = 20.0
-FEW, MANY = 120, 2000
+FEW, MANY = 40, 2000
 COUNTS = [FEW, pytest.param(MANY, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
 
 

@@ -174,6 +174,7 @@ def test_file_sizes() -> None:
     assert file_size(2.5e9) == "2.50 GB"
 
 
+@pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.timeout(180)
 def test_keys_in_a_real_terminal(command_line: Any) -> None:

@@ -129,6 +129,7 @@ def test_a_setting_that_nobody_gave_follows_the_default_of_the_filter(node, prob
     assert probe.get(name) == [defaults["ukf", "kinematic"][name]]
 
 
+@pytest.mark.slow
 def test_random_reconfigurations_lose_no_sample_and_leave_no_invalid_state(
     node, probe, plant, end_process
 ):

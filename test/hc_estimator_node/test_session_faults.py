@@ -177,7 +177,7 @@ def test_other_rates_than_one_kilohertz_work(recorder, make_plant, rate_hz):
     session = EstimationSession(create_estimator("ukf"), recorder)
     plant = make_plant(rate_hz=rate_hz)
     feed(session, plant.samples(int(4 * rate_hz)))
-    np.testing.assert_allclose(session.last_estimate.parameters, plant.parameters, rtol=0.1)
+    np.testing.assert_allclose(session.last_estimate.parameters, plant.parameters, rtol=0.2)
     assert session.counters.accepted >= 0.99 * 4 * rate_hz
 
 

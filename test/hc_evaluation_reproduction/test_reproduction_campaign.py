@@ -14,6 +14,8 @@ import pytest
 from hc_evaluation.reproduction import ReproductionError, campaign
 from hc_evaluation.reproduction.campaign import run_campaign, run_seeds
 
+pytestmark = pytest.mark.slow  # whole campaigns: two minutes
+
 NAME = "a_table_2"
 
 

@@ -13,6 +13,8 @@ import pytest
 from hc_evaluation.reproduction import ReproductionResult, available_experiments, load_experiment
 from hc_evaluation.reproduction.tables import QUICK_BEGIN, QUICK_END, number, quick_numbers
 
+pytestmark = pytest.mark.slow  # a whole campaign: two minutes
+
 Campaign = tuple[ReproductionResult, list[tuple[str, int, int]]]
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +30,7 @@ def _marked(text: str) -> dict[tuple[str, str], str]:
     return {(name, column): value for name, column, value in rows}
 
 
+@pytest.mark.slow
 def test_the_page_says_what_the_quick_command_finds(quick_campaign: Campaign) -> None:
     printed = _marked(DOCUMENT.read_text(encoding="utf-8"))
     found = {

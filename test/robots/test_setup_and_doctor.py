@@ -17,6 +17,7 @@ ROBOT = {
 }
 
 
+@pytest.mark.slow
 def test_setup_finds_the_robot_writes_it_down_and_doctor_finds_nothing_or_the_fault(bench):
     bench.robot(**ROBOT)
     done = bench.patiently("setup", "--yes", "--no-run", "--seconds", "10", "-o", "arm")

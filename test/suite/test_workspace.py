@@ -50,6 +50,7 @@ def test_colcon_sees_seven_ros_packages(tmp_path: Path) -> None:
     assert found == PACKAGES
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_colcon_builds_messages_and_what_uses_them(tmp_path: Path) -> None:
     done = colcon(

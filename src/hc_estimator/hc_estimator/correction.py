@@ -12,12 +12,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix, copy_vector
-from hc_estimator.memory import Field
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 from hc_estimator.state_space import registry as state_space
@@ -27,8 +24,6 @@ from hc_estimator.state_space import registry as state_space
 OPEN_SAMPLES = 30
 # Standard deviations of the predicted displacement from which on free motion is certain.
 FREE_DEVIATIONS = 3.0
-
-FIELDS = (Field("outlier_counts", np.int64, (2,), 0),)  # of each channel, one after another
 
 
 @compiled

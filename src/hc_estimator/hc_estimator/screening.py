@@ -109,7 +109,7 @@ CLOCK_FIELDS = (
     Field("channel_time", np.float64, (2,), finite=False),
     Field("backward_time", np.float64),  # of the last sample that was refused as backward [s]
     Field("backward_count", np.int64, (), 0),  # how many such samples came one after another
-    Field("outlier_count", np.int64, (), 0),  # outliers one after another
+    Field("outlier_counts", np.int64, (2,), 0),  # of each channel, one after another
     Field("refused_since", np.float64),  # stamp from which on all samples were refused [s]
     Field("refused_count", np.int64, (), 0),  # samples refused one after another
     # Of the present sample:

@@ -269,6 +269,7 @@ def test_narrow_page_has_no_sideways_scroll(
     assert outside == []
 
 
+@pytest.mark.slow
 def test_memory_is_flat_over_an_hour(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hc_estimator import correction, recovery
+from hc_estimator import recovery
 from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
@@ -212,7 +212,6 @@ FILTERS: dict[str, FilterEntry] = {
 FIELDS: tuple[Field, ...] = (
     *CORE_FIELDS,
     *CLOCK_FIELDS,
-    *correction.FIELDS,
     *recovery.FIELDS,
     *policy.FIELDS,
     *strong_tracking.FIELDS,

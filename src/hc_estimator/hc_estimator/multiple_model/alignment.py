@@ -13,8 +13,9 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import batch_fit, sample
+from hc_estimator.multiple_model import batch_fit, beginning, sample
 from hc_estimator.multiple_model import delay as delays
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.hypotheses import FITTED, VELOCITY_EXPONENT
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.multiple_model.rows import prior_deviation
@@ -62,10 +63,10 @@ def use(settings: Any, bank: Any, time: float) -> int:
     clock, held = bank.clock, bank.held
     if clock.restart != 0:
         held.first = held.count
-        delays.restart(bank.delay)
+        grids.restart(bank.delay)
     for i in range(2):
         if clock.present[i] != 0:
-            delays.take(bank.delay, i, time, clock.measurement[i])
+            grids.take(bank.delay, i, time, clock.measurement[i])
     clock.offset = 0.0
     bank.given.latest_force = clock.measurement[1]
     if bank.delay.delay == 0.0:
@@ -184,7 +185,7 @@ def _take_point(settings: Any, bank: Any) -> None:
     """Let the batch fit and the finder of the delay take the next point of the grid."""
     finder, rows = bank.delay, bank.rows
     before = finder.grid_count
-    full = delays.advance(finder)
+    full = grids.advance(finder)
     if finder.grid_count > before and settings.fit_batches != 0 and bank.calibrated != 0:
         clock = bank.tool.contact_clock
         batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock)
@@ -206,4 +207,4 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     if delays.learn_window(finder, exponent):
         bank.held.first = bank.held.count
         if abs(finder.delay - before) > delays.BEGIN_ANEW:
-            sample.begin_aligned(settings, bank)
+            beginning.begin_aligned(settings, bank)

@@ -8,9 +8,6 @@ are what makes this immune to tissue that varies. The logarithm of what a fit le
 a log likelihood with an unknown noise per window; the windows' sum chooses, and their scatter says
 whether the answer is clear. A Gauss-Newton fit with the delay as a fourth parameter gives the fine
 value.
-
-Displacement, velocity, acceleration and force of the windows are local parabolas through the raw
-readings, the same for both channels, so that smoothing shifts neither against the other.
 """
 
 from __future__ import annotations
@@ -21,18 +18,13 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.records import (
     CANDIDATES,
     GRID,
-    RAW,
     WINDOWS,
 )
 
-STEP = 0.010  # between two points of the grid, at least [s]
-HALF_WIDTH = 0.015  # of the local parabola [s]
-FEWEST_READINGS = 7  # in it
-LARGEST = 0.064  # delay that is looked for [s]
-WINDOW = 0.5  # [s]
 LEAST_SHARE = 0.3  # of a window that must be in contact
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed at which |v|^p is taken at least [mm/s]
@@ -62,128 +54,7 @@ def reset(finder: Any) -> None:
     finder.delay = 0.0
     finder.deviation = math.nan
     finder.windows = 0
-    restart(finder)
-
-
-@compiled
-def restart(finder: Any) -> None:
-    """Begin a new window after a gap; what earlier windows said stays."""
-    for i in range(2):
-        finder.raw_count[i] = 0
-    finder.grid_count = 0
-
-
-@compiled
-def take(finder: Any, channel: int, time: float, reading: float) -> None:
-    """Take a raw reading."""
-    count = finder.raw_count[channel]
-    if count > 0 and time <= finder.raw_time[channel, (count - 1) % RAW]:
-        return
-    finder.raw_time[channel, count % RAW] = time
-    finder.raw_value[channel, count % RAW] = reading
-    finder.raw_count[channel] = count + 1
-
-
-@compiled
-def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """Least-squares parabola about a time, in finder.parabola; False if readings are few."""
-    count = finder.raw_count[channel]
-    s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
-    y0, y1, y2, squares = 0.0, 0.0, 0.0, 0.0
-    reference = finder.raw_value[channel, (count - 1) % RAW]
-    before, after = 0, 0
-    for back in range(1, min(count, RAW) + 1):
-        slot = (count - back) % RAW
-        x = (finder.raw_time[channel, slot] - centre) / half
-        if x > 1.0:
-            continue
-        if x < -1.0:
-            break
-        y = finder.raw_value[channel, slot] - reference
-        if x < 0.0:
-            before += 1
-        else:
-            after += 1
-        square = x * x
-        s0 += 1.0
-        s1 += x
-        s2 += square
-        s3 += square * x
-        s4 += square * square
-        y0 += y
-        y1 += x * y
-        y2 += square * y
-        squares += y * y
-    if min(before, after) < FEWEST_READINGS // 2:
-        return False
-    c00, c01, c02 = s2 * s4 - s3 * s3, s2 * s3 - s1 * s4, s1 * s3 - s2 * s2
-    determinant = s0 * c00 + s1 * c01 + s2 * c02
-    if not determinant > 0.0:
-        return False
-    c11, c12, c22 = s0 * s4 - s2 * s2, s1 * s2 - s0 * s3, s0 * s2 - s1 * s1
-    a = (c00 * y0 + c01 * y1 + c02 * y2) / determinant
-    b = (c01 * y0 + c11 * y1 + c12 * y2) / determinant
-    c = (c02 * y0 + c12 * y1 + c22 * y2) / determinant
-    finder.parabola[0] = reference + a
-    finder.parabola[1] = b / half
-    finder.parabola[2] = 2.0 * c / (half * half)
-    left = squares - a * y0 - b * y1 - c * y2
-    finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
-    return True
-
-
-@compiled
-def _period(finder: Any, channel: int) -> float:
-    """Usual time between two readings of a channel [s]."""
-    count = finder.raw_count[channel]
-    few = min(count, 16)
-    last = finder.raw_time[channel, (count - 1) % RAW]
-    first = finder.raw_time[channel, (count - few) % RAW]
-    return (last - first) / max(few - 1, 1)  # type: ignore[no-any-return]
-
-
-@compiled
-def advance(finder: Any) -> bool:
-    """Add the points of the grid that the readings allow by now; True if a window is full."""
-    if min(finder.raw_count[0], finder.raw_count[1]) < 2 * FEWEST_READINGS:
-        return False
-    slowest = max(_period(finder, 0), _period(finder, 1))
-    half = max(HALF_WIDTH, 0.5 * FEWEST_READINGS * slowest)
-    last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
-    last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
-    newest = min(last0, last1) - half
-    finder.grid_width = 2.0 * half
-    if finder.grid_count == 0:
-        finder.grid_step = max(STEP, slowest)
-        finder.grid_next = newest
-    if finder.grid_next > newest:
-        return False
-    centre = finder.grid_next
-    finder.grid_next += finder.grid_step
-    if not _parabola(finder, 0, centre, half):
-        finder.grid_count = 0
-        return False
-    slot = finder.grid_count % GRID
-    for i in range(3):
-        finder.grid[slot, i] = finder.parabola[i]
-    finder.grid[slot, 4] = finder.parabola[3]
-    if not _parabola(finder, 1, centre, half):
-        finder.grid_count = 0
-        return False
-    finder.grid[slot, 3] = finder.parabola[0]
-    finder.grid[slot, 5] = finder.parabola[3]
-    finder.grid_count += 1
-    reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)
-    points = min(int(WINDOW / finder.grid_step), GRID - 2 * reach - 1)
-    if finder.grid_count < points + 2 * reach + 1:
-        return False
-    # The next window's margin overlaps this one.
-    if (finder.grid_count - 2 * reach - 1) % points != 0:
-        return False
-    finder.reach = reach
-    finder.points = points
-    finder.first = finder.grid_count - points - reach
-    return True
+    grids.restart(finder)
 
 
 @compiled
@@ -318,7 +189,7 @@ def _fine_delay(finder: Any, start: float) -> bool:
         fit[0] += slope[0]
         fit[1] = max(fit[1] + slope[1], 0.0)
         fit[2] = min(max(fit[2] + slope[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-        if not abs(delay - start) < 1.5 * finder.grid_step or abs(delay) > LARGEST:
+        if not abs(delay - start) < 1.5 * finder.grid_step or abs(delay) > grids.LARGEST:
             return False
         if abs(slope[3]) < 1e-5:
             break

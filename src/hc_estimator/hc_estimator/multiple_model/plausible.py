@@ -34,14 +34,21 @@ def reset(tool: Any) -> None:
     tool.deepest = -NOWHERE
     tool.fastest = 0.0
     tool.largest_force = 0.0
+    tool.mean_square_force = 0.0
+    tool.worthless_time = 0.0
 
 
 @compiled
-def learn(tool: Any, row: Any, force: float) -> None:
-    """Take a sample in contact: force reading [N], motion of the chosen row."""
+def learn(tool: Any, row: Any, force: float, elapsed: float) -> None:
+    """Take a force reading [N] in contact, the chosen row, and the time since the last one [s]."""
     tool.deepest = max(tool.deepest, row.state[DEPTH])
     tool.fastest = max(tool.fastest, abs(row.state[VELOCITY]))
     tool.largest_force = max(tool.largest_force, force)
+    tool.mean_square_force += min(1.0, elapsed) * (force * force - tool.mean_square_force)
+    if row.model_error > tool.mean_square_force:
+        tool.worthless_time += elapsed
+    else:
+        tool.worthless_time = 0.0
 
 
 @compiled

@@ -65,6 +65,8 @@ TOOL = record_type(
         Field("deepest", np.float64),  # largest displacement in contact [mm]
         Field("fastest", np.float64, (), 0.0),  # largest speed there [mm/s]
         Field("largest_force", np.float64, (), 0.0),  # [N]
+        Field("mean_square_force", np.float64, (), 0.0),  # of the last second in contact [N^2]
+        Field("worthless_time", np.float64, (), 0.0),  # for which a model error exceeds it [s]
     )
 )
 

@@ -17,14 +17,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from hc_estimator.adaptation import difference_noise, motion_density
+from hc_estimator.adaptation import motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import beginning, model_error, plausible, readings, tempering
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
-from hc_estimator.multiple_model import model_error, plausible, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
@@ -37,7 +37,6 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
-    displacement_of,
     force_of_row,
     foresee_force,
     innovate_force,
@@ -47,65 +46,21 @@ from hc_estimator.multiple_model.kalman import (
 )
 from hc_estimator.multiple_model.rows import (
     begin_motion,
-    free_parameters,
     is_sound,
     limit,
-    reset,
     seed,
 )
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 
-ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
 PERIOD_SHARE = 0.05  # of a new interval in the usual one
-LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
 SURE = 5.0  # a force beyond so many standard deviations is one
-SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
 FREE_DEVIATIONS = 3.0  # of the depth from which on free motion is certain
-OPEN_SAMPLES = 30  # inside the gate before it closes again
 STEADY_TIME = 0.5  # of contact before the jerk density is corrected [s]
 UNTEMPERED = 1.2  # force noise over the sensor's up to which that is done
-RECOVERY_TIME = 1.0  # a filter that refuses everything for so long starts anew [s]
-RECOVERY_SAMPLES = 20  # and for so many samples
-
-
-@compiled
-def start(settings: Any, bank: Any) -> None:
-    """Before any sample, and when the filter starts anew."""
-    bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
-    bank.guessed = 0
-    bank.motion_anew = 0
-    take_noise(settings, bank)
-    for i in range(2):
-        difference_noise.restart(bank.noise[i])
-    motion_density.reset(bank.motion)
-    tempering.reset(bank.tool)
-    bank.tool.away_time = 0.0
-    bank.tool.contact_clock = 0.0
-    plausible.reset(bank.tool)
-    for m in range(bank.rows.shape[0]):
-        row = bank.rows[m]
-        row.index = m
-        row.active = 1
-        reset(settings, row, 0.0)
-    bank.rows[FITTED].active = 0
-    bank.rows[2].active = settings.follow_stiffness
-    bank.rows[3].active = settings.follow_layers
-    bank.rows[4].active = settings.follow_surface
-    judging.reset(bank.judge)
-    changes.reset(bank.change, bank.rows)
-    maneuvers.reset(bank.maneuver)
-    histories.reset(bank.history)
-
-
-@compiled
-def take_noise(settings: Any, bank: Any) -> None:
-    """Take the noise levels of the settings."""
-    bank.sensor_noise[0] = settings.displacement_noise_std**2
-    bank.sensor_noise[1] = settings.force_noise_std**2
 
 
 @compiled
@@ -144,12 +99,12 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         clock.force_time = place
     if decision == ACCEPTED:
         note_accepted(clock, time)
-        _learn_readings(settings, bank, place)
+        readings.learn(settings, bank, place)
         _decide(settings, bank, place)
     else:  # the rows stand at the sample's stamp all the same
         clock.last_time = time
         clock.started = 1
-    _recover(settings, bank, time, decision)
+    beginning.recover(settings, bank, time, decision)
     return decision
 
 
@@ -161,34 +116,6 @@ def note_held(bank: Any, time: float) -> None:
 
 
 @compiled
-def begin_aligned(settings: Any, bank: Any) -> None:
-    """Begin every row with what the last window says, now that the channels are aligned."""
-    fit = bank.delay.fit
-    stiffness = max(fit[0], 1e-6)
-    damping = max(fit[1], 1e-3 * stiffness)
-    for m in range(FRESH):
-        row = bank.rows[m]
-        if row.active == 0:
-            continue
-        displacement = row.state[DEPTH]
-        reset(settings, row, displacement)
-        state = row.state
-        if settings.initial_stiffness_log_std > 0.0:
-            state[LOG_STIFFNESS] = math.log(stiffness)
-        if settings.initial_damping_log_std > 0.0:
-            state[LOG_DAMPING] = math.log(damping)
-        if settings.initial_displacement_exponent_std > 0.0:
-            state[EXPONENT] = fit[2]
-        free_parameters(settings, row, ALIGNED_DEVIATIONS)
-        limit(settings, row)
-    bank.motion_anew = 1
-    judging.reset(bank.judge)
-    changes.reset(bank.change, bank.rows)
-    maneuvers.reset(bank.maneuver)
-    histories.reset(bank.history)
-
-
-@compiled
 def _update(settings: Any, bank: Any) -> int:
     """Predict every row to the sample and update it with the readings that are there."""
     clock, rows = bank.clock, bank.rows
@@ -196,7 +123,7 @@ def _update(settings: Any, bank: Any) -> int:
     plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
     _foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
-    if clock.present[0] != 0 and _is_outlier(settings, bank, chosen, 0):
+    if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
         return OUTLIER
     for m in range(rows.shape[0]):
         row = rows[m]
@@ -209,7 +136,7 @@ def _update(settings: Any, bank: Any) -> int:
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
-        if _is_outlier(settings, bank, chosen, 1):
+        if readings.is_outlier(settings, bank, chosen, 1):
             _give(settings, bank, OUTLIER)
             return OUTLIER
         for m in range(rows.shape[0]):
@@ -330,7 +257,10 @@ def _foresee(settings: Any, bank: Any) -> bool:
         if row.active == 0:
             continue
         if not foresee_force(settings, row):
-            return False
+            chosen = bank.rows[bank.judge.chosen]
+            seed(chosen, row, bank.tool.contact_clock, bank.tool.contact_clock + judging.WAIT)
+            if not foresee_force(settings, row):
+                return False
         force_noise = UNKNOWN
         if bank.calibrated != 0:
             force_noise = noise + row.model_error + max(row.force_noise, 0.0) * samples
@@ -339,43 +269,6 @@ def _foresee(settings: Any, bank: Any) -> bool:
                     settings, bank.maneuver, row, clock.period, samples
                 )
         innovate_force(row, clock.measurement[1], force_noise)
-    return True
-
-
-@compiled
-def _is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
-    """Refuse an innovation far outside its distribution, unless many come one after another."""
-    clock = bank.clock
-    limit_squared = settings.outlier_gate * settings.outlier_gate
-    if channel == 0:
-        innovation = clock.measurement[0] - displacement_of(chosen, clock.offset)
-        variance = chosen.covariance[DEPTH, DEPTH] + bank.sensor_noise[0]
-    else:
-        innovation = chosen.innovation[1]
-        variance = chosen.innovation_variance[1]
-    outside = bank.calibrated != 0 and innovation * innovation > limit_squared * variance
-    count = clock.outlier_count
-    if count > settings.outlier_limit:  # the gate is open
-        if outside:
-            clock.outlier_count = settings.outlier_limit + OPEN_SAMPLES
-        elif channel == 1 or clock.present[1] == 0:
-            clock.outlier_count = count - 1
-            if clock.outlier_count == settings.outlier_limit:
-                clock.outlier_count = 0
-        return False
-    if not outside:
-        if channel == 1 or clock.present[1] == 0:
-            clock.outlier_count = 0
-        return False
-    if settings.noise_adaptation == DIFFERENCES and difference_noise.learn_refused(
-        bank.noise[channel], innovation
-    ):
-        clock.outlier_count = 0
-        _follow_noise(bank)
-    if count == settings.outlier_limit:
-        clock.outlier_count = settings.outlier_limit + OPEN_SAMPLES
-        return False
-    clock.outlier_count += 1
     return True
 
 
@@ -393,53 +286,6 @@ def _keep_sound(settings: Any, bank: Any) -> bool:
 
 
 @compiled
-def _learn_readings(settings: Any, bank: Any, time: float) -> None:
-    """Take the accepted readings into everything that does not depend on the contact law."""
-    clock = bank.clock
-    broken = clock.restart != 0
-    if settings.noise_adaptation == DIFFERENCES:
-        for i in range(2):
-            if clock.present[i] != 0:
-                floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
-                reading = clock.measurement[i]
-                difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
-        _follow_noise(bank)
-    chosen = bank.rows[bank.judge.chosen]
-    if settings.motion_adaptation != 0 and clock.present[0] != 0:
-        motion_density.learn(
-            bank.motion,
-            bank.noise[0],
-            time,
-            clock.measurement[0],
-            broken,
-            bank.sensor_noise[0],
-            chosen.model_error > 0.0,
-        )
-    tempering.learn(bank.tool, chosen, clock.elapsed)
-
-
-@compiled
-def _follow_noise(bank: Any) -> None:
-    """Bring bank.sensor_noise up to the differences."""
-    first = difference_noise.FIRST_SAMPLES
-    noise = bank.noise
-    if bank.calibrated == 0:
-        known = noise[0].count >= first and noise[1].count >= first
-        if not known and bank.clock.accepted < LARGEST_WAIT:
-            return
-        bank.calibrated = 1
-        bank.motion_anew = 1
-    for i in range(2):
-        if noise[i].count == 0:
-            continue
-        variance = difference_noise.cautious(noise[i])
-        latest = difference_noise.latest(noise[i])
-        if noise[i].count > first and latest > SUDDEN * variance:
-            variance = latest
-        bank.sensor_noise[i] = variance
-
-
-@compiled
 def _decide(settings: Any, bank: Any, time: float) -> None:
     """Learn from the innovations; choose a row; answer alarms."""
     clock, rows, tool = bank.clock, bank.rows, bank.tool
@@ -452,9 +298,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     touching = depth_of(chosen) > TOUCHING_DEPTH and chosen.predicted_force > 0.0
     if touching:
         tool.away_time = 0.0
-        tool.contact_clock += clock.elapsed
+        tool.contact_clock += clock.elapsed if clock.restart == 0 else clock.period
         if clock.present[1] != 0:
-            plausible.learn(tool, chosen, clock.measurement[1])
+            plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:
         tool.away_time += clock.elapsed
     _correct_density(settings, bank, chosen)
@@ -524,26 +370,3 @@ def _correct_density(settings: Any, bank: Any, chosen: Any) -> None:
             if 2.0 * bank.noise[i].short_mean < bank.noise[i].mean:
                 return
     motion_density.correct(bank.motion, chosen.untempered_nis)
-
-
-@compiled
-def _recover(settings: Any, bank: Any, time: float, decision: int) -> None:
-    """Start anew after a second in which everything was refused; say so as a change."""
-    clock = bank.clock
-    if decision == ACCEPTED:
-        clock.refused_count = 0
-        return
-    if decision == NUMERICAL:
-        for m in range(bank.rows.shape[0]):
-            if not is_sound(bank.rows[m]):
-                reset(settings, bank.rows[m], clock.measurement[0])
-        bank.motion_anew = 1
-    if clock.refused_count == 0:
-        clock.refused_since = time
-    clock.refused_count += 1
-    waited = time - clock.refused_since
-    if clock.refused_count >= RECOVERY_SAMPLES and waited > RECOVERY_TIME:
-        clock.refused_count = 0
-        clock.started = 0
-        start(settings, bank)
-        bank.change.detected = 1

@@ -1,0 +1,137 @@
+"""How the bank begins: before any sample, once the channels are aligned, and when it is lost."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.adaptation import difference_noise, motion_density
+from hc_estimator.adaptation.policy import DIFFERENCES
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import judge as judging
+from hc_estimator.multiple_model import maneuver as maneuvers
+from hc_estimator.multiple_model import plausible, tempering
+from hc_estimator.multiple_model.hypotheses import (
+    DEPTH,
+    EXPONENT,
+    FITTED,
+    FRESH,
+    LOG_DAMPING,
+    LOG_STIFFNESS,
+)
+from hc_estimator.multiple_model.rows import free_parameters, is_sound, limit, reset
+from hc_estimator.screening import ACCEPTED, NUMERICAL
+
+ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
+RECOVERY_TIME = 1.0  # a filter that refuses everything for so long starts anew [s]
+WORTHLESS_TIME = 0.5  # so does one whose model error exceeds the forces themselves for so long [s]
+RECOVERY_SAMPLES = 20  # and for so many samples
+
+
+@compiled
+def start(settings: Any, bank: Any) -> None:
+    """Before any sample, and when the filter starts anew."""
+    bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
+    bank.guessed = 0
+    bank.motion_anew = 0
+    take_noise(settings, bank)
+    for i in range(2):
+        difference_noise.restart(bank.noise[i])
+    motion_density.reset(bank.motion)
+    tempering.reset(bank.tool)
+    bank.tool.away_time = 0.0
+    bank.tool.contact_clock = 0.0
+    plausible.reset(bank.tool)
+    for m in range(bank.rows.shape[0]):
+        row = bank.rows[m]
+        row.index = m
+        row.active = 1
+        reset(settings, row, 0.0)
+    bank.rows[FITTED].active = 0
+    bank.rows[2].active = settings.follow_stiffness
+    bank.rows[3].active = settings.follow_layers
+    bank.rows[4].active = settings.follow_surface
+    judging.reset(bank.judge)
+    changes.reset(bank.change, bank.rows)
+    maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
+
+
+@compiled
+def take_noise(settings: Any, bank: Any) -> None:
+    """Take the noise levels of the settings."""
+    bank.sensor_noise[0] = settings.displacement_noise_std**2
+    bank.sensor_noise[1] = settings.force_noise_std**2
+
+
+@compiled
+def begin_aligned(settings: Any, bank: Any) -> None:
+    """Begin every row with what the last window says, now that the channels are aligned."""
+    fit = bank.delay.fit
+    stiffness = max(fit[0], 1e-6)
+    damping = max(fit[1], 1e-3 * stiffness)
+    for m in range(FRESH):
+        row = bank.rows[m]
+        if row.active == 0:
+            continue
+        displacement = row.state[DEPTH]
+        reset(settings, row, displacement)
+        state = row.state
+        if settings.initial_stiffness_log_std > 0.0:
+            state[LOG_STIFFNESS] = math.log(stiffness)
+        if settings.initial_damping_log_std > 0.0:
+            state[LOG_DAMPING] = math.log(damping)
+        if settings.initial_displacement_exponent_std > 0.0:
+            state[EXPONENT] = fit[2]
+        free_parameters(settings, row, ALIGNED_DEVIATIONS)
+        limit(settings, row)
+    bank.motion_anew = 1
+    judging.reset(bank.judge)
+    changes.reset(bank.change, bank.rows)
+    maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
+
+
+@compiled
+def _forget_tissue(settings: Any, bank: Any) -> None:
+    """Begin every row from the prior; what is known of sensors and motion stays."""
+    for m in range(bank.rows.shape[0]):
+        row = bank.rows[m]
+        reset(settings, row, row.state[DEPTH])
+    bank.rows[FITTED].active = 0
+    bank.guessed = 0
+    bank.motion_anew = 1
+    plausible.reset(bank.tool)
+    bank.tool.contact_clock = 0.0
+    judging.reset(bank.judge)
+    changes.reset(bank.change, bank.rows)
+    maneuvers.reset(bank.maneuver)
+    histories.reset(bank.history)
+    bank.change.detected = 1
+
+
+@compiled
+def recover(settings: Any, bank: Any, time: float, decision: int) -> None:
+    """Start anew after a second in which everything was refused; say so as a change."""
+    clock = bank.clock
+    if decision == ACCEPTED:
+        clock.refused_count = 0
+        if bank.tool.worthless_time > WORTHLESS_TIME:  # a law that explains nothing
+            _forget_tissue(settings, bank)
+        return
+    if decision == NUMERICAL:
+        for m in range(bank.rows.shape[0]):
+            if not is_sound(bank.rows[m]):
+                reset(settings, bank.rows[m], clock.measurement[0])
+        bank.motion_anew = 1
+    if clock.refused_count == 0:
+        clock.refused_since = time
+    clock.refused_count += 1
+    waited = time - clock.refused_since
+    if clock.refused_count >= RECOVERY_SAMPLES and waited > RECOVERY_TIME:
+        clock.refused_count = 0
+        clock.started = 0
+        start(settings, bank)
+        bank.change.detected = 1

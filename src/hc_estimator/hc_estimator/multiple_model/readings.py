@@ -1,0 +1,98 @@
+"""What the readings say by themselves: outliers, the sensors' noise, the motion of the tool."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hc_estimator.adaptation import difference_noise, motion_density
+from hc_estimator.adaptation.policy import DIFFERENCES
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import tempering
+from hc_estimator.multiple_model.hypotheses import DEPTH
+from hc_estimator.multiple_model.kalman import displacement_of
+
+LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
+SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
+OPEN_SAMPLES = 30  # inside the gate before it closes again
+
+
+@compiled
+def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
+    """Refuse an innovation far outside its distribution, unless many come one after another."""
+    clock = bank.clock
+    limit_squared = settings.outlier_gate * settings.outlier_gate
+    if channel == 0:
+        innovation = clock.measurement[0] - displacement_of(chosen, clock.offset)
+        variance = chosen.covariance[DEPTH, DEPTH] + bank.sensor_noise[0]
+    else:
+        innovation = chosen.innovation[1]
+        variance = chosen.innovation_variance[1]
+    outside = bank.calibrated != 0 and innovation * innovation > limit_squared * variance
+    counts = clock.outlier_counts
+    count = counts[channel]
+    if count > settings.outlier_limit:  # the gate is open
+        counts[channel] = settings.outlier_limit + OPEN_SAMPLES if outside else count - 1
+        if counts[channel] == settings.outlier_limit:
+            counts[channel] = 0
+        return False
+    if not outside:
+        counts[channel] = 0
+        return False
+    if settings.noise_adaptation == DIFFERENCES and difference_noise.learn_refused(
+        bank.noise[channel], innovation
+    ):
+        counts[channel] = 0
+        _follow_noise(bank)
+        return True
+    if count == settings.outlier_limit:
+        counts[channel] = settings.outlier_limit + OPEN_SAMPLES
+        return False
+    counts[channel] = count + 1
+    return True
+
+
+@compiled
+def learn(settings: Any, bank: Any, time: float) -> None:
+    """Take the accepted readings into everything that does not depend on the contact law."""
+    clock = bank.clock
+    broken = clock.restart != 0
+    if settings.noise_adaptation == DIFFERENCES:
+        for i in range(2):
+            if clock.present[i] != 0:
+                floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
+                reading = clock.measurement[i]
+                difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
+        _follow_noise(bank)
+    chosen = bank.rows[bank.judge.chosen]
+    if settings.motion_adaptation != 0 and clock.present[0] != 0:
+        motion_density.learn(
+            bank.motion,
+            bank.noise[0],
+            time,
+            clock.measurement[0],
+            broken,
+            bank.sensor_noise[0],
+            chosen.model_error > 0.0,
+        )
+    tempering.learn(bank.tool, chosen, clock.elapsed)
+
+
+@compiled
+def _follow_noise(bank: Any) -> None:
+    """Bring bank.sensor_noise up to the differences."""
+    first = difference_noise.FIRST_SAMPLES
+    noise = bank.noise
+    if bank.calibrated == 0:
+        known = noise[0].count >= first and noise[1].count >= first
+        if not known and bank.clock.accepted < LARGEST_WAIT:
+            return
+        bank.calibrated = 1
+        bank.motion_anew = 1
+    for i in range(2):
+        if noise[i].count == 0:
+            continue
+        variance = difference_noise.cautious(noise[i])
+        latest = difference_noise.latest(noise[i])
+        if noise[i].count > first and latest > SUDDEN * variance:
+            variance = latest
+        bank.sensor_noise[i] = variance
