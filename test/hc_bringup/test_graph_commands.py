@@ -165,8 +165,7 @@ def test_a_parameter_that_is_a_word_or_a_number(estimator, tmp_path) -> None:
 
 
 def test_services_of_a_running_node(rig) -> None:
-    listed = rig.run("service", "list", "-t").stdout
-    assert "/indenter/run [std_srvs/srv/SetBool]\n" in listed
+    rig.run_until("/indenter/run [std_srvs/srv/SetBool]\n", "service", "list", "-t")
     assert rig.run("service", "type", "indenter/run").stdout == "std_srvs/srv/SetBool\n"
     for words in ((), ("std_srvs/srv/SetBool",)):
         done = rig.run("service", "call", "/indenter/run", *words, "{data: false}")

@@ -87,7 +87,7 @@ def test_nothing_drifts_in_free_motion(filter_name):
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="the fitted hypothesis claims to know B at constant velocity: identifiability 0.84",
 )
 def test_poor_excitation_is_told():
@@ -125,7 +125,7 @@ def test_force_unit_changes_only_the_scale_of_the_force_parameters(recording):
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="the windows of the fitted hypothesis hang on absolute stamps: K moves by 7e-5",
 )
 def test_origin_of_time_does_not_matter(recording):

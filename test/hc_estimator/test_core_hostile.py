@@ -149,7 +149,7 @@ def after(plant, filter_name, state_space, order):
 
 
 STUCK_NOISE = pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="the recursive R, weighed by 1 / J, keeps the level of a nonsense force for minutes",
 )
 EXACT = [
@@ -208,7 +208,7 @@ LOST = {
 @pytest.mark.parametrize(
     "phase",
     [
-        pytest.param(phase, marks=pytest.mark.xfail(strict=False, reason=LOST[phase]))
+        pytest.param(phase, marks=pytest.mark.xfail(strict=True, reason=LOST[phase]))
         if phase in LOST
         else phase
         for phase in PHASES

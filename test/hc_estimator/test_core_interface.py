@@ -27,7 +27,7 @@ def test_step_and_run_give_the_same_bits(estimator, recording):
     d[100], force[200], time[300] = np.nan, 1e9, time[299]
     series = estimator.run(time, d, force)
     estimator.reset()
-    steps = [estimator.step(*sample) for sample in zip(time, d, force, strict=False)]
+    steps = [estimator.step(*sample) for sample in zip(time, d, force, strict=True)]
     assert rows(series).tobytes() == np.array([rows(s) for s in steps]).tobytes()
     assert len(series) == time.size
     assert steps[100].rejected is Rejection.NOT_FINITE

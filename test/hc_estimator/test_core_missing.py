@@ -208,7 +208,7 @@ def test_a_displacement_that_is_gone_for_long_takes_the_force_with_it(filter_nam
 
 
 SHARED_COUNT = pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="one count of outliers for both channels: a displacement alone sets it to 0, and every "
     "force that jumped is refused for good",
 )

@@ -285,7 +285,7 @@ def compare(samples, filter_name, state_space, contact_model, options):
     space = {"kinematic": Kinematic, "paper": Paper}[state_space]
     configuration = estimator.configuration
     oracle = Oracle(space(configuration, contact_model == "adhesive"), configuration, filter_name)
-    expected = np.array([oracle.step(*sample) for sample in zip(*samples, strict=False)])
+    expected = np.array([oracle.step(*sample) for sample in zip(*samples, strict=True)])
     found = np.column_stack(
         [series.parameters, series.force_predicted, series.innovation, series.nis]
     )

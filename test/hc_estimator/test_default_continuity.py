@@ -80,12 +80,12 @@ def test_step_run_save_and_restore_give_the_same_bits(scene, in_the_middle, plan
     single = hc.create_estimator(FILTER, **options)
     saved = []
     steps = []
-    for k, sample in enumerate(zip(*samples, strict=False)):
+    for k, sample in enumerate(zip(*samples, strict=True)):
         steps.append(single.step(*sample))
         if len(saved) < 3 and k % 3 == 0 and in_the_middle(single._memory[0]):
             saved.append((k + 1, json.dumps(single.state())))
     assert saved, "the scene never came to what it is for"
-    for name, column in zip(COLUMNS, fields(whole), strict=False):
+    for name, column in zip(COLUMNS, fields(whole), strict=True):
         np.testing.assert_array_equal(
             np.array([getattr(step, name) for step in steps], float), column, err_msg=name
         )
@@ -93,7 +93,7 @@ def test_step_run_save_and_restore_give_the_same_bits(scene, in_the_middle, plan
         other = hc.create_estimator(FILTER, **options)
         other.restore(json.loads(text))
         rest = other.run(*(column[cut:] for column in samples))
-        for name, column in zip(COLUMNS, fields(rest), strict=False):
+        for name, column in zip(COLUMNS, fields(rest), strict=True):
             expected = np.asarray(getattr(whole, name), float)[cut:]
             np.testing.assert_array_equal(column, expected, err_msg=f"{name} from {cut}")
     assert json.dumps(other.state()["memory"]) == json.dumps(single.state()["memory"])

@@ -39,7 +39,7 @@ def marked(violations, what):
         marks = ()
         if case in violations:
             reason = f"{what}: {violations[case]} times"
-            marks = pytest.mark.xfail(strict=False, reason=reason)
+            marks = pytest.mark.xfail(strict=True, reason=reason)
         result.append(pytest.param(*case, marks=marks))
     return result
 

@@ -171,11 +171,11 @@ def test_a_sudden_turn_of_the_tool_is_no_change(corner, plant):
         "triangle",
         pytest.param(
             "ramp and hold",
-            marks=pytest.mark.xfail(strict=False, reason="misfit is told 20 % of the time"),
+            marks=pytest.mark.xfail(strict=True, reason="misfit is told 20 % of the time"),
         ),
         pytest.param(
             "bounces",
-            marks=pytest.mark.xfail(strict=False, reason="misfit is told 78 % of the time"),
+            marks=pytest.mark.xfail(strict=True, reason="misfit is told 78 % of the time"),
         ),
     ],
 )
@@ -186,7 +186,7 @@ def test_a_sudden_turn_of_the_tool_is_no_misfit(corner, plant):
 
 
 @pytest.mark.xfail(
-    strict=False,
+    strict=True,
     reason="since the fitted hypothesis: misfit told 84 % of the time, mean NIS 6.3 (before it 91 "
     "to 99 %, below 4)",
 )

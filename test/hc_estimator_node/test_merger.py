@@ -20,11 +20,13 @@ class Fed:
         )
         self.counters = self.merger.counters
 
-    def displacement(self, stamp, value=0.0, arrival=None):
-        return self.merger.add_displacement(*_times(stamp, value, arrival))
+    def displacement(self, stamp, value=0.0, arrival=None, complete=None):
+        complete_ns = None if complete is None else complete * MS
+        return self.merger.add_displacement(*_times(stamp, value, arrival), complete_ns)
 
-    def force(self, stamp, value=0.0, arrival=None):
-        return self.merger.add_force(*_times(stamp, value, arrival))
+    def force(self, stamp, value=0.0, arrival=None, complete=None):
+        complete_ns = None if complete is None else complete * MS
+        return self.merger.add_force(*_times(stamp, value, arrival), complete_ns)
 
 
 def _times(stamp, value, arrival):
@@ -107,6 +109,38 @@ def test_a_burst_of_one_sensor_does_not_hurry_the_other():
         released += fed.merger.flush()
         assert [s.stamp_ns for s in released] == [i * MS for i in range(300)]
         assert fed.counters.late == fed.counters.unpaired == 0
+
+
+def test_a_second_reading_within_the_rounding_of_a_stamp_does_not_repeat_it():
+    fed = Fed()
+    fed.displacement(0)
+    fed.displacement(1e-6, 1.0)
+    assert told(fed.force(1e-6, 2.0)) == [(1e-6, 0.0, 2.0)]
+    assert fed.counters.late == 1
+
+
+def test_what_comes_out_does_not_depend_on_how_far_a_busy_program_has_got():
+    """Under load all of one sensor was taken in before messages of the other that had come."""
+    events = [(stamp + 20.5, "displacement", stamp) for stamp in range(0, 1000, 8)]
+    events += [(stamp, "force", stamp) for stamp in range(1000)]
+    events = [
+        (569.9 + 1e-3 * (a - 500) if 500 < a < 570 else a, w, s) for a, w, s in events
+    ]  # a stall
+    events.sort(key=lambda e: e[0])
+    results = []
+    for order in (lambda e: e[0], lambda e: e[1], lambda e: (e[1] == "displacement", e[0])):
+        fed = Fed(wait=50)
+        todo = sorted(events, key=order)
+        released = []
+        while todo:
+            arrival, what, stamp = todo.pop(0)
+            waits = min((a for a, _, _ in todo), default=None)
+            released += getattr(fed, what)(stamp, float(stamp), arrival, waits)
+        released += fed.merger.flush()
+        assert fed.counters.late == 0
+        results.append(told(released))
+    assert results[0] == results[1] == results[2]
+    assert len(results[0]) == 1000
 
 
 def test_what_is_later_than_its_place_or_repeats_a_stamp_is_dropped_and_counted():
@@ -227,6 +261,17 @@ def test_memory_stays_bounded_when_no_wait_is_ever_over():
     for i in range(LONGEST_QUEUE + 500):
         fed.displacement(i, arrival=0)
     assert fed.counters.unpaired == 500
+
+
+def test_a_sensor_that_dies_while_its_last_reading_waits_holds_nothing_up():
+    fed = Fed(wait=20, window=5)
+    released = []
+    for stamp in range(500):
+        if stamp <= 100:
+            released += fed.displacement(stamp)
+        released += fed.force(stamp)
+    assert [s.stamp_ns for s in released] == [i * MS for i in range(201)]
+    assert fed.counters.unpaired == 279  # the last 20 still wait
 
 
 def test_sensors_whose_clocks_differ_give_no_samples():

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from bisect import bisect_left
+from bisect import bisect_left, insort
 from typing import NamedTuple
 
 JUMP_NS = 1_000_000_000
@@ -110,10 +110,9 @@ class Merger:
         """Make a merger.
 
         Args:
-            maximum_wait_ns: how long a reading waits for the other sensor, both by the stamps of
-                its own sensor and by the times of arrival: a program that was held up finds a
-                second of one sensor before the first message of the other, and a recording that
-                is played slowly has its other reading come long after, yet nothing is late.
+            maximum_wait_ns: how long a reading waits for the other sensor, both by the stamps and
+                by the times of arrival: a recording that is played slowly has its other reading
+                come long after, a network that stalls has it come at once, yet nothing is late.
             reorder_window_ns: for how long every reading waits for those of either sensor that
                 come out of order.
             maximum_gap_ns: a reading further than this from any of the other sensor is dropped.
@@ -124,28 +123,41 @@ class Merger:
         self.counters = MergerCounters()
         self._displacement = _Sensor()
         self._force = _Sensor()
+        self._arrived: list[tuple[_Sensor, _Reading]] = []
         self._released_ns = _NEVER
         self._sequence = 0
 
     def add_displacement(
-        self, stamp_ns: int, displacement_mm: float, arrival_ns: int
+        self,
+        stamp_ns: int,
+        displacement_mm: float,
+        arrival_ns: int,
+        complete_ns: int | None = None,
     ) -> list[Merged]:
         """Take in a displacement reading; return the samples that wait for nothing any more.
 
         Args:
             stamp_ns: when it was measured.
             displacement_mm: the reading [mm].
-            arrival_ns: when it came, by a clock that goes on steadily.
+            arrival_ns: when it came.
+            complete_ns: what did not come before this must wait, for messages that came before are
+                still to be handed over: what is late does not depend on how far a busy program
+                has got with either sensor. None if no message waits.
         """
-        return self._add(self._displacement, _Reading(stamp_ns, displacement_mm, arrival_ns))
+        reading = _Reading(stamp_ns, displacement_mm, arrival_ns)
+        return self._take_in(self._displacement, reading, complete_ns)
 
-    def add_force(self, stamp_ns: int, force_n: float, arrival_ns: int) -> list[Merged]:
+    def add_force(
+        self, stamp_ns: int, force_n: float, arrival_ns: int, complete_ns: int | None = None
+    ) -> list[Merged]:
         """Take in a force reading [N]; the rest as in `add_displacement`."""
-        return self._add(self._force, _Reading(stamp_ns, force_n, arrival_ns))
+        reading = _Reading(stamp_ns, force_n, arrival_ns)
+        return self._take_in(self._force, reading, complete_ns)
 
     def flush(self) -> list[Merged]:
         """Return what waits: a recording is over."""
-        return self._release(None)
+        arrived, self._arrived = self._arrived, []
+        return [s for sensor, one in arrived for s in self._add(sensor, one)] + self._release(None)
 
     def skip(self, number: int) -> None:
         """Leave a gap in the numbers for readings that were left out before they came here."""
@@ -153,15 +165,36 @@ class Merger:
 
     def clear(self) -> None:
         """Drop what waits: readings to come are of other sensors, or read otherwise."""
+        self.counters.unpaired += len(self._arrived)
+        self._arrived.clear()
+        self._start_over()
+
+    def _start_over(self) -> None:
         for sensor in (self._displacement, self._force):
             self.counters.unpaired += len(sensor.waiting)
             sensor.forget()
         self._released_ns = _NEVER
 
+    def _take_in(self, sensor: _Sensor, reading: _Reading, complete_ns: int | None) -> list[Merged]:
+        """Take in, in the order of their arrival, what need not wait for other messages."""
+        arrived = self._arrived
+        if not arrived and (complete_ns is None or reading.arrival_ns < complete_ns):
+            return self._add(sensor, reading)  # nearly always
+        insort(arrived, (sensor, reading), key=_arrival)
+        result: list[Merged] = []
+        done = 0
+        for of, one in arrived:
+            if complete_ns is not None and one.arrival_ns >= complete_ns:
+                break
+            done += 1
+            result += self._add(of, one)
+        del arrived[:done]
+        return result
+
     def _add(self, sensor: _Sensor, reading: _Reading) -> list[Merged]:
         if reading.stamp_ns < sensor.newest_ns - JUMP_NS:
             self.counters.resets += 1
-            self.clear()
+            self._start_over()
         if reading.stamp_ns <= self._released_ns or not sensor.insert(reading):
             self.counters.late += 1
             return []
@@ -181,6 +214,10 @@ class Merger:
             if now_ns is not None and not self._may_go(first, other, oldest, now_ns):
                 break
             stamp_ns = oldest.stamp_ns
+            if stamp_ns <= self._released_ns:  # within the tolerance of the one before
+                first.take()
+                self.counters.late += 1
+                continue
             near = other.is_near(stamp_ns, self.maximum_gap_ns)
             values = {first: first.take()}
             if other.waiting and other.waiting[0].stamp_ns - stamp_ns <= TOLERANCE_NS:
@@ -207,10 +244,15 @@ class Merger:
         if min(first.newest_ns, other.newest_ns) - self.reorder_window_ns >= oldest.stamp_ns:
             return True
         wait_ns = self.maximum_wait_ns
-        if first.newest_ns - oldest.stamp_ns >= wait_ns and now_ns - oldest.arrival_ns >= wait_ns:
+        newest_ns = max(first.newest_ns, other.newest_ns)
+        if newest_ns - oldest.stamp_ns >= wait_ns and now_ns - oldest.arrival_ns >= wait_ns:
             return True
-        return len(first.waiting) > LONGEST_QUEUE
+        return len(first.waiting) + len(other.waiting) > LONGEST_QUEUE
 
 
 def _stamp(reading: _Reading) -> int:
     return reading.stamp_ns
+
+
+def _arrival(arrived: tuple[_Sensor, _Reading]) -> int:
+    return arrived[1].arrival_ns

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -39,6 +39,7 @@ class Channel:
         type_name: name of the messages' type, as the graph names it.
         maximum_backlog: messages that may wait; more are skipped, the oldest first.
         received: messages that came, whoever sent them.
+        received_ns: when the message that is handed on now came, by the system's clock.
         lines: tells the publishers apart.
     """
 
@@ -74,6 +75,7 @@ class Channel:
         )
         self.maximum_backlog = STREAM_DEPTH
         self.received = 0
+        self.received_ns = 0
         self._node = node
         self._message_type = message_type
         self._raw = raw
@@ -121,11 +123,13 @@ class Channel:
         self._waiting.clear()
         self._node.destroy_subscription(self._subscription)
 
-    def flush(self) -> None:
-        """Hand on all that waits now."""
-        if not self._closed:
+    def next_ns(self) -> int | None:
+        """When the oldest message that waits came, by the system's clock; None if none waits."""
+        if not self._waiting and not self._closed:
             self._fetch()
-            self._work(deadline_s=float("inf"))
+            if self._waiting:  # for what is fetched here the executor finds nothing to hand over
+                self._go_on_later()
+        return _came_ns(self._waiting[0][1]) if self._waiting else None
 
     def _on_message(self, message: Any, info: dict[str, Any] | None = None) -> None:
         """Take a message that the executor hands over.
@@ -162,12 +166,17 @@ class Channel:
         while waiting:
             message, info = waiting.popleft()
             self.received += 1
+            self.received_ns = _came_ns(info)
             if lines.follows(info["publication_sequence_number"], info["received_timestamp"]):
                 self._take(message)
             if waiting and time.perf_counter() > deadline_s:
-                self._continues = True
-                self._node.executor.create_task(self._continue)
+                self._go_on_later()
                 return
+
+    def _go_on_later(self) -> None:
+        if not self._continues:
+            self._continues = True
+            self._node.executor.create_task(self._continue)
 
     def _continue(self) -> None:
         """Go on after a slice: a task of the executor's."""
@@ -176,3 +185,8 @@ class Channel:
             self._work(time.perf_counter() + SLICE_S)
         except Exception as error:  # noqa: BLE001 - a task that raises ends this executor in a crash
             self._fail(error)
+
+
+def _came_ns(info: Mapping[str, Any]) -> int:
+    """Return when a message came; now, where the middleware does not say."""
+    return info["received_timestamp"] or time.time_ns()

@@ -8,7 +8,6 @@ other sensor does not have at that stamp.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -173,8 +172,6 @@ class SensorInput:
         self._skipped_positions += number
 
     def _take_force(self, message: Any) -> None:
-        # Positions that wait come first: a force must not go without one that is here already.
-        self._positions.flush()
         if message.header.frame_id != self._frame_id:
             self._frame_id = message.header.frame_id
             self._encoder.set_frame(self._frame_id)
@@ -191,7 +188,8 @@ class SensorInput:
         else:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
-        self._hand_on(self._merger.add_force(stamp_ns, value, time.monotonic_ns()))
+        arrival_ns = self._forces.received_ns
+        self._hand_on(self._merger.add_force(stamp_ns, value, arrival_ns, self._complete_ns()))
 
     def _take_joints(self, message: Any) -> None:
         index = 0
@@ -246,7 +244,18 @@ class SensorInput:
 
     def _add_position(self, stamp: Any, displacement_mm: float) -> None:
         stamp_ns = nanoseconds_from_stamp(stamp) + self._position_offset_ns
-        self._hand_on(self._merger.add_displacement(stamp_ns, displacement_mm, time.monotonic_ns()))
+        arrival_ns = self._positions.received_ns
+        complete_ns = self._complete_ns()
+        self._hand_on(
+            self._merger.add_displacement(stamp_ns, displacement_mm, arrival_ns, complete_ns)
+        )
+
+    def _complete_ns(self) -> int | None:
+        """Return when the oldest message that waits came; None if none waits."""
+        force_ns, position_ns = self._forces.next_ns(), self._positions.next_ns()
+        if force_ns is None or position_ns is None:
+            return position_ns if force_ns is None else force_ns
+        return min(force_ns, position_ns)
 
     def _hand_on(self, samples: list[Merged]) -> None:
         for stamp_ns, sequence, reading_mm, reading_n in samples:
