@@ -14,8 +14,8 @@ from hc_estimator.multiple_model.records import CANDIDATES, GRID, RAW
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]
-# With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack,
-# a share of the half width, the rounding of the stamps would decide, and with it the origin of time.
+# With even stamps readings lie on the very edge and the very middle of a parabola. Without a slack
+# (a share of the half width) rounding of the stamps would decide, and with it the origin of time.
 SLACK = 1e-3
 EDGE = 1.0 + SLACK
 FEWEST_READINGS = 7  # in it
