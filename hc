@@ -112,12 +112,25 @@ make_environment() {
     fingerprint environment >"$environment/.environment"
 }
 
-make_messages() {
-    printf '[3/4] compiling the messages (about 20 s)\n' >&2
+make_messages() { # beside one another: the filters' code needs no messages
+    printf '[3/4] compiling the messages and the estimators (one to two minutes)\n' >&2
+    ahead_log=$environment/.compiling_ahead
+    PYTHONSAFEPATH=1 PYTHONPATH="$root/src/hc_bringup:$root/src/hc_estimator:$root/src/hc_sim_rig" \
+        "$environment/bin/python" -m hc_bringup.warm_up ahead >"$ahead_log" 2>&1 &
+    ahead=$!
+    trap 'kill "$ahead" 2>/dev/null || true' EXIT
+    trap 'exit 130' INT
+    trap 'exit 143' TERM
     run_logged 'compiling the messages' "$environment/bin/python" -m pip install --no-input \
         --disable-pip-version-check --no-deps --no-build-isolation --editable "$root"
-    printf '[4/4] compiling the estimators (about a minute)\n' >&2
-    run_logged 'compiling the estimators' "$environment/bin/python" -m hc_bringup.warm_up
+    printf '[4/4] compiling what is left of the estimators\n' >&2
+    run_logged 'compiling the estimators' "$environment/bin/python" -m hc_bringup.warm_up rest
+    wait "$ahead" || {
+        cat "$ahead_log" >>"$log"
+        tail -n 15 "$ahead_log" >&2
+        fail "compiling the estimators failed; the whole output is in $log"
+    }
+    trap - EXIT INT TERM
     fingerprint messages >"$environment/.messages"
     printf 'ready\n' >&2
 }

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -157,6 +157,7 @@ def test_decimals_stay_put_while_the_deviation_wanders() -> None:
 
 
 @given(st.lists(numbers, max_size=50), st.integers(0, 80))
+@example([-1.7e308, 1.7e308, 0.0], 8)  # their distance is no number
 def test_sparkline_is_as_wide_as_asked(values: list[float], width: int) -> None:
     line = sparkline(values, width)
     assert len(line) == width

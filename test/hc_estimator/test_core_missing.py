@@ -207,16 +207,7 @@ def test_a_displacement_that_is_gone_for_long_takes_the_force_with_it(filter_nam
         assert series.parameters[-1, 0] == pytest.approx(TRUTH[0], rel=0.02)
 
 
-SHARED_COUNT = pytest.mark.xfail(
-    strict=True,
-    reason="one count of outliers for both channels: a displacement alone sets it to 0, and every "
-    "force that jumped is refused for good",
-)
-
-
-@pytest.mark.parametrize(
-    "filter_name", ["ukf", pytest.param("self_tuning_ukf", marks=SHARED_COUNT)]
-)
+@pytest.mark.parametrize("filter_name", ["ukf", "self_tuning_ukf"])
 def test_a_force_that_jumped_is_believed_though_the_displacement_comes_in_between(
     filter_name, recording
 ):

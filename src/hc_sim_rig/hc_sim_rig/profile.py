@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_sim_rig.compilation import inlined
+from hc_sim_rig.compilation import compiled
 from hc_sim_rig.layout import (
     SEGMENT_COLUMNS,
     SHAPE_LINEAR,
@@ -107,7 +107,7 @@ def profile_from_legs(
     )
 
 
-@inlined
+@compiled  # with a cache file: Python calls it too, at every start
 def profile_at(
     time: float, segments: NDArray[np.float64], sines: NDArray[np.float64], hint: int
 ) -> Any:

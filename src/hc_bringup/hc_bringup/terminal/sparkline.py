@@ -21,7 +21,7 @@ def sparkline(values: Sequence[float], width: int) -> str:
     shown = list(values)[-width:]
     finite = [value for value in shown if math.isfinite(value)]
     low, high = (min(finite), max(finite)) if finite else (0.0, 0.0)
-    span = high - low
+    span = 0.5 * high - 0.5 * low  # half of it: the whole can be beyond the largest number
     blocks = []
     for value in shown:
         if not math.isfinite(value):
@@ -29,5 +29,6 @@ def sparkline(values: Sequence[float], width: int) -> str:
         elif span <= 1e-12 * max(abs(low), abs(high), 1e-300):
             blocks.append(STEPS[0])
         else:
-            blocks.append(STEPS[min(len(STEPS) - 1, int((value - low) / span * len(STEPS)))])
+            share = (0.5 * value - 0.5 * low) / span
+            blocks.append(STEPS[min(len(STEPS) - 1, int(share * len(STEPS)))])
     return "".join(blocks).rjust(width)

@@ -13,7 +13,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from hc_estimator.input.tare import TareResult
 
@@ -39,6 +38,10 @@ class SurfaceFinder:
     """Takes samples of an approach from free motion into the tissue; used like a Tare."""
 
     def __init__(self) -> None:
+        # Half a second that a node need not spend at its start, and not at the end of an approach.
+        from scipy.optimize import least_squares
+
+        self._least_squares = least_squares
         self._approach: list[tuple[float, float]] = []
         self._start_over()
 
@@ -122,7 +125,9 @@ class SurfaceFinder:
             return error
 
         start = np.array([first - 0.1 * stroke, force[-1] / stroke**1.5, 1.5])
-        fit = least_squares(misfit, start, bounds=(lower, upper), x_scale=(stroke, start[1], 1.0))
+        fit = self._least_squares(
+            misfit, start, bounds=(lower, upper), x_scale=(stroke, start[1], 1.0)
+        )
         freedom = max(len(force) - 3, 1)
         jacobian: FloatArray = np.asarray(fit.jac)
         covariance = 2.0 * float(fit.cost) / freedom * np.linalg.pinv(jacobian.T @ jacobian)
