@@ -19,6 +19,11 @@ MIDDLEWARE_VARIABLES = (
 HIGHEST_DOMAIN = 101  # above it the ports of DDS leave the range that Linux keeps free
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put tests of real processes first: the many short ones even out the workers in the end."""
+    items.sort(key=lambda item: item.get_closest_marker("process") is None)
+
+
 @pytest.fixture(autouse=True)
 def middleware_environment() -> Iterator[None]:
     """What hc_msgs_py.middleware sets for this process ends with the test."""

@@ -75,6 +75,7 @@ def test_a_killed_estimator_comes_again_and_knows_the_tissue(command_line) -> No
     assert after["stiffness_std"] < 3.0 * before["stiffness_std"]
 
 
+@pytest.mark.slow
 def test_a_killed_recorder_and_a_killed_rig_come_again(command_line) -> None:
     """The recorder goes on in a second bag; the rig begins anew, and is told to start."""
     process = command_line.start("run", str(plan_with_respawn(command_line.folder)), "--json")

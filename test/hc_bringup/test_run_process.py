@@ -105,7 +105,9 @@ def test_a_signal_ends_the_run_cleanly_with_a_summary(command_line, number: sign
     assert_clean(command_line)
 
 
-@pytest.mark.parametrize("after_s", [0.1, 0.3, 0.6, 0.9, 1.2, 1.6])
+@pytest.mark.parametrize(
+    "after_s", [0.1, 0.9, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.3, 0.6, 1.2, 1.6))]
+)
 def test_a_signal_during_the_start_ends_the_run_without_a_word_too_much(
     command_line, after_s: float
 ) -> None:
@@ -140,6 +142,7 @@ def test_a_second_run_in_the_domain_is_refused_with_the_way_out(command_line) ->
     assert "lost 0" in out
 
 
+@pytest.mark.slow
 def test_a_run_beside_a_node_started_by_hand_is_refused(command_line) -> None:
     words = ("--ros-args", "-r", "__node:=indenter")
     node = command_line.start(*words, module="hc_sim_rig.node")
@@ -245,9 +248,14 @@ def broken_plan(folder: Path, node: str, parameters: dict[str, object]) -> str:
     ("node", "parameters", "expected"),
     [
         ("estimator", {"filter": "magic"}, "magic"),
-        ("estimator", {"no_such_parameter": 1}, "no_such_parameter"),
-        ("indenter", {"speed": -4.0}, "speed"),
-        ("recorder", {"flush_interval": 1e9}, "flush_interval"),
+        *(
+            pytest.param(*words, marks=pytest.mark.slow)
+            for words in (
+                ("estimator", {"no_such_parameter": 1}, "no_such_parameter"),
+                ("indenter", {"speed": -4.0}, "speed"),
+                ("recorder", {"flush_interval": 1e9}, "flush_interval"),
+            )
+        ),
     ],
 )
 def test_a_node_that_cannot_start_is_reported_with_what_it_said(
@@ -300,6 +308,7 @@ def test_replay_of_a_recording_gives_the_estimates_of_the_recording(command_line
     assert_clean(command_line)
 
 
+@pytest.mark.slow
 def test_replay_without_estimator_publishes_the_recorded_estimates(command_line) -> None:
     command_line.run("simulate", "multisine", "-o", "bag", "--duration", "2")
     done = command_line.run("replay", "bag", "--json", "--headless", "--start", "1")

@@ -26,7 +26,6 @@ WORSE = {  # RMS error over that of the last reading held
     ("sine_hard", -3.0): 15.8,
     ("sine_hard", -1.0): 2.1,
     ("sine_soft", -3.0): 13.1,
-    ("sine_soft", 3.0): 2.4,
     ("sine_horse_raw", -3.0): 13.9,
     ("sine_horse_raw", -1.0): 2.2,
 }

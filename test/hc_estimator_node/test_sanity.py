@@ -73,6 +73,15 @@ def test_noise_free_motion_and_nothing_are_above_suspicion():
     assert check_samples(time_s, np.full(5000, np.nan), noise[1]) == []
 
 
+@pytest.mark.filterwarnings("error")
+def test_readings_beyond_any_sensor_are_passed_over():
+    """Regression: their squares overflowed, a warning before the error line."""
+    time_s, d, force = press((0.5, 0.05, 1.5, 1.0))
+    depth, newtons = d.copy(), force.copy()
+    depth[::50], depth[1::50], newtons[2::50] = 1e308, -1e308, 1e200
+    assert check_samples(time_s, depth, newtons) == check_samples(time_s, d, force) == []
+
+
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_the_recordings_are_above_suspicion_but_for_what_is_known(name):
     path = SHARED / f"{name}.csv"

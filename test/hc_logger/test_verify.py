@@ -21,6 +21,8 @@ from hc_logger.recording import read_recording
 from hc_logger.verify import verify
 from hc_logger.writer import BagWriter
 
+pytestmark = pytest.mark.process
+
 
 def samples(path: Path) -> None:
     """Three seconds at 1 kHz of a tip going in and out, with missing and bad readings."""

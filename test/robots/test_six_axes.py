@@ -69,6 +69,7 @@ def test_along_the_normal_the_tissue_is_found_whatever_the_attitude(bench):
     assert node.poll() is None
 
 
+@pytest.mark.slow
 def test_the_payload_is_identified_and_told_to_the_estimator(bench):
     attitudes = Rotation.random(6, random_state=3).as_quat().tolist()
     bench.robot(**(ROBOT | {"attitudes": attitudes, "rest_s": 1e6, "lift_mm": 50.0}))

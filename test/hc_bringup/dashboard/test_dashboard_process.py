@@ -92,6 +92,7 @@ def test_page_shows_the_bag_that_is_replayed(
     page.wait(lambda: page.text("#state") == "stopped", "stopped", 5.0)
 
 
+@pytest.mark.slow
 def test_controls_change_the_estimator_and_the_rig(
     page: Any, dashboard: Callable[..., str], command_line: Any, tmp_path: Path
 ) -> None:

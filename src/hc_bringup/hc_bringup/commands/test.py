@@ -17,7 +17,7 @@ _CHECKS = (
     ("ruff format", ("ruff", "format", "--check", "--quiet", *_SOURCES)),
     ("mypy", ("mypy",)),
 )
-_PARALLEL = ("--numprocesses=2", "--dist=loadfile")
+_PARALLEL = ("--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder")
 """Two processes, as the machines of CI have two cores; a file's tests stay together."""
 
 

@@ -16,6 +16,10 @@ CLEAR = 10.0
 """A channel moves if its range is so many times its noise."""
 
 
+BEYOND_ANY_SENSOR = 1e12
+"""Squares of what is smaller can be summed."""
+
+
 class Check(Enum):
     """What is doubted."""
 
@@ -53,6 +57,14 @@ class Readings(NamedTuple):
     unit: str
     time_s: FloatArray
     values: FloatArray
+
+
+def usable(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> Readings:
+    """Return the readings that are numbers and not beyond any sensor."""
+    times, readings = np.asarray(time_s), np.asarray(values)
+    # A comparison with NaN is false.
+    use = (np.abs(times) < BEYOND_ANY_SENSOR) & (np.abs(readings) < BEYOND_ANY_SENSOR)
+    return Readings(name, unit, times[use], readings[use])
 
 
 def robust_range(values: FloatArray) -> tuple[float, float]:

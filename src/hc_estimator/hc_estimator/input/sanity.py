@@ -23,6 +23,7 @@ from hc_estimator.input.readings import (
     moves,
     noise,
     robust_range,
+    usable,
 )
 
 RELATED = 0.4
@@ -60,8 +61,8 @@ def check_samples(
         What is suspicious, the most fundamental first; empty for readings that may be right.
     """
     return check_channels(
-        _finite("displacement", "mm", time_s, displacement_mm),
-        _finite("force", "N", time_s, force_n),
+        usable("displacement", "mm", time_s, displacement_mm),
+        usable("force", "N", time_s, force_n),
     )
 
 
@@ -103,11 +104,6 @@ def check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
 def _add(result: list[Suspicion], check: Check, readings: Readings, sentence: str) -> None:
     if sentence:
         result.append(Suspicion(check, readings.name, sentence))
-
-
-def _finite(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> Readings:
-    use = np.isfinite(time_s) & np.isfinite(values)
-    return Readings(name, unit, np.asarray(time_s)[use], np.asarray(values)[use])
 
 
 # Both channels.

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
-from hc_estimator.input.readings import Readings, Suspicion
+from hc_estimator.input.readings import Readings, Suspicion, usable
 from hc_estimator.input.sanity import check_channels
 
 KEPT = 4096
@@ -41,8 +41,7 @@ class _Channel:
         shift = -(self.count % KEPT) if self.count > KEPT else 0
         times = np.roll(np.array(self._times[:kept]), shift)
         values = np.roll(np.array(self._values[:kept]), shift)
-        finite = np.isfinite(times) & np.isfinite(values)
-        return Readings(self._name, self._unit, times[finite], values[finite])
+        return usable(self._name, self._unit, times, values)
 
 
 class SuspicionWatch:
