@@ -90,7 +90,9 @@ def test_the_main_job(command_line) -> None:
         assert estimated["parameters"][name] == pytest.approx(value, rel=1e-9)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_a_signal_ends_the_run_cleanly_with_a_summary(command_line, number: signal.Signals) -> None:
     process = command_line.start("run", "--json")
     wait_for_start(process)
@@ -123,19 +125,26 @@ def test_a_signal_during_the_start_ends_the_run_without_a_word_too_much(
     assert_clean(command_line)
 
 
-def test_a_second_run_in_the_domain_is_refused_with_the_way_out(command_line) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "--headless", "--duration", "1"),
+        pytest.param(("replay", str(ROOT / "bags/example")), marks=pytest.mark.slow),
+    ],
+    ids=["run", "replay"],
+)
+def test_a_second_run_in_the_domain_is_refused_with_the_way_out(command_line, words) -> None:
     first = command_line.start("run")
     wait_for_start(first)
-    for words in (("run", "--headless", "--duration", "1"), ("replay", str(ROOT / "bags/example"))):
-        done = command_line.run(*words)
-        assert done.returncode == 1
-        assert done.stdout == ""
-        assert done.stderr.count("\n") == 1
-        domain = command_line.environment["ROS_DOMAIN_ID"]
-        assert f"process {first.pid} (hc run)" in done.stderr
-        assert f"in ROS domain {domain} already" in done.stderr
-        free = int(done.stderr.partition("ROS_DOMAIN_ID=")[2].split()[0])
-        assert free != int(domain)
+    done = command_line.run(*words)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    domain = command_line.environment["ROS_DOMAIN_ID"]
+    assert f"process {first.pid} (hc run)" in done.stderr
+    assert f"in ROS domain {domain} already" in done.stderr
+    free = int(done.stderr.partition("ROS_DOMAIN_ID=")[2].split()[0])
+    assert free != int(domain)
     first.send_signal(signal.SIGINT)
     out, err = first.communicate(timeout=60)
     assert first.returncode == 0, err
@@ -289,6 +298,7 @@ def test_a_node_module_that_does_not_exist(command_line) -> None:
     assert done.stderr.splitlines()[-1] == "hc run: node a ended with exit status 1"
 
 
+@pytest.mark.slow
 def test_replay_of_a_recording_gives_the_estimates_of_the_recording(command_line) -> None:
     source = SHARED_DATA / "palpation_sine_soft.csv"
     if not source.is_file():

@@ -88,6 +88,7 @@ def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(start_process, p
     assert sum(values.values()) == number
 
 
+@pytest.mark.slow
 def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, probe, plant):
     from rosgraph_msgs.msg import Clock
 
@@ -113,6 +114,7 @@ def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, prob
     assert all(m.rejected == 0 for m in probe.estimates[-390:])
 
 
+@pytest.mark.slow
 def test_a_subscriber_that_never_reads_does_not_hold_it_up(start_process, probe, plant, domain_id):
     import rclpy
     from hc_msgs.msg import HuntCrossleyEstimate
@@ -132,6 +134,7 @@ def test_a_subscriber_that_never_reads_does_not_hold_it_up(start_process, probe,
     context.try_shutdown()
 
 
+@pytest.mark.slow
 def test_rates_from_100_hz_to_4_khz_in_one_run(start_process, probe, make_plant):
     start_process()
     probe.wait_ready()
@@ -145,6 +148,7 @@ def test_rates_from_100_hz_to_4_khz_in_one_run(start_process, probe, make_plant)
     assert all(m.stiffness_std < 10.0 for m in probe.estimates[-100:])
 
 
+@pytest.mark.slow
 def test_two_rigs_in_one_domain_are_told_apart_though_their_samples_look_alike(
     start_process, probe, plant
 ):
@@ -187,6 +191,7 @@ def test_two_rigs_in_one_domain_are_told_apart_though_their_samples_look_alike(
     assert process.poll() is None
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_stamps_numbers_and_bytes_is_said(start_process, probe, plant):
     process = start_process(input__silence_timeout=0.2)
     probe.wait_ready()
@@ -256,6 +261,7 @@ def test_a_topic_that_nobody_publishes_or_with_another_type_is_named(start_proce
     probe.wait(lambda: probe.statuses[-1].level == b"\x01", what="a warning")
 
 
+@pytest.mark.slow
 def test_a_force_that_pulls_for_push_is_told_in_status_and_events(start_process, probe, plant):
     start_process(filter="ukf")
     probe.wait_ready()

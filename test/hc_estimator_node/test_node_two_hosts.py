@@ -94,6 +94,7 @@ def hosts(join_hosts, domain_id, compiled):
             process.communicate()
 
 
+@pytest.mark.slow
 def test_estimates_go_on_across_a_slow_and_lossy_link_and_the_latency_is_true(hosts, plant):
     hosts(["-m", "hc_estimator.node"], host=1)
     listener = hosts(["-c", LISTENER], host=1)

@@ -184,6 +184,7 @@ def test_step_burst_and_seek(start_node: Start, graph: Any, make_bag: MakeBag) -
     assert node.end() == 0, node.error
 
 
+@pytest.mark.slow
 def test_clock_loop_and_new_names(start_node: Start, graph: Any, make_bag: MakeBag) -> None:
     from hc_msgs.msg import IndenterSample
     from rosgraph_msgs.msg import Clock
@@ -218,6 +219,7 @@ def test_clock_loop_and_new_names(start_node: Start, graph: Any, make_bag: MakeB
     assert node.end() == 0, node.error
 
 
+@pytest.mark.slow
 def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
     """A player on a pseudo terminal: space, right, up; and the terminal is given back."""
     import os

@@ -394,6 +394,7 @@ def test_a_flood_does_not_eat_memory(start_node: Start, graph: Any, tmp_path: Pa
         assert int(reader.custom_data["dropped"]) == 3001 - info.message_count
 
 
+@pytest.mark.slow
 def test_a_recorder_that_stands_still_for_five_seconds_loses_nothing(
     start_node: Start, graph: Any, tmp_path: Path
 ) -> None:

@@ -198,6 +198,7 @@ def test_two_recorders_on_one_folder(start_node: Start, tmp_path: Path) -> None:
     assert bag_info(bag).problems == []
 
 
+@pytest.mark.slow
 def test_simulated_time_is_the_time_of_the_bag(
     start_node: Start, graph: Any, make_bag: Callable[..., Path], start_ns: int, tmp_path: Path
 ) -> None:

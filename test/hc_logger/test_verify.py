@@ -168,6 +168,7 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
     assert any("began at sample 0, the first recorded" in note for note in report.notes)
 
 
+@pytest.mark.slow
 def test_a_run_with_sensors_of_ones_own_is_recomputed_to_the_last_bit(
     start_node: Callable[..., Any], domain: int, graph: Any, tmp_path: Path
 ) -> None:

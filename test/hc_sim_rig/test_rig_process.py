@@ -205,6 +205,7 @@ def test_it_stops_publishing_at_the_end_and_may_end_itself(start_rig: Any, tmp_p
     assert found == list(range(300))
 
 
+@pytest.mark.slow
 def test_simulated_time_runs_at_its_pace(start_rig: Any) -> None:
     rig, listener = start_rig(
         scenario="multisine", time="simulated", rate=4.0, start_paused=True, use_sim_time=True
@@ -269,11 +270,16 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
     ("parameters", "needles"),
     [
         ({"scenario": "nowhere"}, ["nowhere", "multisine"]),
-        ({"seed": -3}, ["seed", "-3"]),
-        ({"stiffness": -1.0}, ["stiffness", "-1"]),
         ({"rate": 2.0}, ["rate", "simulated"]),
-        ({"use_sim_time": True}, ["use_sim_time", "simulated"]),
-        ({"time": "lunar"}, ["time", "lunar", "lockstep"]),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ({"seed": -3}, ["seed", "-3"]),
+                ({"stiffness": -1.0}, ["stiffness", "-1"]),
+                ({"use_sim_time": True}, ["use_sim_time", "simulated"]),
+                ({"time": "lunar"}, ["time", "lunar", "lockstep"]),
+            )
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(

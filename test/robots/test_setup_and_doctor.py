@@ -102,7 +102,10 @@ def recording(path, change=lambda t, d, f: (t, d, f), delay_s=0.0):
     ("change", "settings"),
     [
         (lambda t, d, f: (t, -d, f), {"input.position.sign": -1}),
-        (lambda t, d, f: (t, d, 1000.0 * f), {"input.force.scale": 0.001}),
+        pytest.param(
+            *(lambda t, d, f: (t, d, 1000.0 * f), {"input.force.scale": 0.001}),
+            marks=pytest.mark.slow,
+        ),
         (lambda t, d, f: (t, d, f + 1.7), {"input.force.zero": pytest.approx(1.7, abs=0.02)}),
         (
             lambda t, d, f: (t, d + 412.0, f),
@@ -121,6 +124,7 @@ def test_doctor_puts_a_recording_right_and_says_what_the_fault_costs(bench, chan
     assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.1)
 
 
+@pytest.mark.slow
 def test_doctor_finds_a_delay_and_forecasts_what_the_motion_does_not_show(bench):
     path = recording(bench.folder / "late.csv", delay_s=0.03)
     verdict = json.loads(bench.hc("doctor", path, "--json").stdout)

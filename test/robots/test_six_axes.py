@@ -40,6 +40,7 @@ def estimator(bench, **more):
     return bench.start("-m", "hc_estimator.node", "--ros-args", "--params-file", str(path))
 
 
+@pytest.mark.slow
 def test_along_the_normal_the_tissue_is_found_whatever_the_attitude(bench):
     bench.robot(**ROBOT)
     payload = {"mass": 0.7, "force_bias": ROBOT["force"]["bias"]}

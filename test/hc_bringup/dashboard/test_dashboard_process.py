@@ -171,6 +171,7 @@ def test_read_only_unless_started_with_control(page: Any, dashboard: Callable[..
         assert "--control" in answer["message"]
 
 
+@pytest.mark.slow
 def test_a_port_in_use_is_one_line(command_line: Any, dashboard: Callable[..., str]) -> None:
     port = dashboard().split(":")[2].split("/")[0]
     done = command_line.run("dashboard", "--port", port)
