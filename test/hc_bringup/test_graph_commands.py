@@ -61,6 +61,7 @@ def test_nothing_runs(command_line) -> None:
     assert done.stderr == "hc param: there is no node /estimator; running nodes: none\n"
 
 
+@pytest.mark.slow
 def test_commands_on_a_running_node(rig) -> None:
     # one node for all of these: starting it is what costs time
     assert rig.run_until("/indenter\n", "node", "list") == "/indenter\n"
@@ -87,6 +88,7 @@ def test_commands_on_a_running_node(rig) -> None:
     assert measured == pytest.approx(1000.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_parameters_of_a_running_node(rig, tmp_path) -> None:
     assert "  speed\n" in rig.run("param", "list", "indenter").stdout
     assert (
@@ -186,6 +188,7 @@ def test_services_of_a_running_node(rig) -> None:
         assert expected in done.stderr
 
 
+@pytest.mark.slow
 def test_the_estimators_services_in_plain_words(estimator, command_line) -> None:
     done = estimator.run("save")
     while "starting: " in done.stderr:  # the test's timeout ends it

@@ -111,6 +111,7 @@ def test_without_a_home_the_graph_can_be_looked_at(ros_domain: int, tmp_path: Pa
     assert (done.returncode, done.stdout, done.stderr) == (0, "no node is running\n", "")
 
 
+@pytest.mark.slow
 def test_any_file_name_works(tmp_path: Path) -> None:
     folder = os.fsencode(tmp_path) + b"/\xff \xc3\xa4 $b"
     os.mkdir(folder)

@@ -46,6 +46,7 @@ def node_process(domain_id: str, module: str = "hc_estimator.node") -> int | Non
     return None
 
 
+@pytest.mark.slow
 def test_a_killed_estimator_comes_again_and_knows_the_tissue(command_line) -> None:
     process = command_line.start("run", str(plan_with_respawn(command_line.folder)), "--json")
     live = list(iter_until_samples(process, 2))

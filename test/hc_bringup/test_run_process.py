@@ -125,6 +125,7 @@ def test_a_signal_during_the_start_ends_the_run_without_a_word_too_much(
     assert_clean(command_line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [
@@ -163,6 +164,7 @@ def test_a_run_beside_a_node_started_by_hand_is_refused(command_line) -> None:
     assert_clean(command_line)
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_is_told_at_once_and_in_the_end(command_line) -> None:
     """A file size limit stands for the full disk: it needs no mount."""
     limit = 300_000
@@ -194,6 +196,7 @@ def test_a_disk_that_fills_up_is_told_at_once_and_in_the_end(command_line) -> No
     assert_clean(command_line)
 
 
+@pytest.mark.slow
 def test_a_run_without_samples_says_so_and_fails(command_line) -> None:
     path = command_line.folder / "silent.yaml"
     path.write_text(
@@ -208,6 +211,7 @@ def test_a_run_without_samples_says_so_and_fails(command_line) -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_killed_runner_leaves_no_node_behind(command_line) -> None:
     process = command_line.start("run")
     wait_for_start(process)
@@ -219,6 +223,7 @@ def test_a_killed_runner_leaves_no_node_behind(command_line) -> None:
         time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_a_node_that_dies_is_reported_with_its_name(command_line) -> None:
     process = command_line.start("run")
     wait_for_start(process)

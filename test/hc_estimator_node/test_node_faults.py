@@ -70,6 +70,7 @@ def test_two_publishers_are_an_error_and_the_first_keeps_the_floor(start_process
     probe.wait(lambda: probe.statuses[-1].level != b"\x02", what="the end of the error")
 
 
+@pytest.mark.slow
 def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(start_process, probe, plant):
     process = start_process(input__maximum_backlog=5)
     probe.wait_ready()
@@ -242,6 +243,7 @@ def test_what_is_wrong_with_stamps_numbers_and_bytes_is_said(start_process, prob
     assert process.poll() is None
 
 
+@pytest.mark.slow
 def test_a_topic_that_nobody_publishes_or_with_another_type_is_named(start_process, probe):
     start_process(
         input__source="sensors",

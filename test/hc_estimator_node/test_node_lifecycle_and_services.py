@@ -110,6 +110,7 @@ def test_reset_tare_save_and_load(start_process, end_process, probe, plant, tmp_
     assert sorted(p.name for p in folder.iterdir()) == ["saved_state.json"]
 
 
+@pytest.mark.slow
 def test_the_surface_is_found_while_the_tool_presses(start_process, end_process, probe, plant):
     """Sensors that read 0.7 N and 6 mm at the surface; the service finds both from an approach."""
     process = start_process()
@@ -167,6 +168,7 @@ def test_a_node_that_was_killed_goes_on_where_it_was(
     assert not list(tmp_path.iterdir())  # a clean end leaves nothing to go on from
 
 
+@pytest.mark.slow
 def test_a_state_that_kills_does_so_once_at_most(
     start_process, end_process, probe, plant, tmp_path
 ):
@@ -203,6 +205,7 @@ def test_a_state_that_kills_does_so_once_at_most(
     assert [p.name for p in tmp_path.iterdir()] == ["set_aside_state.json"]
 
 
+@pytest.mark.slow
 def test_what_was_learnt_survives_a_failure_of_the_node(processes, probe, plant, tmp_path):
     """It was removed in a finally clause, so that a respawn began from nothing."""
     script = (

@@ -101,6 +101,7 @@ def test_a_wrong_parameter_file_is_one_line_and_status_2(start_process, tmp_path
     assert errors.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_configuration_files_of_the_project_are_taken(start_process, end_process, probe):
     from pathlib import Path
 

@@ -81,6 +81,7 @@ def test_every_parameter_describes_itself_and_a_dump_loads_back(node, probe):
     assert dict(zip(settable, probe.get(*settable), strict=True)) == dumped
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "given", ["auto", *(pytest.param(n, marks=pytest.mark.slow) for n in (0.02, 0))]
 )
@@ -110,6 +111,7 @@ def test_the_delay_is_a_word_or_a_number_from_the_start_and_while_it_runs(
     assert answer.successful
 
 
+@pytest.mark.slow
 def test_a_setting_that_nobody_gave_follows_the_default_of_the_filter(node, probe):
     from hc_estimator import parameter_specifications
 

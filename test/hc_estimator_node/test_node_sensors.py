@@ -108,6 +108,7 @@ def counter(probe, name):
     return next(v.value for v in probe.statuses[-1].values if v.key == name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "make_position", "message", "options"),
     [

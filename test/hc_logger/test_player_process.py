@@ -136,6 +136,7 @@ def set_parameter(graph: Any, name: str, value: Any) -> Any:
     return graph.call(SetParameters, "/player/set_parameters", request).results[0]
 
 
+@pytest.mark.slow
 def test_step_burst_and_seek(start_node: Start, graph: Any, make_bag: MakeBag) -> None:
     from hc_msgs.msg import IndenterSample
     from rclpy.serialization import deserialize_message

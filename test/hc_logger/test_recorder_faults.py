@@ -152,6 +152,7 @@ for line in sys.stdin:
 """
 
 
+@pytest.mark.slow
 def test_sessions_killed_at_random_moments_at_4_khz(tmp_path: Path) -> None:
     """What the recorder keeps, without ROS around it: twenty processes."""
     losses = []
@@ -371,6 +372,7 @@ def test_a_steady_clock_is_left_alone() -> None:
     assert clock.jumps_ns == []
 
 
+@pytest.mark.slow
 def test_a_flood_does_not_eat_memory(start_node: Start, graph: Any, tmp_path: Path) -> None:
     """Faster than the recorder's queue can hold: memory stays, drops are counted."""
     from std_msgs.msg import ByteMultiArray

@@ -127,6 +127,7 @@ def test_a_chosen_list_and_a_publisher_with_other_qos(
     np.testing.assert_array_equal(sequence, [*range(100), *range(1000, 1100)])
 
 
+@pytest.mark.slow
 def test_losses_are_counted_and_reported(start_node: Start, graph: Any, tmp_path: Path) -> None:
     """More at once than the recorder's queue holds: what it missed shows in its diagnostics."""
     from diagnostic_msgs.msg import DiagnosticArray
@@ -230,6 +231,7 @@ def test_simulated_time_is_the_time_of_the_bag(
         assert start_ns <= times[0] <= times[-1] <= start_ns + 500_000_000
 
 
+@pytest.mark.slow
 def test_without_a_clock_simulated_time_records_nothing_and_says_so(
     start_node: Start, graph: Any, tmp_path: Path
 ) -> None:

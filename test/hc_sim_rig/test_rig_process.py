@@ -97,6 +97,7 @@ def test_all_topics_carry_the_rig_sample_by_sample(start_rig: Any) -> None:
     assert "forward_overtaken" in values
 
 
+@pytest.mark.slow
 def test_a_stopped_process_catches_up_without_a_gap(start_rig: Any) -> None:
     rig, listener = start_rig(scenario="multisine", start_paused=True)
     found = listener.collect(
@@ -191,6 +192,7 @@ def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
     assert rig.stop() == 0
 
 
+@pytest.mark.slow
 def test_it_stops_publishing_at_the_end_and_may_end_itself(start_rig: Any, tmp_path: Any) -> None:
     short = (SCENARIO_FOLDER / "multisine.yaml").read_text().replace("60.0", "0.3")
     (tmp_path / "short.yaml").write_text(short)

@@ -22,6 +22,7 @@ DELAY_S = 0.06
 SECONDS = 5.0
 
 
+@pytest.mark.slow
 def test_master_and_slave_on_two_hosts(join_hosts, tmp_path: Path) -> None:
     link = join_hosts(DELAY_S, 0.002)
     quiet = (SCENARIO_FOLDER / "teleoperation.yaml").read_text()

@@ -63,6 +63,7 @@ def test_setup_finds_the_robot_writes_it_down_and_doctor_finds_nothing_or_the_fa
     assert zero == pytest.approx(-4.2, abs=0.1)
 
 
+@pytest.mark.slow
 def test_setup_without_a_robot_is_one_line(bench):
     done = bench.hc("setup", "--yes")
     assert (done.returncode, done.stderr.count("\n")) == (1, 1)
@@ -98,6 +99,7 @@ def recording(path, change=lambda t, d, f: (t, d, f), delay_s=0.0):
     return str(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "settings"),
     [

@@ -160,6 +160,7 @@ def test_controls_change_the_estimator_and_the_rig(
     assert run.wait(30) == 0
 
 
+@pytest.mark.slow
 def test_read_only_unless_started_with_control(page: Any, dashboard: Callable[..., str]) -> None:
     page.open(dashboard())
     page.wait_for("HC.app.state === 'connected'")
