@@ -51,6 +51,7 @@ def rig(command_line):
     return patient
 
 
+@pytest.mark.slow
 def test_nothing_runs(command_line) -> None:
     assert command_line.run("node", "list").stdout == "no node is running\n"
     done = command_line.run("topic", "echo", "/indenter/sample", "--once")
@@ -167,6 +168,7 @@ def test_a_parameter_that_is_a_word_or_a_number(estimator, tmp_path) -> None:
         assert value("--hide-type") == f"{expected}\n"
 
 
+@pytest.mark.slow
 def test_services_of_a_running_node(rig) -> None:
     rig.run_until("/indenter/run [std_srvs/srv/SetBool]\n", "service", "list", "-t")
     assert rig.run("service", "type", "indenter/run").stdout == "std_srvs/srv/SetBool\n"

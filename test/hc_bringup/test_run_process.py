@@ -258,6 +258,7 @@ def broken_plan(folder: Path, node: str, parameters: dict[str, object]) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("node", "parameters", "expected"),
     [

@@ -201,6 +201,7 @@ def storm(start_process, start_script, end_process, probe, plant, tmp_path, *, s
     assert (status, "Traceback" in errors) == (0, False), errors
 
 
+@pytest.mark.slow
 def test_a_storm_of_parameters_and_transitions_kills_nothing(
     start_process, start_script, end_process, probe, plant, tmp_path
 ):

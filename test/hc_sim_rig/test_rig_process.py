@@ -156,6 +156,7 @@ def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path)
     assert np.all(np.diff(stamps) == 1_000_000)
 
 
+@pytest.mark.slow
 def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
     rig, listener = start_rig(scenario="multisine", amplitude=0.5)
     found = listener.collect(
