@@ -177,6 +177,7 @@ def test_ten_seconds_of_good_data_give_the_stiffness(filter_name, state_space, o
     assert series.parameters[-1, 0] == pytest.approx(clean.parameters[-1, 0], rel=rel)
 
 
+@pytest.mark.slow
 @given(order=ORDERS)
 @settings(
     max_examples=3,

@@ -182,6 +182,7 @@ def outer(x):
 }
 
 
+@pytest.mark.slow
 def test_cache_serves_the_next_process_and_never_goes_stale(tmp_path):
     """Numba alone would go on serving `outer` with the old `inner` inside."""
     folder = tmp_path / "made_up"

@@ -134,6 +134,7 @@ def test_the_surface_is_found_while_the_tool_presses(start_process, end_process,
     assert end_process(process)[0] == 0
 
 
+@pytest.mark.slow
 def test_a_node_that_was_killed_goes_on_where_it_was(
     start_process, end_process, probe, plant, tmp_path
 ):

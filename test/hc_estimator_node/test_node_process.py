@@ -113,6 +113,7 @@ def test_the_configuration_files_of_the_project_are_taken(start_process, end_pro
     assert end_process(process)[0] == 0
 
 
+@pytest.mark.slow
 def test_it_answers_before_it_has_compiled(processes, probe, plant):
     """With an empty cache it once answered no parameter for two minutes."""
     script = (

@@ -245,6 +245,7 @@ def test_a_slow_and_late_pose_gives_the_tissue_and_its_bag_verifies_to_the_last_
     assert report.not_comparable == 0
 
 
+@pytest.mark.slow
 def test_a_position_sensor_that_dies_is_bounded_waiting_and_a_diagnosis(
     start_process, probe, plant
 ):

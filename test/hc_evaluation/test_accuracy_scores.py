@@ -104,6 +104,7 @@ def test_a_prediction_is_held_against_what_was_felt():
     assert possible.felt_factors(readings, told)[1] > 100.0
 
 
+@pytest.mark.slow
 def test_a_missing_reading_tells_nothing_and_all_of_them_what_the_pairs_do():
     contact = simulate(replace(catalogue.REFERENCE, duration_s=2.0), 1)
     pairs = bound_of(contact)[-1]

@@ -59,6 +59,7 @@ def rows_of(page: Any, names: list[str]) -> Any:
     )
 
 
+@pytest.mark.slow
 def test_page_shows_the_bag_that_is_replayed(
     page: Any, dashboard: Callable[..., str], command_line: Any, recorded_bag: Path
 ) -> None:
