@@ -130,7 +130,7 @@ def test_a_signal_during_the_start_ends_the_run_without_a_word_too_much(
     "words",
     [
         ("run", "--headless", "--duration", "1"),
-        pytest.param(("replay", str(ROOT / "bags/example")), marks=pytest.mark.slow),
+        ("replay", str(ROOT / "bags/example")),
     ],
     ids=["run", "replay"],
 )
@@ -263,14 +263,9 @@ def broken_plan(folder: Path, node: str, parameters: dict[str, object]) -> str:
     ("node", "parameters", "expected"),
     [
         ("estimator", {"filter": "magic"}, "magic"),
-        *(
-            pytest.param(*words, marks=pytest.mark.slow)
-            for words in (
-                ("estimator", {"no_such_parameter": 1}, "no_such_parameter"),
-                ("indenter", {"speed": -4.0}, "speed"),
-                ("recorder", {"flush_interval": 1e9}, "flush_interval"),
-            )
-        ),
+        ("estimator", {"no_such_parameter": 1}, "no_such_parameter"),
+        ("indenter", {"speed": -4.0}, "speed"),
+        ("recorder", {"flush_interval": 1e9}, "flush_interval"),
     ],
 )
 def test_a_node_that_cannot_start_is_reported_with_what_it_said(

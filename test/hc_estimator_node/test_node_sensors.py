@@ -113,14 +113,8 @@ def counter(probe, name):
     ("kind", "make_position", "message", "options"),
     [
         ("pose", pose, PoseStamped, {"input__position__axis": "z"}),
-        pytest.param(
-            *("transform", transform, TransformStamped, {"input__position__child_frame": "tool"}),
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            *("joint", joint, JointState, {"input__position__joint": "tool"}),
-            marks=pytest.mark.slow,
-        ),
+        ("transform", transform, TransformStamped, {"input__position__child_frame": "tool"}),
+        ("joint", joint, JointState, {"input__position__joint": "tool"}),
     ],
 )
 def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(

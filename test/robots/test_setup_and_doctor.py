@@ -104,10 +104,7 @@ def recording(path, change=lambda t, d, f: (t, d, f), delay_s=0.0):
     ("change", "settings"),
     [
         (lambda t, d, f: (t, -d, f), {"input.position.sign": -1}),
-        pytest.param(
-            *(lambda t, d, f: (t, d, 1000.0 * f), {"input.force.scale": 0.001}),
-            marks=pytest.mark.slow,
-        ),
+        (lambda t, d, f: (t, d, 1000.0 * f), {"input.force.scale": 0.001}),
         (lambda t, d, f: (t, d, f + 1.7), {"input.force.zero": pytest.approx(1.7, abs=0.02)}),
         (
             lambda t, d, f: (t, d + 412.0, f),

@@ -50,7 +50,6 @@ def wait_until_estimates_flow(environment: dict[str, str]) -> None:
     pytest.fail("no estimate within 120 s of the start")
 
 
-@pytest.mark.process
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("number", range(len(BLOCKS)))
 def test_commands_of_readme_run(number: int, tmp_path: Path, ros_domain: int) -> None:
