@@ -86,10 +86,6 @@ def test_nothing_drifts_in_free_motion(filter_name):
     np.testing.assert_allclose(series.force_reconstructed[left:], 0.0)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the fitted hypothesis claims to know B at constant velocity: identifiability 0.84",
-)
 def test_poor_excitation_is_told():
     """At constant velocity only n and K + B v^p can be seen: B and p stay at their prior."""
     rng = np.random.default_rng(5)

@@ -117,10 +117,6 @@ def test_tissue_first_touched_after_a_while_is_found_as_well():
     assert not np.any(series.change_detected)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the fitted hypothesis is sure of B at constant velocity, and 7 to 9 deviations off",
-)
 def test_constant_velocity_leaves_stiffness_and_damping_apart_unknown():
     """Only K + B v^p and n can be seen; the covariance once collapsed along the curved valley."""
     time = np.arange(10000) / 1000.0

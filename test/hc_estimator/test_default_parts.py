@@ -189,7 +189,7 @@ def test_the_fit_is_that_of_scipy_with_the_same_prior(seed, parts):
         ]
     )
     bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
-    left = batch_fit._fit(options, bank.history, deviation**2, 0.0)
+    left = batch_fit._fit(options, bank.history, deviation**2, 0.0, 0.0, 300.0)
 
     def residuals(values):
         off = np.array([values[0], values[1] - values[0], values[2], values[3]]) - mean
@@ -205,6 +205,32 @@ def test_the_fit_is_that_of_scipy_with_the_same_prior(seed, parts):
     np.testing.assert_allclose(np.sqrt(np.diag(found)), deviations, rtol=0.2)
 
 
+@pytest.mark.parametrize("held", [(1, 3), (3,)], ids=["one_velocity", "there_and_back"])
+def test_noise_of_the_velocity_is_no_knowledge(held, parts):
+    """One velocity shows neither B nor p, two of opposite sign show B; its noise shows neither."""
+    options, bank = parts
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        depth, _ = press(rng)
+        velocity = np.full(300, 5.0)
+        if held == (3,):
+            velocity[::2] = -5.0
+        noise = 0.6
+        force = law(depth, velocity, in_logarithms(TISSUE)) + 0.01 * rng.standard_normal(300)
+        remember(bank, depth, velocity + noise * rng.standard_normal(300), force)
+        bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
+        left = batch_fit._fit(options, bank.history, 0.01**2, noise**2, noise**2, 300.0)
+        assert left >= 0.0
+        off = bank.history.fit - in_logarithms(TISSUE)
+        deviation = np.sqrt(np.diag(bank.history.covariance))
+        assert deviation[3] > 0.9 * options.initial_velocity_exponent_std
+        if 1 in held:
+            assert deviation[1] > 0.4 * options.initial_damping_log_std
+        else:
+            assert deviation[1] < 0.2 * options.initial_damping_log_std
+        assert np.all(np.abs(off) < 3.5 * deviation)
+
+
 def test_a_fit_with_misfit_tells_it_and_one_that_explains_nothing_is_none(parts):
     options, bank = parts
     rng = np.random.default_rng(1)
@@ -214,10 +240,12 @@ def test_a_fit_with_misfit_tells_it_and_one_that_explains_nothing_is_none(parts)
     wrong = 0.05 * np.sqrt(np.mean(exact**2))
     remember(bank, depth, velocity, exact + wrong * rng.standard_normal(300))
     bank.history.fit[:] = start
-    assert batch_fit._fit(options, bank.history, 1e-4, 0.0) == pytest.approx(wrong**2, rel=0.3)
+    assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) == pytest.approx(
+        wrong**2, rel=0.3
+    )
     remember(bank, depth, velocity, np.abs(20.0 * rng.standard_normal(300)))
     bank.history.fit[:] = start
-    assert batch_fit._fit(options, bank.history, 1e-4, 0.0) == -1.0
+    assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) == -1.0
 
 
 def test_parameters_that_are_held_fixed_stay_and_have_no_variance():
@@ -227,7 +255,7 @@ def test_parameters_that_are_held_fixed_stay_and_have_no_variance():
     depth, velocity = press(None)
     remember(bank, depth, velocity, law(depth, velocity, in_logarithms([0.3, 0.015, 1.7, 1.0])))
     bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
-    assert batch_fit._fit(options, bank.history, 1e-4, 0.0) >= 0.0
+    assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) >= 0.0
     assert bank.history.fit[3] == 1.0
     assert not bank.history.covariance[3].any()
     np.testing.assert_allclose(np.exp(bank.history.fit[:2]), [0.3, 0.015], rtol=0.01)

@@ -169,10 +169,7 @@ def test_a_sudden_turn_of_the_tool_is_no_change(corner, plant):
     "corner",
     [
         "triangle",
-        pytest.param(
-            "ramp and hold",
-            marks=pytest.mark.xfail(strict=True, reason="misfit is told 20 % of the time"),
-        ),
+        "ramp and hold",
         pytest.param(
             "bounces",
             marks=pytest.mark.xfail(strict=True, reason="misfit is told 78 % of the time"),

@@ -72,15 +72,15 @@ def test_noisier_sensor_is_no_change(scenario):
     assert not np.any(runs["changes"])
 
 
-SURE_OF_TOO_MUCH = pytest.mark.xfail(
-    strict=False, reason="the batch fit takes noise of the velocity for knowledge of B and p"
+TOO_SURE_AT_REST = pytest.mark.xfail(
+    strict=True, reason="at rest one run of four is too sure of itself: mean NEES 19, 12 asked"
 )
 
 
 @pytest.mark.parametrize(
     "scenario",
     [
-        pytest.param(s, marks=SURE_OF_TOO_MUCH if s.name in ("constant_velocity", "hold") else ())
+        pytest.param(s, marks=TOO_SURE_AT_REST if s.name == "hold" else ())
         for s in catalogue.WEAK_MOTIONS
     ],
     ids=lambda s: s.name,

@@ -29,6 +29,8 @@ def reset(history: Any) -> None:
     history.waited = 0
     history.unfitted = 0
     history.fitted = 0
+    for i in range(4):
+        history.held[i] = 0
 
 
 @compiled

@@ -149,7 +149,9 @@ HISTORY = record_type(
         Field("unfitted", np.int64, (), 0),  # points of the grid since the last fit
         Field("fit", np.float64, (4,)),  # ln K, ln B, n, p
         Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
+        Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
         # Within one fit:
+        Field("velocity_std", np.float64, (), 0.0),  # of a point [mm/s]
         Field("next", np.float64, (4,)),
         Field("slope", np.float64, (4,)),
         Field("gradient", np.float64, (6,)),
@@ -157,6 +159,7 @@ HISTORY = record_type(
         Field("damped", np.float64, (4, 4)),
         Field("factor", np.float64, (4, 4)),
         Field("covariance", np.float64, (4, 4)),
+        Field("false", np.float64, (4, 4)),  # information that is noise of the velocity
     )
 )
 

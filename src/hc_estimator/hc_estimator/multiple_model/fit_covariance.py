@@ -1,0 +1,210 @@
+"""What is known after a fit: its covariance, without what only looks like knowledge.
+
+The covariance is that of the linearised law, made wide enough for what the linearisation leaves
+out: with K and B only known as K + B v^p the cost is a curved valley, in which a plain Gauss-Newton
+covariance is far too certain. And velocities that are nothing but noise seem to show what the force
+does at other velocities: that much information is taken off again (errors in variables).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import cholesky, copy_matrix
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.normal_equations import find_gradient, solve
+from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.rows import prior_deviation
+
+LEAST_SHARE = 1e-6  # of the information that stays in any direction
+
+
+@compiled
+def invert(settings: Any, history: Any) -> bool:
+    """Inverse of the information, in history.covariance; zero for what is held fixed."""
+    if not cholesky(history.information, history.factor):
+        return False
+    column = history.next
+    for i in range(4):
+        for j in range(4):
+            column[j] = 1.0 if i == j else 0.0
+        solve(history.factor, column)
+        for j in range(i + 1):
+            fixed = prior_deviation(settings, i) <= 0.0 or prior_deviation(settings, j) <= 0.0
+            element = 0.0 if fixed else column[j]
+            history.covariance[i, j] = element
+            history.covariance[j, i] = element
+    return True
+
+
+@compiled
+def widen(settings: Any, history: Any, weight: float) -> bool:
+    """Add to the covariance how far what is nonlinear in the law can have moved the fit.
+
+    Along each column of a Cholesky factor of the covariance the force of every sample curves away
+    from its tangent. Least squares over those curvatures is the way that the fit would take.
+    """
+    factor, values, gradient = history.factor, history.next, history.gradient
+    moved = history.information
+    copy_matrix(history.covariance, history.damped)
+    for i in range(4):
+        if prior_deviation(settings, i) <= 0.0:
+            history.damped[i, i] = 1.0
+    if not cholesky(history.damped, factor):
+        return False
+    for i in range(4):
+        for j in range(4):
+            moved[i, j] = 0.0
+    fit = history.fit
+    for k in range(histories.oldest(history), history.count):
+        point = history.points[k % POINTS]
+        centre = force_of(settings, point[0], point[1], fit[0], fit[1], fit[2], fit[3])
+        find_gradient(settings, history, point)
+        for j in range(4):
+            if prior_deviation(settings, j) <= 0.0:
+                continue
+            second = -2.0 * centre
+            for sign in (-1.0, 1.0):
+                for i in range(4):
+                    values[i] = fit[i] + (sign * factor[i, j] if i >= j else 0.0)
+                second += force_of(
+                    settings, point[0], point[1], values[0], values[1], values[2], values[3]
+                )
+            for i in range(4):
+                moved[i, j] += weight * point[3] * gradient[2 + i] * second
+    copy_matrix(history.covariance, history.damped)
+    for j in range(4):
+        for i in range(4):
+            total = 0.0
+            for m in range(4):
+                total += history.damped[i, m] * moved[m, j]
+            values[i] = total
+        _limit_by_prior(settings, values)
+        for i in range(4):
+            for m in range(4):
+                history.covariance[i, m] += values[i] * values[m]
+    return True
+
+
+@compiled
+def _limit_by_prior(settings: Any, way: Any) -> None:
+    """Bring a way in ln K, ln B, n, p down to the prior's deviations of ln K, ln (B / K), n, p."""
+    joined = prior_deviation(settings, 0) > 0.0 and prior_deviation(settings, 1) > 0.0
+    if joined:
+        way[1] -= way[0]
+    for i in range(4):
+        deviation = prior_deviation(settings, i)
+        way[i] = min(max(way[i], -deviation), deviation)
+    if joined:
+        way[1] += way[0]
+
+
+@compiled
+def find_false_information(settings: Any, history: Any, weight: float, variance: float) -> None:
+    """Information on ln K, ln B, n, p that is noise of the velocity, in history.false.
+
+    Where a velocity is off by e, the gradient g of the force is off by e dg/dv, and the sum of
+    w g g' holds w var(e) (dg/dv)(dg/dv)' that is no information.
+
+    Args:
+        settings: settings record.
+        history: history.false is changed.
+        weight: of the fit's squares.
+        variance: of a point's velocity [mm^2/s^2].
+    """
+    false, shifted, change = history.false, history.next, history.slope
+    for i in range(4):
+        for j in range(4):
+            false[i, j] = 0.0
+    deviation = math.sqrt(variance)
+    for k in range(histories.oldest(history), history.count):
+        point = history.points[k % POINTS]
+        shifted[0] = point[0]
+        shifted[1] = point[1] + deviation
+        find_gradient(settings, history, shifted)
+        for i in range(4):
+            change[i] = 0.5 * history.gradient[2 + i]
+        shifted[1] = point[1] - deviation
+        find_gradient(settings, history, shifted)
+        for i in range(4):
+            change[i] -= 0.5 * history.gradient[2 + i]
+        for i in range(4):
+            for j in range(4):
+                false[i, j] += weight * point[3] * change[i] * change[j]
+
+
+@compiled
+def share_of_noise(history: Any, i: int) -> float:
+    """Share of noise of the velocity in what history.covariance claims to know of a parameter."""
+    covariance, false = history.covariance, history.false
+    total = 0.0
+    for j in range(4):
+        for k in range(4):
+            total += covariance[j, i] * false[j, k] * covariance[k, i]
+    return float(total / max(covariance[i, i], 1e-300))
+
+
+@compiled
+def take_off_velocity_noise(settings: Any, history: Any, independent: float) -> None:
+    """Take history.false off the information whose inverse history.covariance is.
+
+    Where that is all there is (one velocity, or none) the difference of the two is noise itself:
+    two deviations more are taken off, and the prior stays.
+
+    Args:
+        settings: settings record.
+        history: history.covariance is changed.
+        independent: number of points whose errors are independent of one another.
+    """
+    false, factor, way = history.false, history.factor, history.next
+    # In coordinates in which all information, that of the prior included, is the unit matrix.
+    copy_matrix(history.covariance, history.damped)
+    for i in range(4):
+        if prior_deviation(settings, i) <= 0.0:
+            history.damped[i, i] = 1.0
+    if not cholesky(history.damped, factor):
+        return
+    doubtful = 1.0 + 2.0 * math.sqrt(2.0 / max(independent, 2.0))
+    shares = history.damped
+    finite = True
+    for i in range(4):
+        for j in range(4):
+            total = 0.0
+            for k in range(i, 4):
+                for m in range(j, 4):
+                    total += factor[k, i] * false[k, m] * factor[m, j]
+            shares[i, j] = doubtful * total
+            finite = finite and math.isfinite(total)
+    if not finite:
+        return
+    share, direction = np.linalg.eigh(shares)
+    for i in range(4):
+        for j in range(4):
+            history.covariance[i, j] = 0.0
+    for m in range(4):
+        for i in range(4):
+            way[i] = 0.0
+            for j in range(i + 1):
+                way[i] += factor[i, j] * direction[j, m]
+        left = max(1.0 - share[m], min(_prior_information(settings, way), 1.0), LEAST_SHARE)
+        for i in range(4):
+            for j in range(4):
+                free = prior_deviation(settings, i) > 0.0 and prior_deviation(settings, j) > 0.0
+                history.covariance[i, j] += way[i] * way[j] / left if free else 0.0
+
+
+@compiled
+def _prior_information(settings: Any, way: Any) -> float:
+    """Information of the prior along a change of ln K, ln B, n, p, times its square."""
+    total = 0.0
+    for i in range(4):
+        deviation = prior_deviation(settings, i)
+        if deviation > 0.0:
+            off = way[1] - way[0] if i == 1 and prior_deviation(settings, 0) > 0.0 else way[i]
+            total += (off / deviation) ** 2
+    return total
