@@ -1,0 +1,395 @@
+"""Compiled closed loop: operator, master, network, slave, tissue, and four ways to feed force back.
+
+Within one sample: sensors are read, packets that are due are taken, both controllers compute
+their force, packets are sent (they arrive with the next sample at the earliest), and the equations
+of motion are integrated to the next sample with both forces held.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.contact import hunt_crossley_force
+from hc_sim_rig.bilateral.layout import (
+    BACKWARD,
+    DIRECT,
+    FORWARD,
+    MEMORY_CORRECTION,
+    MEMORY_MASTER_BEFORE,
+    MEMORY_MASTER_VELOCITY,
+    MEMORY_MODEL,
+    MEMORY_RENDERED,
+    MEMORY_SLAVE_BEFORE,
+    MEMORY_SLAVE_VELOCITY,
+    MEMORY_TANK,
+    MEMORY_WAVE_COMMAND,
+    MEMORY_WAVE_ENERGY_SENT,
+    MEMORY_WAVE_ENERGY_USED,
+    MEMORY_WAVE_SENT,
+    MODEL_MEDIATED,
+    MODEL_SIZE,
+    OUT_FORCE_READING,
+    OUT_HAND_ENERGY,
+    OUT_HAND_FORCE,
+    OUT_LATERAL,
+    OUT_MASTER,
+    OUT_MASTER_VELOCITY,
+    OUT_MODEL,
+    OUT_POSITION_READING,
+    OUT_SLAVE,
+    OUT_SLAVE_LATERAL,
+    OUT_SLAVE_VELOCITY,
+    OUT_TANK,
+    OUT_TIME,
+    OUT_TISSUE_ENERGY,
+    OUT_TISSUE_FORCE,
+    OUT_UPDATE_CHANGE,
+    OUT_WAVE_PORTS,
+    OUT_WAVE_STORED,
+    POSITION_POSITION,
+    SENT_COLUMNS,
+    SENT_ENERGY,
+    SENT_FORCE,
+    SENT_KNOWN,
+    SENT_LATERAL,
+    SENT_MODEL,
+    SENT_POSITION,
+    SENT_VELOCITY,
+    SENT_WAVE,
+    WAVE_VARIABLES,
+    Y_MASTER,
+    Y_MASTER_VELOCITY,
+    Y_SIZE,
+    Y_SLAVE,
+    Y_SLAVE_VELOCITY,
+    Constants,
+)
+from hc_sim_rig.bilateral.rendering_kernel import render
+from hc_sim_rig.bilateral.waves_kernel import (
+    master_wave,
+    master_wave_force,
+    slave_wave,
+    slave_wave_force,
+    slave_wave_velocity,
+    wave_in,
+    wave_out,
+)
+from hc_sim_rig.channel_kernel import receive, send
+from hc_sim_rig.compilation import compiled, inlined
+
+
+@inlined
+def tissue_at(position: float, velocity: float, lateral: float, constants: Constants) -> float:
+    """True force of the tissue at a place [N]; the lump is a bell on K and B."""
+    distance = (lateral - constants.lump_centre) / constants.lump_width
+    bell = math.exp(-0.5 * distance * distance)
+    return float(
+        hunt_crossley_force(
+            position - constants.surface,
+            velocity,
+            constants.stiffness * (1.0 + constants.lump_stiffness * bell),
+            constants.damping * (1.0 + constants.lump_damping * bell),
+            constants.displacement_exponent,
+            constants.velocity_exponent,
+        )
+    )
+
+
+@inlined
+def rates_of(
+    y: NDArray[np.float64],
+    rates: NDArray[np.float64],
+    wish: float,
+    wish_rate: float,
+    tremor: float,
+    lateral: float,
+    hand_force: float,
+    slave_force: float,
+    constants: Constants,
+) -> None:
+    """Derivatives of the moving state with both controllers' forces held."""
+    rates[Y_MASTER] = y[Y_MASTER_VELOCITY]
+    arm = constants.hand_stiffness * (wish - y[Y_MASTER]) + constants.hand_damping * (
+        wish_rate - y[Y_MASTER_VELOCITY]
+    )
+    friction = constants.device_damping * y[Y_MASTER_VELOCITY]
+    rates[Y_MASTER_VELOCITY] = (arm + tremor - friction - hand_force) / constants.master_mass
+    rates[Y_SLAVE] = y[Y_SLAVE_VELOCITY]
+    tissue = tissue_at(y[Y_SLAVE], y[Y_SLAVE_VELOCITY], lateral, constants)
+    rates[Y_SLAVE_VELOCITY] = (
+        slave_force - constants.slave_damping * y[Y_SLAVE_VELOCITY] - tissue
+    ) / constants.slave_mass
+
+
+@inlined
+def integrate(
+    y: NDArray[np.float64],
+    work: NDArray[np.float64],
+    wish: float,
+    wish_rate: float,
+    tremor: float,
+    lateral: float,
+    hand_force: float,
+    slave_force: float,
+    constants: Constants,
+) -> None:
+    """One sample of classical Runge-Kutta; `work` is (3, Y_SIZE) of scratch."""
+    substeps = int(constants.substeps)
+    step = constants.step / substeps
+    rates, total, trial = work[0], work[1], work[2]
+    for part in range(substeps):
+        begin = part * step
+        for stage in range(4):
+            share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+            weight = 1.0 / 6.0 if stage in (0, 3) else 1.0 / 3.0
+            for k in range(Y_SIZE):
+                trial[k] = y[k] + share * step * rates[k] if stage > 0 else y[k]
+            rates_of(
+                trial,
+                rates,
+                wish + wish_rate * (begin + share * step),
+                wish_rate,
+                tremor,
+                lateral,
+                hand_force,
+                slave_force,
+                constants,
+            )
+            for k in range(Y_SIZE):
+                total[k] = (total[k] if stage > 0 else 0.0) + weight * rates[k]
+        for k in range(Y_SIZE):
+            y[k] += step * total[k]
+
+
+@inlined
+def measured_velocity(
+    reading: float,
+    before: int,
+    velocity: int,
+    constants: Constants,
+    memory: NDArray[np.float64],
+) -> float:
+    """Velocity from readings of the position: their difference through a low-pass [mm/s]."""
+    difference = (reading - memory[before]) * constants.rate
+    weight = 1.0 - math.exp(-constants.velocity_rate * constants.step)
+    memory[velocity] += weight * (difference - memory[velocity])
+    return float(memory[velocity])
+
+
+@inlined
+def operator_wish(
+    k: int,
+    path: NDArray[np.float64],
+    out: NDArray[np.float64],
+    constants: Constants,
+    memory: NDArray[np.float64],
+) -> float:
+    """Where the operator's arm pulls the hand to [mm]: the path, and a late correction of it."""
+    late = k - int(constants.reaction_samples)
+    if late >= 0:
+        error = path[late] - out[late, OUT_MASTER]
+        correction = memory[MEMORY_CORRECTION] + constants.correction_rate * constants.step * error
+        limit = constants.correction_limit
+        memory[MEMORY_CORRECTION] = min(max(correction, -limit), limit)
+    return float(path[k] + memory[MEMORY_CORRECTION])
+
+
+@compiled
+def advance(
+    first: int,
+    count: int,
+    constants: Constants,
+    path: NDArray[np.float64],
+    lateral: NDArray[np.float64],
+    tremor: NDArray[np.float64],
+    noise: NDArray[np.float64],
+    draws: NDArray[np.float64],
+    links: NDArray[np.float64],
+    packets: NDArray[np.float64],
+    ring: NDArray[np.float64],
+    sent: NDArray[np.float64],
+    model: NDArray[np.float64],
+    y: NDArray[np.float64],
+    memory: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Simulate some samples.
+
+    Args:
+        first: index of the first.
+        count: how many.
+        constants: of the run.
+        path: (N + 1,) where the operator wants the hand [mm].
+        lateral: (N + 1,) sideways position of the hand [mm].
+        tremor: (N,) force of the tremor [N].
+        noise: (N, 3) errors of the readings: master's position, slave's position, force.
+        draws: (N, DRAWS) random draws of the network.
+        links: (2, LINK_COLUMNS) of channel_kernel.
+        packets: (2, PACKET_COLUMNS) of channel_kernel, changed in place.
+        ring: (2, RING, 2) of channel_kernel, changed in place.
+        sent: (2, N + 1, SENT_COLUMNS) what was sent at each sample; the last row holds zeros.
+        model: (1 + MODEL_SIZE,) 1 if the slave has a model, and it.
+        y: (Y_SIZE,) moving state, changed in place.
+        memory: (MEMORY_SIZE,) changed in place.
+        out: (N, OUT_COLUMNS) result.
+    """
+    work = np.empty((3, Y_SIZE))
+    method = int(constants.method)
+    nothing = sent.shape[1] - 1
+    for k in range(first, first + count):
+        master = y[Y_MASTER] + noise[k, 0]
+        slave = y[Y_SLAVE] + noise[k, 1]
+        master_velocity = measured_velocity(
+            master, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, constants, memory
+        )
+        slave_velocity = measured_velocity(
+            slave, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants, memory
+        )
+        at_slave = int(receive(FORWARD, k, links, packets, ring))
+        at_master = int(receive(BACKWARD, k, links, packets, ring))
+        forward = sent[FORWARD, at_slave if at_slave >= 0 else nothing]
+        backward = sent[BACKWARD, at_master if at_master >= 0 else nothing]
+        slave_lateral = forward[SENT_LATERAL] if at_slave >= 0 else lateral[0]
+        tissue = tissue_at(y[Y_SLAVE], y[Y_SLAVE_VELOCITY], slave_lateral, constants)
+        force_reading = tissue + noise[k, 2]
+
+        # the slave
+        command, command_velocity = slave, 0.0
+        if at_slave >= 0:
+            command, command_velocity = forward[SENT_POSITION], forward[SENT_VELOCITY]
+        back_wave = 0.0
+        if method == WAVE_VARIABLES:
+            wave = wave_out(
+                FORWARD,
+                forward[SENT_WAVE],
+                forward[SENT_ENERGY],
+                constants.step,
+                constants.wave_time,
+                memory,
+            )
+            slave_force = slave_wave_force(
+                wave,
+                memory[MEMORY_WAVE_COMMAND] - slave,
+                slave_velocity,
+                constants.slave_stiffness,
+                constants.slave_controller_damping,
+                constants.wave_impedance,
+            )
+            wanted = slave_wave_velocity(wave, slave_force, constants.wave_impedance)
+            back_wave = slave_wave(wave, slave_force, constants.wave_impedance)
+            slave_port = -slave_force * wanted
+            memory[MEMORY_WAVE_COMMAND] += wanted * constants.step
+        else:
+            slave_port = 0.0
+            slave_force = constants.slave_stiffness * (command - slave) + (
+                constants.slave_controller_damping * (command_velocity - slave_velocity)
+            )
+        slave_force = min(
+            max(slave_force, -constants.slave_force_limit), constants.slave_force_limit
+        )
+
+        # the master
+        change, hand_force, forward_wave, master_port = 0.0, 0.0, 0.0, 0.0
+        if method == DIRECT:
+            hand_force = backward[SENT_FORCE]
+        elif method == POSITION_POSITION:
+            if at_master >= 0:
+                hand_force = constants.position_stiffness * (
+                    master - backward[SENT_POSITION]
+                ) + constants.position_damping * (master_velocity - backward[SENT_VELOCITY])
+        elif method == WAVE_VARIABLES:
+            wave = wave_out(
+                BACKWARD,
+                backward[SENT_WAVE],
+                backward[SENT_ENERGY],
+                constants.step,
+                constants.wave_time,
+                memory,
+            )
+            hand_force = master_wave_force(master_velocity, wave, constants.wave_impedance)
+            forward_wave = master_wave(master_velocity, wave, constants.wave_impedance)
+            master_port = hand_force * master_velocity
+        elif method == MODEL_MEDIATED:
+            hand_force, change = render(master, master_velocity, backward, constants, memory)
+        hand_force = min(max(hand_force, -constants.force_limit), constants.force_limit)
+        memory[MEMORY_MASTER_BEFORE] = master
+        memory[MEMORY_SLAVE_BEFORE] = slave
+
+        # what goes into the network
+        wave_in(FORWARD, forward_wave, constants.step, memory)
+        wave_in(BACKWARD, back_wave, constants.step, memory)
+        for side in range(2):
+            packet = sent[side, k]
+            packet[SENT_POSITION] = master if side == FORWARD else slave
+            packet[SENT_VELOCITY] = master_velocity if side == FORWARD else slave_velocity
+            packet[SENT_LATERAL] = lateral[k] if side == FORWARD else slave_lateral
+            packet[SENT_FORCE] = force_reading
+            packet[SENT_WAVE] = memory[MEMORY_WAVE_SENT + side]
+            packet[SENT_ENERGY] = memory[MEMORY_WAVE_ENERGY_SENT + side]
+            if side == BACKWARD:
+                packet[SENT_KNOWN] = model[0]
+                for i in range(MODEL_SIZE):
+                    packet[SENT_MODEL + i] = model[1 + i]
+            # sent as if at the next sample: a packet takes one sample at least
+            send(
+                side,
+                float(k),
+                k + 1,
+                constants.rate,
+                constants.delay,
+                links,
+                packets,
+                ring,
+                draws[k],
+            )
+
+        wish = operator_wish(k, path, out, constants, memory)
+        row = out[k]
+        row[OUT_TIME] = k * constants.step
+        row[OUT_MASTER] = y[Y_MASTER]
+        row[OUT_MASTER_VELOCITY] = y[Y_MASTER_VELOCITY]
+        row[OUT_SLAVE] = y[Y_SLAVE]
+        row[OUT_SLAVE_VELOCITY] = y[Y_SLAVE_VELOCITY]
+        row[OUT_LATERAL] = lateral[k]
+        row[OUT_SLAVE_LATERAL] = slave_lateral
+        row[OUT_HAND_FORCE] = hand_force
+        row[OUT_TISSUE_FORCE] = tissue
+        row[OUT_FORCE_READING] = force_reading
+        row[OUT_POSITION_READING] = slave
+        row[OUT_UPDATE_CHANGE] = change
+        row[OUT_TANK] = memory[MEMORY_TANK]
+        for side in range(2):
+            row[OUT_WAVE_STORED + side] = (
+                memory[MEMORY_WAVE_ENERGY_SENT + side] - memory[MEMORY_WAVE_ENERGY_USED + side]
+            )
+        before = out[k - 1, OUT_WAVE_PORTS] if k > 0 else 0.0
+        row[OUT_WAVE_PORTS] = before + constants.step * (master_port + slave_port)
+        for i in range(MODEL_SIZE):
+            known = memory[MEMORY_RENDERED] > 0.0
+            row[OUT_MODEL + i] = memory[MEMORY_MODEL + i] if known else math.nan
+        if k == 0:
+            row[OUT_HAND_ENERGY] = 0.0
+            row[OUT_TISSUE_ENERGY] = 0.0
+        else:
+            last = out[k - 1]
+            row[OUT_HAND_ENERGY] = last[OUT_HAND_ENERGY] + last[OUT_HAND_FORCE] * (
+                row[OUT_MASTER] - last[OUT_MASTER]
+            )
+            row[OUT_TISSUE_ENERGY] = last[OUT_TISSUE_ENERGY] + 0.5 * (
+                row[OUT_TISSUE_FORCE] + last[OUT_TISSUE_FORCE]
+            ) * (row[OUT_SLAVE] - last[OUT_SLAVE])
+        wish_rate = (path[k + 1] - path[k]) * constants.rate
+        integrate(
+            y,
+            work,
+            wish,
+            wish_rate,
+            tremor[k],
+            slave_lateral,
+            hand_force,
+            slave_force,
+            constants,
+        )

@@ -1,0 +1,166 @@
+"""What a bilateral simulation is made of: operator, master, network, slave, tissue, feedback.
+
+The numbers are choices of this project, of the order of published ones; docs/teleoperation.md says
+which. Every section checks its values, and every error is one line.
+"""
+
+# ruff: noqa: RUF009 - the field functions of schema.py are made for defaults
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hc_sim_rig.bilateral.layout import METHODS, Constants
+from hc_sim_rig.drives import Link
+from hc_sim_rig.schema import Section, number, section, word
+
+TONNE_PER_KG = 1e-3
+"""A mass in N s^2/mm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operator(Section):
+    """Arm and hand on the device: a mass on spring and damper, pulled along a path.
+
+    The voluntary part corrects what the eye sees of the hand's error, after a reaction delay.
+    Tremor is a force with random phases between two frequencies.
+    """
+
+    mass_kg: float = number(0.4, above=0.0, maximum=10.0, unit="kg", about="of arm and hand")
+    stiffness: float = number(0.6, above=0.0, maximum=10.0, unit="N/mm")
+    damping: float = number(0.01, minimum=0.0, maximum=1.0, unit="N s/mm")
+    reaction_s: float = number(0.2, minimum=0.0, maximum=2.0, unit="s")
+    correction_rate: float = number(0.8, minimum=0.0, maximum=20.0, unit="1/s")
+    correction_limit_mm: float = number(2.0, minimum=0.0, maximum=50.0, unit="mm")
+    tremor_std_n: float = number(0.05, minimum=0.0, maximum=10.0, unit="N")
+    tremor_low_hz: float = number(8.0, above=0.0, maximum=50.0, unit="Hz")
+    tremor_high_hz: float = number(12.0, above=0.0, maximum=50.0, unit="Hz")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Device(Section):
+    """The master: a haptic device of one degree of freedom."""
+
+    mass_kg: float = number(0.1, above=0.0, maximum=10.0, unit="kg")
+    damping: float = number(0.002, minimum=0.0, maximum=1.0, unit="N s/mm")
+    force_limit_n: float = number(8.0, above=0.0, maximum=1e3, unit="N")
+    position_noise_std_mm: float = number(0.0005, minimum=0.0, maximum=1.0, unit="mm")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlaveArm(Section):
+    """The slave with its impedance controller, and its sensors."""
+
+    mass_kg: float = number(0.5, above=0.0, maximum=100.0, unit="kg")
+    damping: float = number(0.005, minimum=0.0, maximum=10.0, unit="N s/mm")
+    stiffness: float = number(10.0, above=0.0, maximum=1e3, unit="N/mm")
+    controller_damping: float = number(0.12, minimum=0.0, maximum=10.0, unit="N s/mm")
+    force_limit_n: float = number(30.0, above=0.0, maximum=1e4, unit="N")
+    position_noise_std_mm: float = number(0.002, minimum=0.0, maximum=1.0, unit="mm")
+    force_noise_std_n: float = number(0.01, minimum=0.0, maximum=10.0, unit="N")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LumpyTissue(Section):
+    """Unilateral Hunt-Crossley tissue with a lump: a bell over the place, on K and B."""
+
+    surface_mm: float = number(0.0, minimum=-100.0, maximum=100.0, unit="mm")
+    stiffness: float = number(0.25, above=0.0, maximum=100.0, unit="N/mm^n")
+    damping: float = number(0.006, minimum=0.0, maximum=10.0, unit="N (s/mm)^p / mm^n")
+    displacement_exponent: float = number(1.6, minimum=0.5, maximum=4.0)
+    velocity_exponent: float = number(0.9, minimum=0.2, maximum=2.0)
+    lump_centre_mm: float = number(12.0, unit="mm")
+    lump_width_mm: float = number(2.0, above=0.0, maximum=1e3, unit="mm", about="standard dev.")
+    lump_stiffness_factor: float = number(2.2, above=0.0, maximum=100.0)
+    lump_damping_factor: float = number(1.5, above=0.0, maximum=100.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Network(Section):
+    """The way there and back. The delay is the same both ways, jitter a share of it."""
+
+    round_trip_ms: float = number(0.0, minimum=0.0, maximum=3000.0, unit="ms")
+    jitter_share: float = number(0.1, minimum=0.0, maximum=0.1, about="std / one-way delay")
+    loss: float = number(0.1, minimum=0.0, maximum=1.0, about="probability per packet")
+
+    def link(self) -> Link:
+        """One direction, as the rig's channel knows it."""
+        delay = 0.5e-3 * self.round_trip_ms
+        return Link(delay_s=delay, jitter_s=self.jitter_share * delay, loss=self.loss)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feedback(Section):
+    """How force comes back to the hand."""
+
+    method: str = word("model_mediated", *METHODS)
+    filter: str = "self_tuning_ukf"
+    position_stiffness: float = number(0.5, above=0.0, maximum=100.0, unit="N/mm")
+    position_damping: float = number(0.004, minimum=0.0, maximum=10.0, unit="N s/mm")
+    wave_impedance: float = number(0.01, above=0.0, maximum=10.0, unit="N s/mm")
+    wave_time_s: float = number(0.004, minimum=0.0, maximum=1.0, unit="s")
+    update_rate_n_per_s: float = number(20.0, above=0.0, maximum=1e4, unit="N/s")
+    update_time_s: float = number(0.05, above=0.0, maximum=10.0, unit="s")
+    largest_damping: float = number(0.03, minimum=0.0, maximum=1.0, unit="N s/mm")
+    controller_damping: float = number(0.03, minimum=0.0, maximum=1.0, unit="N s/mm")
+    tank_mj: float = number(2.0, minimum=0.0, maximum=1e3, unit="mJ")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bilateral(Section):
+    """A whole bilateral teleoperation."""
+
+    operator: Operator = section(Operator)
+    device: Device = section(Device)
+    slave: SlaveArm = section(SlaveArm)
+    tissue: LumpyTissue = section(LumpyTissue)
+    network: Network = section(Network)
+    feedback: Feedback = section(Feedback)
+    rate_hz: float = number(1000.0, minimum=100.0, maximum=1e4, unit="Hz")
+    substeps: int = number(2, minimum=1, maximum=100)
+    velocity_bandwidth_hz: float = number(60.0, above=0.0, maximum=1e4, unit="Hz")
+
+    def constants(self) -> Constants:
+        """What the compiled loop takes."""
+        hand, device, slave, tissue = self.operator, self.device, self.slave, self.tissue
+        feedback = self.feedback
+        return Constants(
+            step=1.0 / self.rate_hz,
+            rate=self.rate_hz,
+            substeps=float(self.substeps),
+            method=float(METHODS.index(feedback.method)),
+            velocity_rate=2.0 * math.pi * self.velocity_bandwidth_hz,
+            master_mass=TONNE_PER_KG * (hand.mass_kg + device.mass_kg),
+            device_damping=device.damping,
+            force_limit=device.force_limit_n,
+            hand_stiffness=hand.stiffness,
+            hand_damping=hand.damping,
+            reaction_samples=float(round(hand.reaction_s * self.rate_hz)),
+            correction_rate=hand.correction_rate,
+            correction_limit=hand.correction_limit_mm,
+            slave_mass=TONNE_PER_KG * slave.mass_kg,
+            slave_damping=slave.damping,
+            slave_stiffness=slave.stiffness,
+            slave_controller_damping=slave.controller_damping,
+            slave_force_limit=slave.force_limit_n,
+            surface=tissue.surface_mm,
+            stiffness=tissue.stiffness,
+            damping=tissue.damping,
+            displacement_exponent=tissue.displacement_exponent,
+            velocity_exponent=tissue.velocity_exponent,
+            lump_centre=tissue.lump_centre_mm,
+            lump_width=tissue.lump_width_mm,
+            lump_stiffness=tissue.lump_stiffness_factor - 1.0,
+            lump_damping=tissue.lump_damping_factor - 1.0,
+            position_stiffness=feedback.position_stiffness,
+            position_damping=feedback.position_damping,
+            wave_impedance=feedback.wave_impedance,
+            wave_time=feedback.wave_time_s,
+            update_rate=feedback.update_rate_n_per_s,
+            update_time=feedback.update_time_s,
+            largest_damping=feedback.largest_damping,
+            controller_damping=feedback.controller_damping,
+            tank_limit=feedback.tank_mj,
+            delay=0.5e-3 * self.network.round_trip_ms,
+        )
