@@ -239,6 +239,7 @@ def advance(
     work = np.empty((3, Y_SIZE))
     method = int(constants.method)
     nothing = sent.shape[1] - 1
+    playout = int(constants.playout)
     for k in range(first, first + count):
         master = y[Y_MASTER] + noise[k, 0]
         slave = y[Y_SLAVE] + noise[k, 1]
@@ -266,16 +267,16 @@ def advance(
                 FORWARD,
                 forward[SENT_WAVE],
                 forward[SENT_ENERGY],
+                at_slave - k + playout,
                 constants.step,
-                constants.wave_time,
                 memory,
             )
             slave_force = slave_wave_force(
                 wave,
                 memory[MEMORY_WAVE_COMMAND] - slave,
                 slave_velocity,
-                constants.slave_stiffness,
-                constants.slave_controller_damping,
+                constants.wave_stiffness,
+                constants.wave_impedance,  # as damping: what arrives is not thrown back
                 constants.wave_impedance,
             )
             wanted = slave_wave_velocity(wave, slave_force, constants.wave_impedance)
@@ -284,8 +285,11 @@ def advance(
             memory[MEMORY_WAVE_COMMAND] += wanted * constants.step
         else:
             slave_port = 0.0
-            slave_force = constants.slave_stiffness * (command - slave) + (
-                constants.slave_controller_damping * (command_velocity - slave_velocity)
+            stiffness, damping = constants.slave_stiffness, constants.slave_controller_damping
+            if method == POSITION_POSITION:  # one spring and damper, at both ends
+                stiffness, damping = constants.position_stiffness, constants.position_damping
+            slave_force = stiffness * (command - slave) + damping * (
+                command_velocity - slave_velocity
             )
         slave_force = min(
             max(slave_force, -constants.slave_force_limit), constants.slave_force_limit
@@ -305,8 +309,8 @@ def advance(
                 BACKWARD,
                 backward[SENT_WAVE],
                 backward[SENT_ENERGY],
+                at_master - k + playout,
                 constants.step,
-                constants.wave_time,
                 memory,
             )
             hand_force = master_wave_force(master_velocity, wave, constants.wave_impedance)

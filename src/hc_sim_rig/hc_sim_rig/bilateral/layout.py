@@ -112,7 +112,8 @@ class Constants(NamedTuple):
     position_stiffness: float
     position_damping: float
     wave_impedance: float
-    wave_time: float
+    wave_stiffness: float
+    playout: float  # samples from a packet's stamp to its turn
     # rendering
     update_rate: float
     update_time: float

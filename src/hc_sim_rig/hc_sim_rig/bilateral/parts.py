@@ -15,6 +15,9 @@ from hc_sim_rig.bilateral.layout import METHODS, Constants
 from hc_sim_rig.drives import Link
 from hc_sim_rig.schema import Section, number, section, word
 
+PLAYOUT_DEVIATIONS = 3.0
+PLAYOUT_SAMPLES = 9
+"""One for the way itself, eight for packets that are lost."""
 TONNE_PER_KG = 1e-3
 """A mass in N s^2/mm."""
 
@@ -84,6 +87,11 @@ class Network(Section):
     jitter_share: float = number(0.1, minimum=0.0, maximum=0.1, about="std / one-way delay")
     loss: float = number(0.1, minimum=0.0, maximum=1.0, about="probability per packet")
 
+    def playout_s(self) -> float:
+        """Time from a wave's stamp to its turn at the receiver: later than nearly all packets."""
+        link = self.link()
+        return link.delay_s + PLAYOUT_DEVIATIONS * link.jitter_s
+
     def link(self) -> Link:
         """One direction, as the rig's channel knows it."""
         delay = 0.5e-3 * self.round_trip_ms
@@ -96,10 +104,10 @@ class Feedback(Section):
 
     method: str = word("model_mediated", *METHODS)
     filter: str = "self_tuning_ukf"
-    position_stiffness: float = number(0.5, above=0.0, maximum=100.0, unit="N/mm")
-    position_damping: float = number(0.004, minimum=0.0, maximum=10.0, unit="N s/mm")
-    wave_impedance: float = number(0.01, above=0.0, maximum=10.0, unit="N s/mm")
-    wave_time_s: float = number(0.004, minimum=0.0, maximum=1.0, unit="s")
+    position_stiffness: float = number(2.0, above=0.0, maximum=100.0, unit="N/mm")
+    position_damping: float = number(0.03, minimum=0.0, maximum=10.0, unit="N s/mm")
+    wave_impedance: float = number(0.03, above=0.0, maximum=10.0, unit="N s/mm")
+    wave_stiffness: float = number(2.0, above=0.0, maximum=100.0, unit="N/mm")
     update_rate_n_per_s: float = number(20.0, above=0.0, maximum=1e4, unit="N/s")
     update_time_s: float = number(0.05, above=0.0, maximum=10.0, unit="s")
     largest_damping: float = number(0.03, minimum=0.0, maximum=1.0, unit="N s/mm")
@@ -156,7 +164,8 @@ class Bilateral(Section):
             position_stiffness=feedback.position_stiffness,
             position_damping=feedback.position_damping,
             wave_impedance=feedback.wave_impedance,
-            wave_time=feedback.wave_time_s,
+            wave_stiffness=feedback.wave_stiffness,
+            playout=float(round(self.network.playout_s() * self.rate_hz) + PLAYOUT_SAMPLES),
             update_rate=feedback.update_rate_n_per_s,
             update_time=feedback.update_time_s,
             largest_damping=feedback.largest_damping,

@@ -26,23 +26,27 @@ def wave_out(
     side: int,
     integral: float,
     energy: float,
+    lead: int,
     step: float,
-    time_constant: float,
     memory: NDArray[np.float64],
 ) -> float:
     """The wave that comes out of the network at this sample [sqrt(N mm/s)].
+
+    What the newest packet says is still owed is brought out evenly until that packet's own turn
+    comes, so that loss and jitter within the buffer leave no trace. Never more energy comes out
+    than is known to have gone in, whatever the network does.
 
     Args:
         side: direction.
         integral: newest integral of the wave that arrived.
         energy: newest integral of half its square [mJ].
+        lead: samples until it is the newest packet's turn; less than one counts as one.
         step: sample period [s].
-        time_constant: with which what is owed comes out [s].
         memory: (MEMORY_SIZE,), changed in place.
     """
     owed = integral - memory[MEMORY_WAVE_USED + side]
     allowed = max(energy - memory[MEMORY_WAVE_ENERGY_USED + side], 0.0)
-    wave = owed / max(time_constant, step)
+    wave = owed / (max(lead, 1) * step)
     limit = math.sqrt(2.0 * allowed / step)
     wave = min(max(wave, -limit), limit)
     memory[MEMORY_WAVE_USED + side] += wave * step
