@@ -33,16 +33,31 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--without-kills", action="store_true", help="leave out the half in which nodes are killed"
     )
     soak.add_argument("--seed", type=natural, default=0, metavar="N", help="of the changes")
+    teleoperation = commands.add_parser(
+        "teleoperation", help="four ways to feed force back, over delay, with jitter and loss"
+    )
+    teleoperation.add_argument(
+        "--quick", action="store_true", help="one seed, the default filter only"
+    )
+    teleoperation.add_argument(
+        "--document", metavar="FILE.md", help="write the table into this document, pictures beside"
+    )
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, accuracy, bags, soak):
+    for command in (speed, accuracy, bags, soak, teleoperation):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    actions = {"speed": _speed, "accuracy": _accuracy, "bags": _bags, "soak": _soak}
+    actions = {
+        "speed": _speed,
+        "accuracy": _accuracy,
+        "bags": _bags,
+        "soak": _soak,
+        "teleoperation": _teleoperation,
+    }
     return actions[arguments.action](arguments)
 
 
@@ -114,6 +129,30 @@ def _soak(arguments: argparse.Namespace) -> int:
             reports["kills"] = run_kills(minutes, seed=arguments.seed, show=display.show)
     _show({name: report.as_dict() for name, report in reports.items()}, arguments.json)
     return 0 if all(report.passed for report in reports.values()) else FAILURE
+
+
+def _teleoperation(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import counted_bar
+    from hc_bringup.summary import to_json
+    from hc_evaluation.teleoperation.bench import run_teleoperation
+    from hc_evaluation.teleoperation.pictures import write_pictures
+    from hc_evaluation.teleoperation.table import check_document, text_table, write_table
+
+    document = Path(arguments.document) if arguments.document is not None else None
+    if document is not None:
+        try:
+            check_document(document)
+        except (OSError, ValueError) as error:
+            raise UserError(f"cannot write into {document}: {error}", WRONG_USE) from error
+    with counted_bar() as progress:
+        result = run_teleoperation(quick=arguments.quick, progress=progress)
+    if document is not None:
+        write_table(result, document)
+        pictures = document.parent / "pictures"
+        pictures.mkdir(exist_ok=True)
+        write_pictures(result, pictures)
+    print(to_json(result) if arguments.json else text_table(result))
+    return 0
 
 
 def _show(figures: Mapping[str, Any], as_json: bool) -> None:

@@ -50,7 +50,6 @@ from hc_sim_rig.bilateral.layout import (
     OUT_WAVE_PORTS,
     OUT_WAVE_STORED,
     POSITION_POSITION,
-    SENT_COLUMNS,
     SENT_ENERGY,
     SENT_FORCE,
     SENT_KNOWN,

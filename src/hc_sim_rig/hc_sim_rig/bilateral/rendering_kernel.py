@@ -53,7 +53,7 @@ def rendered_force(
     power = depth ** model[2]
     speed = abs(velocity)
     drag = min(model[1] * power * speed ** model[3], largest_damping * speed)
-    return max(0.0, model[0] * power + math.copysign(drag, velocity))
+    return float(max(0.0, model[0] * power + math.copysign(drag, velocity)))
 
 
 @inlined

@@ -51,6 +51,8 @@ class Task:
     hold: Span
     presses: tuple[Span, ...]
     """The last press at each of PLACES_MM."""
+    first_presses: tuple[Span, ...]
+    """The first press there."""
 
     @property
     def samples(self) -> int:
@@ -103,11 +105,11 @@ def palpation_task(rate_hz: float, surface_mm: float = 0.0) -> Task:
     time = np.arange(1, round(seconds * rate_hz) + 1) / rate_hz
     palpation = add(middle + swing * np.sin(2.0 * np.pi * PALPATION_HZ * time))
     ease(ABOVE_MM, 1.0)
-    presses = []
+    first_presses, presses = [], []
     for target in PLACES_MM:
-        for _ in range(PRESSES_AT_A_PLACE):
-            last = press(target)
-        presses.append(last)
+        there = [press(target) for _ in range(PRESSES_AT_A_PLACE)]
+        first_presses.append(there[0])
+        presses.append(there[-1])
     add(np.full(round(rate_hz), now), np.linspace(place, PLACES_MM[0], round(rate_hz)))
     ease(HOLD_MM, 1.0)
     hold = ease(HOLD_MM, HOLD_S)
@@ -121,6 +123,7 @@ def palpation_task(rate_hz: float, surface_mm: float = 0.0) -> Task:
         Span(palpation.begin + SETTLING_S, palpation.end),
         Span(hold.begin + SETTLING_S, hold.end),
         tuple(presses),
+        tuple(first_presses),
     )
 
 

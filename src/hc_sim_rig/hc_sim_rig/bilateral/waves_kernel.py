@@ -48,7 +48,7 @@ def wave_out(
     allowed = max(energy - memory[MEMORY_WAVE_ENERGY_USED + side], 0.0)
     wave = owed / (max(lead, 1) * step)
     limit = math.sqrt(2.0 * allowed / step)
-    wave = min(max(wave, -limit), limit)
+    wave = float(min(max(wave, -limit), limit))
     memory[MEMORY_WAVE_USED + side] += wave * step
     memory[MEMORY_WAVE_ENERGY_USED + side] += 0.5 * wave * wave * step
     return wave

@@ -1,0 +1,1 @@
+"""Feedback methods over delay: scores, benchmark, tables and pictures of bilateral simulations."""
