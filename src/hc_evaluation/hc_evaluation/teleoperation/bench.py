@@ -94,6 +94,7 @@ def _summary(results: Sequence[Scores]) -> tuple[dict[str, Any], dict[str, Any]]
         "first_press_contrast": median("first_press_contrast"),
         "stable_runs": sum(result.stable for result in results),
         "oscillation_mm": median("oscillation_mm"),
+        "ringing_mm": median("ringing_mm"),
         "growth": median("growth"),
         "energy_to_hand_mj": median("energy_to_hand_mj"),
         "energy_made_mj": median("energy_made_mj"),

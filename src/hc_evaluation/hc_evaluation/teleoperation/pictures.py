@@ -59,7 +59,7 @@ def draw_methods(round_trip_ms: float = SHOWN_ROUND_TRIP_MS, seed: int = 0) -> F
         left.set_ylabel("position [mm]")
         true = force_at_the_hand(series)
         right.plot(time, true, color=GREY, lw=1.6, label="what the tissue would answer the hand")
-        right.plot(time, series.hand_force_n, color=ORANGE, lw=0.7, label="at the hand")
+        right.plot(time, series.hand_force_n, color=ORANGE, lw=0.7, label="hand")
         right.set_ylabel("force [N]")
         right.set_title(
             f"error {scores.force_error_n:.2f} N, transparency {scores.transparency:.2f}, "
@@ -72,8 +72,10 @@ def draw_methods(round_trip_ms: float = SHOWN_ROUND_TRIP_MS, seed: int = 0) -> F
         for axis in (left, right):
             axis.grid(alpha=0.3, linewidth=0.5)
             axis.tick_params(labelsize=8)
-    axes[0, 0].legend(fontsize=7, loc="lower right")
-    axes[0, 1].legend(fontsize=7, loc="lower right")
+    handles = [line for axis in axes[0] for line in axis.get_legend_handles_labels()[0]]
+    handles = [handle for handle in handles if handle is not axes[0, 0].lines[0]]
+    names = [str(handle.get_label()) for handle in handles]
+    figure.legend(handles, names, loc="outside lower center", ncols=4, fontsize=9)
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
     figure.suptitle(
@@ -148,6 +150,7 @@ def draw_first_contact(round_trip_ms: float = SHOWN_ROUND_TRIP_MS, seed: int = 0
     tank.set_xlabel("time [s]")
     for axis in (position, force, tank):
         axis.grid(alpha=0.3, linewidth=0.5)
-        axis.legend(fontsize=7, loc="upper right")
+        axis.margins(y=0.2)
+        axis.legend(fontsize=8, loc="upper right", ncols=4)
     figure.suptitle(f"First contact, model mediated, round trip {round_trip_ms:g} ms", fontsize=11)
     return figure

@@ -23,6 +23,10 @@ OSCILLATION_FLOOR_MM = 0.05
 """RMS of a hand that holds still: tremor alone moves it by 0.02 mm."""
 SUSTAINED = 0.7
 """An oscillation above the floor that keeps so much of its amplitude does not die out."""
+RINGING_FLOOR_MM = 0.15
+"""RMS of the hand's motion above RINGING_ABOVE_HZ, in the worst RINGING_WINDOW_S of the task."""
+RINGING_ABOVE_HZ = 4.0
+RINGING_WINDOW_S = 2.0
 ENERGY_FLOOR_MJ = 0.2
 """Energy that a hand may get back in the last third of a hold."""
 
@@ -37,6 +41,7 @@ class Scores(NamedTuple):
     lump_contrast: float
     first_press_contrast: float
     oscillation_mm: float
+    ringing_mm: float
     growth: float
     energy_to_hand_mj: float
     energy_made_mj: float
@@ -73,15 +78,17 @@ def score(series: BilateralSeries) -> Scores:
     )
     error = series.hand_force_n[work] - true[work]
     oscillation, growth, energy = hold_motion(series)
+    ringing = task_ringing(series)
     sustained = oscillation > OSCILLATION_FLOOR_MM and growth > SUSTAINED
     return Scores(
-        stable=not sustained and energy <= ENERGY_FLOOR_MJ,
+        stable=not sustained and energy <= ENERGY_FLOOR_MJ and ringing <= RINGING_FLOOR_MM,
         force_error_n=float(np.sqrt(np.mean(error**2))),
         transparency=transparency(series, true),
         peak_force_n=float(np.max(series.tissue_force_n)),
         lump_contrast=lump_contrast(series, true, series.task.presses),
         first_press_contrast=lump_contrast(series, true, series.task.first_presses),
         oscillation_mm=oscillation,
+        ringing_mm=ringing,
         growth=growth,
         energy_to_hand_mj=energy,
         energy_made_mj=energy_made(series),
@@ -107,6 +114,19 @@ def hold_motion(series: BilateralSeries) -> tuple[float, float, float]:
     moved = np.diff(position[-third:])
     swing = force[-third:-1] - np.mean(force[-third:-1])
     return late, late / max(early, 1e-12), float(-np.sum(swing * moved))
+
+
+def task_ringing(series: BilateralSeries) -> float:
+    """RMS of the hand's motion above what the task asks for, in the worst window [mm].
+
+    An oscillation in free motion or at first contact may have died out before the hold begins.
+    """
+    rate = series.settings.rate_hz
+    high = signal.butter(2, RINGING_ABOVE_HZ, "highpass", fs=rate, output="sos")
+    fast = signal.sosfiltfilt(high, series.master_mm) ** 2
+    window = round(RINGING_WINDOW_S * rate)
+    total = np.concatenate([[0.0], np.cumsum(fast)])
+    return float(np.sqrt(np.max(total[window:] - total[:-window]) / window))
 
 
 def energy_made(series: BilateralSeries) -> float:

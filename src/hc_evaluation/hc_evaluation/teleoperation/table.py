@@ -30,6 +30,7 @@ COLUMNS: tuple[tuple[str, Callable[[Row], str]], ...] = (
     ("lump contrast", _contrast("lump_contrast")),
     ("first press", _contrast("first_press_contrast")),
     ("swing mm", _number(2, "oscillation_mm")),
+    ("ringing mm", _number(2, "ringing_mm")),
     ("energy made mJ", _number(0, "energy_made_mj")),
 )
 
