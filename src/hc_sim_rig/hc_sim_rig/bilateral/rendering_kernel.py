@@ -122,7 +122,7 @@ def update_model(
         ):
             for k in range(MODEL_SIZE):
                 model[k] = trial[k]
-            memory[MEMORY_TANK] -= taken
+            memory[MEMORY_TANK] = min(memory[MEMORY_TANK] - taken, constants.tank_limit)
             memory[MEMORY_ELASTIC] = elastic + taken
             return change
         share *= 0.5
