@@ -17,6 +17,7 @@ from hc_sim_rig.bilateral.layout import (
     BACKWARD,
     DIRECT,
     FORWARD,
+    FRICTION_VELOCITY,
     MEMORY_CORRECTION,
     MEMORY_MASTER_BEFORE,
     MEMORY_MASTER_VELOCITY,
@@ -31,6 +32,7 @@ from hc_sim_rig.bilateral.layout import (
     MEMORY_WAVE_SENT,
     MODEL_MEDIATED,
     MODEL_SIZE,
+    OUT_EFFORT_READING,
     OUT_FORCE_READING,
     OUT_HAND_ENERGY,
     OUT_HAND_FORCE,
@@ -118,8 +120,9 @@ def rates_of(
     rates[Y_MASTER_VELOCITY] = (arm + tremor - friction - hand_force) / constants.master_mass
     rates[Y_SLAVE] = y[Y_SLAVE_VELOCITY]
     tissue = tissue_at(y[Y_SLAVE], y[Y_SLAVE_VELOCITY], lateral, constants)
+    dry = constants.slave_friction * math.tanh(y[Y_SLAVE_VELOCITY] / FRICTION_VELOCITY)
     rates[Y_SLAVE_VELOCITY] = (
-        slave_force - constants.slave_damping * y[Y_SLAVE_VELOCITY] - tissue
+        slave_force - constants.slave_damping * y[Y_SLAVE_VELOCITY] - dry - tissue
     ) / constants.slave_mass
 
 
@@ -224,7 +227,7 @@ def advance(
         path: (N + 1,) where the operator wants the hand [mm].
         lateral: (N + 1,) sideways position of the hand [mm].
         tremor: (N,) force of the tremor [N].
-        noise: (N, 3) errors of the readings: master's position, slave's position, force.
+        noise: (N, 4) errors of the readings: master's position, slave's position, force, effort.
         draws: (N, DRAWS) random draws of the network.
         links: (2, LINK_COLUMNS) of channel_kernel.
         packets: (2, PACKET_COLUMNS) of channel_kernel, changed in place.
@@ -362,6 +365,7 @@ def advance(
         row[OUT_TISSUE_FORCE] = tissue
         row[OUT_FORCE_READING] = force_reading
         row[OUT_POSITION_READING] = slave
+        row[OUT_EFFORT_READING] = slave_force + noise[k, 3]
         row[OUT_UPDATE_CHANGE] = change
         row[OUT_TANK] = memory[MEMORY_TANK]
         for side in range(2):

@@ -72,7 +72,11 @@ OUT_TISSUE_ENERGY: Final = 14  # [mJ] put into the tissue so far
 OUT_WAVE_STORED: Final = 15  # two columns: energy in the waves under way
 OUT_WAVE_PORTS: Final = 17  # [mJ] what master and slave have put into the waves, less what came out
 OUT_MODEL: Final = 18  # the model that is rendered; NaN without one
-OUT_COLUMNS: Final = OUT_MODEL + MODEL_SIZE
+OUT_EFFORT_READING: Final = OUT_MODEL + MODEL_SIZE  # [N] of the slave's motor
+OUT_COLUMNS: Final = OUT_EFFORT_READING + 1
+
+FRICTION_VELOCITY: Final = 0.5
+"""[mm/s] Speed at which dry friction has reached tanh(1) of its value (smooth at rest)."""
 
 
 class Constants(NamedTuple):
@@ -98,6 +102,7 @@ class Constants(NamedTuple):
     slave_stiffness: float
     slave_controller_damping: float
     slave_force_limit: float
+    slave_friction: float
     # tissue
     surface: float
     stiffness: float

@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 
 PROVISIONAL_STIFFNESS = 0.1
 """[N/mm] A soft spring says that there is something, and harms nobody."""
-PROVISIONAL_FORCE = 0.1
-"""[N] Force that counts as contact before the surface is found."""
 LARGEST_RELATIVE_STD = 0.3
 """An estimate is trusted while the force that it gives at working depth is known so well."""
 KEPT_S = 3.0
@@ -36,12 +34,13 @@ HIGHEST = np.array([20.0, 5.0, 4.0, 2.0])
 class Mediator:
     """Takes blocks of readings, gives the model to send."""
 
-    def __init__(self, filter: str, rate_hz: float) -> None:
+    def __init__(self, filter: str, rate_hz: float, least_contact_n: float = 0.1) -> None:
         """Start out in the air.
 
         Args:
             filter: of hc_estimator.
             rate_hz: of the readings.
+            least_contact_n: force that counts as contact before the surface is found [N].
 
         Raises:
             ValueError: there is no such filter.
@@ -50,6 +49,7 @@ class Mediator:
         self._finder: SurfaceFinder | None = SurfaceFinder()
         self._kept: list[Array] = []
         self._rate = rate_hz
+        self._least_contact = least_contact_n
         self._surface = 0.0
         self._zero = 0.0
         self._depth = 0.0
@@ -94,7 +94,7 @@ class Mediator:
         if len(self._first_force) < 10:
             self._first_force.append(float(np.mean(force_n)))
             self._zero = float(np.mean(self._first_force))
-        if self.model[0] == 0.0 and float(np.median(force_n)) - self._zero > PROVISIONAL_FORCE:
+        if self.model[0] == 0.0 and float(np.median(force_n)) - self._zero > self._least_contact:
             self.model[:] = (1.0, PROVISIONAL_STIFFNESS, 0.0, 1.0, 1.0, float(position_mm[0]))
 
     def _estimate(self, time_s: Array, position_mm: Array, force_n: Array) -> None:

@@ -62,6 +62,8 @@ class SlaveArm(Section):
     force_limit_n: float = number(30.0, above=0.0, maximum=1e4, unit="N")
     position_noise_std_mm: float = number(0.002, minimum=0.0, maximum=1.0, unit="mm")
     force_noise_std_n: float = number(0.01, minimum=0.0, maximum=10.0, unit="N")
+    effort_noise_std_n: float = number(0.01, minimum=0.0, maximum=10.0, unit="N")
+    dry_friction_n: float = number(0.0, minimum=0.0, maximum=100.0, unit="N")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +106,13 @@ class Feedback(Section):
 
     method: str = word("model_mediated", *METHODS)
     filter: str = "self_tuning_ukf"
+    force_source: str = word(
+        "sensor", "sensor", "effort", about="of the estimator: a sensor, or the motor's effort"
+    )
+    friction_known: float = number(
+        1.0, minimum=0.0, maximum=2.0, about="share of the dry friction that is taken off"
+    )
+    observer_bandwidth_hz: float = number(15.0, above=0.0, maximum=500.0, unit="Hz")
     position_stiffness: float = number(2.0, above=0.0, maximum=100.0, unit="N/mm")
     position_damping: float = number(0.03, minimum=0.0, maximum=10.0, unit="N s/mm")
     wave_impedance: float = number(0.03, above=0.0, maximum=10.0, unit="N s/mm")
@@ -152,6 +161,7 @@ class Bilateral(Section):
             slave_stiffness=slave.stiffness,
             slave_controller_damping=slave.controller_damping,
             slave_force_limit=slave.force_limit_n,
+            slave_friction=slave.dry_friction_n,
             surface=tissue.surface_mm,
             stiffness=tissue.stiffness,
             damping=tissue.damping,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.estimator import available_filters
+from hc_estimator.input.effort import DisturbanceObserver
 from hc_sim_rig.bilateral import layout
 from hc_sim_rig.bilateral.kernel import advance
 from hc_sim_rig.bilateral.mediator import Mediator
@@ -33,6 +34,7 @@ from hc_sim_rig.schema import ScenarioError
 
 Array = NDArray[np.float64]
 
+LEAST_CONTACT_N = 0.1
 BLOCK_SAMPLES = 10
 """The model is renewed at a hundredth of a second."""
 
@@ -109,16 +111,23 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
         if feedback.filter not in available_filters():
             known = ", ".join(available_filters())
             raise ScenarioError(f"filter is {feedback.filter!r}, must be one of {known}")
-        mediator = Mediator(feedback.filter, rate)
+        # A friction that the observer knows badly must not pass for contact.
+        unsure = feedback.force_source == "effort"
+        least = LEAST_CONTACT_N + (2.0 * settings.slave.dry_friction_n if unsure else 0.0)
+        mediator = Mediator(feedback.filter, rate, least)
+    observer = force_observer(settings) if feedback.force_source == "effort" else None
     if task is None:
         task = palpation_task(rate, settings.tissue.surface_mm)
     samples = task.samples
-    sensors, network, hand_seed = np.random.SeedSequence(seed).spawn(3)
-    noise = np.random.default_rng(sensors).normal(size=(samples, 3))
+    sensors, network, hand_seed, motor = np.random.SeedSequence(seed).spawn(4)
+    noise = np.empty((samples, 4))
+    noise[:, :3] = np.random.default_rng(sensors).normal(size=(samples, 3))
+    noise[:, 3] = np.random.default_rng(motor).normal(size=samples)
     noise *= (
         settings.device.position_noise_std_mm,
         settings.slave.position_noise_std_mm,
         settings.slave.force_noise_std_n,
+        settings.slave.effort_noise_std_n,
     )
     hand = settings.operator
     shaking = tremor(
@@ -168,15 +177,28 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
         )
         if mediator is not None:
             part = rows[first : first + count]
-            mediator.take(
-                part[:, layout.OUT_TIME],
-                part[:, layout.OUT_POSITION_READING],
-                part[:, layout.OUT_FORCE_READING],
-            )
+            time, position = part[:, layout.OUT_TIME], part[:, layout.OUT_POSITION_READING]
+            force = part[:, layout.OUT_FORCE_READING]
+            if observer is not None:
+                effort = part[:, layout.OUT_EFFORT_READING]
+                position, force = observer.run(time, position, effort)
+            mediator.take(time, position, force)
             model[:] = mediator.model
     lost = (int(packets[0, PACKETS_LOST]), int(packets[1, PACKETS_LOST]))
     share = mediator.trusted_share if mediator is not None else 0.0
     return BilateralSeries(rows, task, settings, lost, share)
+
+
+def force_observer(settings: Bilateral) -> DisturbanceObserver:
+    """The observer that takes the place of the slave's force sensor, told what it is told."""
+    slave, feedback = settings.slave, settings.feedback
+    return DisturbanceObserver(
+        mass_kg=slave.mass_kg,
+        damping=slave.damping,
+        dry_friction_n=feedback.friction_known * slave.dry_friction_n,
+        friction_velocity_mm_s=layout.FRICTION_VELOCITY,
+        bandwidth_hz=feedback.observer_bandwidth_hz,
+    )
 
 
 def _draws(seed: np.random.SeedSequence, samples: int) -> Array:
