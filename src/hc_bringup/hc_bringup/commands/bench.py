@@ -42,10 +42,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     teleoperation.add_argument(
         "--document", metavar="FILE.md", help="write the table into this document, pictures beside"
     )
+    effort = commands.add_parser(
+        "effort", help="teleoperation without a force sensor, by noise and friction"
+    )
+    effort.add_argument("--quick", action="store_true", help="one seed")
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, accuracy, bags, soak, teleoperation):
+    for command in (speed, accuracy, bags, soak, teleoperation, effort):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -57,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         "bags": _bags,
         "soak": _soak,
         "teleoperation": _teleoperation,
+        "effort": _effort,
     }
     return actions[arguments.action](arguments)
 
@@ -152,6 +157,17 @@ def _teleoperation(arguments: argparse.Namespace) -> int:
         pictures.mkdir(exist_ok=True)
         write_pictures(result, pictures)
     print(to_json(result) if arguments.json else text_table(result))
+    return 0
+
+
+def _effort(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_bringup.summary import to_json
+    from hc_evaluation.teleoperation.effort import markdown_table, run_effort
+
+    with progress_bar("effort") as progress:
+        result = run_effort(quick=arguments.quick, progress=progress)
+    print(to_json(result) if arguments.json else markdown_table(result))
     return 0
 
 

@@ -27,6 +27,8 @@ LARGEST_TERM = 3.0
 CONFIRMATIONS = 5
 ENOUGH = 100.0
 """Force in units of its noise up to which the approach is fitted: shallow, so that one n fits."""
+CALCULATED_ENOUGH = 8.0
+"""The same in units of the least noise: an error in motion, not a noise that averages out."""
 MOST_SAMPLES = 20_000
 SMALLEST_EXPONENT = 0.8
 LARGEST_EXPONENT = 3.0
@@ -37,11 +39,18 @@ FloatArray = NDArray[np.float64]
 class SurfaceFinder:
     """Takes samples of an approach from free motion into the tissue; used like a Tare."""
 
-    def __init__(self) -> None:
+    def __init__(self, least_noise_n: float = 0.0) -> None:
+        """Wait for free motion.
+
+        Args:
+            least_noise_n: where the force is not a sensor's but calculated, its error in motion,
+                which the noise at rest does not show [N]. Contact is a force clear of it.
+        """
         # Half a second that a node need not spend at its start, and not at the end of an approach.
         from scipy.optimize import least_squares
 
         self._least_squares = least_squares
+        self._least_noise = least_noise_n
         self._approach: list[tuple[float, float]] = []
         self._start_over()
 
@@ -65,7 +74,7 @@ class SurfaceFinder:
         if self._free < FREE_SAMPLES:
             self._begin(force_n)
             return None
-        deviation = math.sqrt(self._variance)
+        deviation = max(math.sqrt(self._variance), self._least_noise)
         excess = force_n - self._zero
         self._below = self._below + 1 if excess < -CLEAR * deviation else 0
         if self._below >= CONFIRMATIONS:
@@ -77,7 +86,10 @@ class SurfaceFinder:
             return None
         self._above += 1
         self._approach.append((displacement_mm, excess))
-        enough = excess > ENOUGH * deviation or len(self._approach) >= MOST_SAMPLES
+        level = ENOUGH * deviation
+        if self._least_noise > 0.0:
+            level = CALCULATED_ENOUGH * self._least_noise
+        enough = excess > level or len(self._approach) >= MOST_SAMPLES
         if self._above < CONFIRMATIONS or not enough:
             return None
         return self._fit(deviation)

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import create_estimator
-from hc_estimator.input.surface import SurfaceFinder
+from hc_estimator.input.surface import CLEAR, SurfaceFinder
 from hc_sim_rig.bilateral.layout import MODEL_SIZE
 
 Array = NDArray[np.float64]
 
 PROVISIONAL_STIFFNESS = 0.1
 """[N/mm] A soft spring says that there is something, and harms nobody."""
+PROVISIONAL_FORCE = 0.1
+"""[N] Force that counts as contact before the surface is found."""
 LARGEST_RELATIVE_STD = 0.3
 """An estimate is trusted while the force that it gives at working depth is known so well."""
 KEPT_S = 3.0
@@ -34,22 +36,22 @@ HIGHEST = np.array([20.0, 5.0, 4.0, 2.0])
 class Mediator:
     """Takes blocks of readings, gives the model to send."""
 
-    def __init__(self, filter: str, rate_hz: float, least_contact_n: float = 0.1) -> None:
+    def __init__(self, filter: str, rate_hz: float, least_noise_n: float = 0.0) -> None:
         """Start out in the air.
 
         Args:
             filter: of hc_estimator.
             rate_hz: of the readings.
-            least_contact_n: force that counts as contact before the surface is found [N].
+            least_noise_n: error in motion of a force that is calculated, not measured [N].
 
         Raises:
             ValueError: there is no such filter.
         """
         self._estimator = create_estimator(filter)
-        self._finder: SurfaceFinder | None = SurfaceFinder()
+        self._finder: SurfaceFinder | None = SurfaceFinder(least_noise_n)
         self._kept: list[Array] = []
         self._rate = rate_hz
-        self._least_contact = least_contact_n
+        self._least_contact = max(PROVISIONAL_FORCE, CLEAR * least_noise_n)
         self._surface = 0.0
         self._zero = 0.0
         self._depth = 0.0

@@ -34,7 +34,9 @@ from hc_sim_rig.schema import ScenarioError
 
 Array = NDArray[np.float64]
 
-LEAST_CONTACT_N = 0.1
+OBSERVED_ERROR_N = 0.02
+UNKNOWN_SHARE = 0.1
+"""Of the dry friction: nobody knows it better, and the observer sees its turns late."""
 BLOCK_SAMPLES = 10
 """The model is renewed at a hundredth of a second."""
 
@@ -111,10 +113,7 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
         if feedback.filter not in available_filters():
             known = ", ".join(available_filters())
             raise ScenarioError(f"filter is {feedback.filter!r}, must be one of {known}")
-        # A friction that the observer knows badly must not pass for contact.
-        unsure = feedback.force_source == "effort"
-        least = LEAST_CONTACT_N + (2.0 * settings.slave.dry_friction_n if unsure else 0.0)
-        mediator = Mediator(feedback.filter, rate, least)
+        mediator = Mediator(feedback.filter, rate, _error_in_motion(settings))
     observer = force_observer(settings) if feedback.force_source == "effort" else None
     if task is None:
         task = palpation_task(rate, settings.tissue.surface_mm)
@@ -199,6 +198,14 @@ def force_observer(settings: Bilateral) -> DisturbanceObserver:
         friction_velocity_mm_s=layout.FRICTION_VELOCITY,
         bandwidth_hz=feedback.observer_bandwidth_hz,
     )
+
+
+def _error_in_motion(settings: Bilateral) -> float:
+    """Error of the force in free motion that no noise at rest shows [N]; a sensor has none."""
+    if settings.feedback.force_source == "sensor":
+        return 0.0
+    unknown = UNKNOWN_SHARE + abs(1.0 - settings.feedback.friction_known)
+    return OBSERVED_ERROR_N + unknown * settings.slave.dry_friction_n
 
 
 def _draws(seed: np.random.SeedSequence, samples: int) -> Array:
