@@ -202,3 +202,40 @@ def test_gamma_noise_of_the_proposal_has_the_mean_of_paper_c() -> None:
         "position_pf", np.full(count, -9000.0), np.zeros(count), STEP, settings
     )
     assert result[-1, 1] == pytest.approx(10.0 * 0.01 * count, rel=0.15)
+
+
+def test_the_force_state_of_eq_26_moves_the_particle_with_its_noise() -> None:
+    """One particle, weights that say nothing: the recursion of Eq. 26, written down."""
+    count, step = 300, 0.001
+    mass, damping, spring, stiffness, loss, exponent, surface = MODEL
+    settings = {
+        "model": MODEL,
+        "process_noise": [0.0, 0.0, 0.5],
+        "measurement_variance": 1.0,
+        "particles": 1,
+        "seed": 7,
+        "force_state": True,
+    }
+    drive = np.full(count, 12.0)
+    start = surface + 0.5
+    result = position_filters.run("position_pf", np.full(count, 10.0 * 0.5), drive, step, settings)
+    draws = np.random.Generator(np.random.PCG64(7)).standard_normal((count, 1, 3))[:, 0, 2] * 0.5
+    x, v, force = start, 0.0, 0.0
+    a1 = -damping / mass
+    share = (np.exp(a1 * step) - 1.0) / a1
+    for k in range(1, count):
+        depth = max(x - surface, 0.0)
+        law = max(depth**exponent * (stiffness + loss * v), 0.0)
+        rate = -spring / mass * x + (drive[k - 1] - force) / mass
+        x, v, force = x + step * v, np.exp(a1 * step) * v + share * rate, law + draws[k]
+        assert result[k, 0] == pytest.approx(10.0 * (x - surface), rel=1e-9, abs=1e-9)
+        assert result[k, 1] == pytest.approx(10.0 * v, rel=1e-9, abs=1e-9)
+        assert result[k, 2] == pytest.approx(force, rel=1e-9, abs=1e-9)
+    plain = position_filters.run(
+        "position_pf",
+        np.full(count, 10.0 * 0.5),
+        drive,
+        step,
+        settings | {"force_state": False},
+    )
+    assert np.abs(plain[:, 0] - result[:, 0]).max() > 1e-3  # sigma_3 did not move it there

@@ -163,11 +163,11 @@ def _teleoperation(arguments: argparse.Namespace) -> int:
 def _effort(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_bringup.summary import to_json
-    from hc_evaluation.teleoperation.effort import markdown_table, run_effort
+    from hc_evaluation.teleoperation.effort import run_effort, text_tables
 
     with progress_bar("effort") as progress:
         result = run_effort(quick=arguments.quick, progress=progress)
-    print(to_json(result) if arguments.json else markdown_table(result))
+    print(to_json(result) if arguments.json else text_tables(result))
     return 0
 
 

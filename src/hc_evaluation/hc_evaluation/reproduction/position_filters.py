@@ -5,6 +5,11 @@ the slave's control force. Lengths in cm inside, as in the paper's tables I and 
 outside. Readings of the misprints: penetration is max(0, x - x_e0); the element (2, 1) of Eq. 20
 and 26 has the sign of a discretised spring; the nonlinear model is propagated, not F X; the
 innovation is y - C X; the weight has a minus sign.
+
+The particle filter has two readings of Eq. 26. By default the law at a particle's position and
+velocity moves it, and sigma_3 is added to the force that is told. With `force_state` the force is a
+state as printed: the third row makes it from the position and velocity before the step plus its
+noise, and it is this force, sigma_3 included, that moves the particle in the next step.
 """
 
 from __future__ import annotations
@@ -120,6 +125,7 @@ def _particles(
     draws: FloatArray,
     offsets: FloatArray,
     variance: float,
+    force_state: bool,
     result: FloatArray,
 ) -> None:
     """Sampling, importance, resampling at every sample; paper C, section IV.B.
@@ -132,6 +138,7 @@ def _particles(
         draws: process noise of position, velocity and force, shape (N, particles, 3).
         offsets: uniform numbers of the systematic resampling, shape (N,).
         variance: variance of the reading in the weights.
+        force_state: Eq. 26 as printed, the force a state that moves the particle.
         result: as in _extended.
     """
     count = draws.shape[1]
@@ -145,10 +152,13 @@ def _particles(
         for i in range(count):
             if k > 0:
                 force = contact_force(model, now[i, 0], now[i, 1])
-                x, v = _advance(model, step, now[i, 0], now[i, 1], drive[k - 1], force)
+                push = now[i, 2] if force_state else force
+                x, v = _advance(model, step, now[i, 0], now[i, 1], drive[k - 1], push)
                 moved[i, 0] = x + draws[k, i, 0]
                 moved[i, 1] = v + draws[k, i, 1]
-                moved[i, 2] = contact_force(model, moved[i, 0], moved[i, 1]) + draws[k, i, 2]
+                if not force_state:
+                    force = contact_force(model, moved[i, 0], moved[i, 1])
+                moved[i, 2] = force + draws[k, i, 2]
             else:
                 moved[i] = now[i]
             predicted += moved[i, 2] / count
@@ -192,7 +202,7 @@ def run(
             `process_noise` (standard deviations of position, velocity, force per step, in cm),
             `measurement_variance` [cm^2]; of the EKF `process_mean` [cm/s]; of the particle filter
             `particles`, `seed` and optionally `gamma` (shape and scale [cm/s] of the velocity's
-            process noise, Eq. 22, in place of the Gaussian).
+            process noise, Eq. 22, in place of the Gaussian) and `force_state` (Eq. 26 as printed).
 
     Returns:
         Penetration [mm], velocity [mm/s], force [N] and the force before the update, shape (N, 4).
@@ -215,7 +225,8 @@ def run(
             shape, scale = (float(value) for value in settings["gamma"])
             draws[:, :, 1] = generator.gamma(shape, scale, (readings.size, count))
         offsets = generator.random(readings.size)
-        _particles(model, step_s, readings, drive_n, draws, offsets, variance, result)
+        force_state = bool(settings.get("force_state", False))
+        _particles(model, step_s, readings, drive_n, draws, offsets, variance, force_state, result)
     result[:, 0] = (result[:, 0] - surface) * MM_PER_CM
     result[:, 1] *= MM_PER_CM
     return result

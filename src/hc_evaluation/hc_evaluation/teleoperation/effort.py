@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from hc_evaluation.reproduction import position_filters
+from hc_evaluation.reproduction.position_filters import MM_PER_CM
 from hc_evaluation.teleoperation.scores import score
 from hc_sim_rig.bilateral import (
     Bilateral,
@@ -28,6 +31,8 @@ from hc_sim_rig.bilateral.simulation import force_observer
 ROUND_TRIP_MS = 100.0
 SEEDS = 3
 QUICK_SEEDS = 1
+PAPER_VELOCITY_STD_CM_S = 0.02
+"""sigma_2 of paper C's table II."""
 # Source, noise of the effort [N], dry friction [N], share of it that the observer knows.
 CASES = (
     ("sensor", 0.01, 0.0, 1.0),
@@ -115,18 +120,127 @@ def run_effort(
     return {
         "round_trip_ms": ROUND_TRIP_MS,
         "rows": rows,
+        "known_tissue": run_known_tissue(),
         "seeds": seeds,
         "seconds": time.monotonic() - begin,
     }
 
 
-def markdown_table(result: Mapping[str, Any]) -> str:
-    """The rows as a Markdown table, which a terminal can show as well."""
-    table = [[name for name, _, _ in COLUMNS]]
-    for row in result["rows"]:
-        cells = {**row, "stable": "yes" if row["stable"] else "NO"}
-        table.append([text.format(cells[name]) for _, name, text in COLUMNS])
-    widths = [max(len(line[i]) for line in table) for i in range(len(COLUMNS))]
+# Paper C's filters know slave and tissue. Noise is the simulation's, in cm.
+PAPER_FILTERS: tuple[tuple[str, str, dict[str, Any]], ...] = (
+    ("extended filter (paper C)", "position_ekf", {}),
+    ("particles, law moves them", "position_pf", {"particles": 50, "seed": 1}),
+    (
+        "particles, Eq. 26 as printed",
+        "position_pf",
+        {"particles": 50, "seed": 1, "force_state": True},
+    ),
+)
+PAPER_FRICTION_N = (0.0, 0.1, 0.3)
+KNOWN_COLUMNS = (
+    ("estimator", "estimator", "{}"),
+    ("knows the tissue", "knows_tissue", "{}"),
+    ("dry friction N", "dry_friction_n", "{:g}"),
+    ("position error um", "position_rmse_um", "{:.1f}"),
+    ("force read N", "force_rmse_n", "{:.3f}"),
+    ("the same in step N", "force_rmse_in_step_n", "{:.3f}"),
+)
+
+
+def run_known_tissue(seed: int = 0) -> list[dict[str, Any]]:
+    """Paper C's filters beside the observer: they know the tissue, nobody knows the friction.
+
+    The tissue has p = 1 and no lump, as theirs. All are given the same position and effort.
+    """
+    rows: list[dict[str, Any]] = []
+    for friction in PAPER_FRICTION_N:
+        settings = settings_of("effort", 0.01, friction, 0.0)
+        tissue = replace(
+            settings.tissue,
+            velocity_exponent=1.0,
+            lump_stiffness_factor=1.0,
+            lump_damping_factor=1.0,
+        )
+        # The motion is that of a run with a sensor: the same for everybody.
+        feedback = replace(settings.feedback, force_source="sensor")
+        settings = replace(settings, tissue=tissue, feedback=feedback)
+        series = simulate(settings, seed=seed)
+        effort_only = replace(series, settings=settings_of("effort", 0.01, friction, 0.0))
+        late, in_step = force_read(effort_only)
+        rows.append(
+            {
+                "estimator": "disturbance observer",
+                "knows_tissue": "no",
+                "dry_friction_n": friction,
+                "position_rmse_um": math.nan,
+                "force_rmse_n": late,
+                "force_rmse_in_step_n": in_step,
+            }
+        )
+        for name, filter, extra in PAPER_FILTERS:
+            found = _paper_filter(series, filter, extra)
+            force = float(np.sqrt(np.mean((found[:, 2] - series.tissue_force_n) ** 2)))
+            depth = series.slave_mm - tissue.surface_mm
+            rows.append(
+                {
+                    "estimator": name,
+                    "knows_tissue": "yes",
+                    "dry_friction_n": friction,
+                    "position_rmse_um": 1e3 * float(np.sqrt(np.mean((found[:, 0] - depth) ** 2))),
+                    "force_rmse_n": force,
+                    "force_rmse_in_step_n": force,
+                }
+            )
+    return rows
+
+
+def _paper_filter(series: BilateralSeries, filter: str, extra: Mapping[str, Any]) -> Any:
+    """Run a filter of paper C over position and effort: (samples, 4), mm and N."""
+    slave, tissue = series.settings.slave, series.settings.tissue
+    n, ten = tissue.displacement_exponent, MM_PER_CM
+    model = [
+        1e-3 * slave.mass_kg * ten,
+        slave.damping * ten,
+        0.0,
+        tissue.stiffness * ten**n,
+        tissue.damping * ten ** (n + 1.0),
+        n,
+        1.0 + tissue.surface_mm / ten,
+    ]
+    reading = slave.position_noise_std_mm / ten
+    common = {
+        "model": model,
+        "process_noise": [0.1 * reading, PAPER_VELOCITY_STD_CM_S, 0.01],
+        "measurement_variance": reading**2,
+    }
+    position = series.column(layout.OUT_POSITION_READING) - tissue.surface_mm
+    # The effort of a row is the one from there on, which is what u_s(k-1) of Eq. 19 means.
+    effort = series.column(layout.OUT_EFFORT_READING)
+    step = 1.0 / series.settings.rate_hz
+    return position_filters.run(filter, position, effort, step, {**common, **extra})
+
+
+def text_tables(result: Mapping[str, Any]) -> str:
+    """Both tables in Markdown, which a terminal can show as well."""
+    return "\n\n".join(
+        (
+            _table(COLUMNS, result["rows"]),
+            "On one and the same motion, friction not known:",
+            _table(KNOWN_COLUMNS, result["known_tissue"]),
+        )
+    )
+
+
+def _table(columns: Sequence[tuple[str, str, str]], rows: Sequence[Mapping[str, Any]]) -> str:
+    table = [[name for name, _, _ in columns]]
+    for row in rows:
+        cells = {
+            name: ("yes" if value else "NO") if isinstance(value, bool) else value
+            for name, value in row.items()
+        }
+        line = [text.format(cells[name]) for _, name, text in columns]
+        table.append(["" if cell == "nan" else cell for cell in line])
+    widths = [max(len(line[i]) for line in table) for i in range(len(columns))]
     lines = [
         "| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |"
         for line in table

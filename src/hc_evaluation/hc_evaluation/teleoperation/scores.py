@@ -69,9 +69,10 @@ def score(series: BilateralSeries) -> Scores:
     update = float(np.max(np.abs(series.column(layout.OUT_UPDATE_CHANGE))))
     tank = float(np.min(series.column(layout.OUT_TANK)))
     if not np.all(np.isfinite(series.rows[:, : layout.OUT_MODEL])):
-        values = dict.fromkeys(Scores._fields, np.nan)
-        values |= {"largest_update_n": update, "lowest_tank_mj": tank}
-        return Scores(**{**values, "stable": False, "trusted_share": series.trusted_share})
+        nothing = Scores(False, *(np.nan,) * (len(Scores._fields) - 1))
+        return nothing._replace(
+            largest_update_n=update, lowest_tank_mj=tank, trusted_share=series.trusted_share
+        )
     true = force_at_the_hand(series)
     work = (series.time_s >= series.task.first_contact.begin) & (
         series.time_s < series.task.presses[-1].end
