@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from hc_estimator.estimator import DEFAULT_FILTER
-from hc_evaluation.teleoperation import bench, table
+from hc_evaluation.teleoperation import bench, effort, table
 from hc_evaluation.teleoperation.scores import (
     force_at_the_hand,
     hold_motion,
     score,
     transparency,
 )
-from hc_sim_rig.bilateral import METHODS, BilateralSeries, layout
+from hc_sim_rig.bilateral import METHODS, BilateralSeries, layout, simulate
 
 ROW = {
     "method",
@@ -204,3 +204,34 @@ def test_the_document_takes_the_table(result: dict, tmp_path) -> None:
     path.write_text("nothing")
     with pytest.raises(ValueError, match="no lines"):
         table.write_table(result, path)
+
+
+def test_the_effort_in_place_of_a_sensor() -> None:
+    """Without friction the observer's force is the tissue's, late; unknown friction is in it."""
+    errors = {}
+    for friction, known in ((0.0, 1.0), (0.3, 0.0)):
+        settings = effort.settings_of("effort", 0.01, friction, known)
+        series = simulate(settings, seed=1)
+        errors[friction] = effort.force_read(series)
+        if friction == 0.0:
+            assert score(series).transparency > 0.9
+            assert series.trusted_share > 0.9
+    late, in_step = errors[0.0]
+    assert in_step < 0.04 < late
+    assert errors[0.3][1] > 0.1
+
+
+def test_a_sensor_is_read_with_its_noise() -> None:
+    series, _ = bench.run_case("wave_variables", 0.0, None, 0)
+    assert effort.force_read(series) == (pytest.approx(0.01, rel=0.02),) * 2
+
+
+def test_the_effort_tables_have_a_line_a_row() -> None:
+    head = dict.fromkeys((name for _, name, _ in effort.COLUMNS), 0.5)
+    row = {**head, "force_source": "effort", "stable": False}
+    known = {**dict.fromkeys((name for _, name, _ in effort.KNOWN_COLUMNS), 0.5)}
+    known |= {"estimator": "x", "knows_tissue": "no", "position_rmse_um": np.nan}
+    text = effort.text_tables({"rows": [row, row], "known_tissue": [known]})
+    assert text.count("| effort |") == 2
+    assert "NO" in text
+    assert "nan" not in text
