@@ -260,3 +260,35 @@ def test_nothing_is_overwritten(capsys: pytest.CaptureFixture[str], tmp_path: Pa
         assert one_line(err)
         assert "exist" in err
     assert {p.name: p.read_bytes() for p in target.iterdir()} == before
+
+
+def test_a_document_without_a_place_for_the_table_is_refused_before_the_work(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("nothing here")
+    for path in (page, tmp_path / "missing.md"):
+        status, out, err = run(capsys, "bench", "teleoperation", "--document", str(path))
+        assert status == 2
+        assert out == ""
+        assert one_line(err)
+        assert path.name in err
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_bench_teleoperation_prints_rows_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "bench", "teleoperation", "--quick", "--json")
+    assert status == 0
+    rows = json.loads(out)["rows"]
+    assert {row["method"] for row in rows} == {
+        "direct",
+        "position_position",
+        "wave_variables",
+        "model_mediated",
+    }
+    assert sorted({row["round_trip_ms"] for row in rows}) == [0, 20, 100, 300, 1000]
+    assert len(rows) == 20
+    verdict = {(row["method"], row["round_trip_ms"]): row["stable"] for row in rows}
+    assert not verdict["direct", 300]
+    assert all(verdict["model_mediated", delay] for delay in (0, 20, 100, 300, 1000))
