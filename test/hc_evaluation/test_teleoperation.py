@@ -206,6 +206,7 @@ def test_the_document_takes_the_table(result: dict, tmp_path) -> None:
         table.write_table(result, path)
 
 
+@pytest.mark.slow
 def test_the_effort_in_place_of_a_sensor() -> None:
     """Without friction the observer's force is the tissue's, late; unknown friction is in it."""
     errors = {}
