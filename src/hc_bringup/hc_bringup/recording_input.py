@@ -45,6 +45,11 @@ def add_options(parser: argparse.ArgumentParser, *, optional: bool = False) -> N
         metavar="INPUT",
         help="CSV file, bag folder or .mcap file",
     )
+    add_reading_options(parser)
+
+
+def add_reading_options(parser: argparse.ArgumentParser) -> None:
+    """Declare how a recording is read."""
     parser.add_argument(
         "--input",
         dest="sensors",
