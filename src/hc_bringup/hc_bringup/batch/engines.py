@@ -47,9 +47,7 @@ def here(tasks: Iterable[Task], workers: int) -> Iterator[Answer]:
                 yield _alone(left.pop(key))
 
 
-def _joblib(
-    left: dict[tuple[int, int], Task], started: list[tuple[int, int]], workers: int
-) -> Any:
+def _joblib(left: dict[tuple[int, int], Task], started: list[tuple[int, int]], workers: int) -> Any:
     from joblib import Parallel, delayed
 
     from hc_evaluation.workers import prepare_worker
@@ -74,7 +72,8 @@ def _alone(task: Task) -> Answer:
     for _ in range(DEATHS - 1):
         try:
             key = (task.number, task.variants[0][0])
-            return next(iter(_joblib({key: task}, [], 2)))  # with 1 it would be this process
+            answer: Answer = next(iter(_joblib({key: task}, [], 2)))  # 1 would be this process
+            return answer
         except BrokenProcessPool:
             continue
     return died(task)
@@ -172,4 +171,4 @@ def distributed_over(tasks: Iterable[Task], client: Any) -> Iterator[Answer]:
 
 
 def _window(client: Any) -> int:
-    return max(16, 4 * sum(client.nthreads().values()))
+    return max(16, 4 * int(sum(client.nthreads().values())))

@@ -67,7 +67,7 @@ def variants(
     for name in names:
         if names.count(name) > 1 or name in given:
             raise UserError(f"{name} is given twice: once in --sweep {name}=...", WRONG_USE)
-    found = []
+    found: list[Variant] = []
     for values in itertools.product(*(values for _, values in sweeps)):
         if len(found) == MOST_VARIANTS:
             raise UserError(f"more than {MOST_VARIANTS} combinations: sweep less", WRONG_USE)

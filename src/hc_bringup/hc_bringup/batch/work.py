@@ -46,6 +46,12 @@ FORMAT: Final = 1
 ESTIMATE_FORMATS: Final = ("csv", "parquet")
 _BLOCKS_AT_ONCE: Final = 16  # of lines in one row group of Parquet
 UNREADABLE: Final = "unreadable"
+_READING: Final = (
+    *("sensors", "find_surface", "columns", "units", "separator", "decimal", "header_lines"),
+    *("encoding", "tip", "tip_axes"),
+    *("minimum_depth", "minimum_force", "minimum_duration", "release"),
+)
+"""Options that decide how a recording is read, and what counts as a contact."""
 
 
 class ResultError(Exception):
@@ -136,15 +142,12 @@ def died(task: Task) -> Answer:
 def result_key(task: Task, variant: Variant, content: str) -> str:
     """Return the name of a result: a hash of all that it depends on."""
     options = vars(task.arguments)
-    reading = ("sensors", "find_surface", "columns", "units", "separator", "decimal")
-    reading += ("header_lines", "encoding", "tip", "tip_axes")
-    reading += ("minimum_depth", "minimum_force", "minimum_duration", "release")
     what = {
         "format": FORMAT,
         "software": task.stamp,
         "content": content,
         "configuration": variant.configuration,
-        "options": {name: options[name] for name in reading},
+        "options": {name: options[name] for name in _READING},
     }
     text = json.dumps(what, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
@@ -344,7 +347,7 @@ def _write_parquet(file: Any, lines: Iterator[str]) -> None:
 
 def _about(task: Task, text: str) -> str:
     """Return a line about a recording without its path: the same recording may lie elsewhere."""
-    return text.removeprefix(f"{task.path}: ").replace(str(task.path), "it")
+    return text.removeprefix(f"{task.path}: ").replace(str(task.path), "the recording")
 
 
 def _internal(error: Exception) -> str:
