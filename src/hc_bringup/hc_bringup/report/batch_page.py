@@ -124,7 +124,7 @@ def _header(sums: _Sums, *, complete: bool) -> str:
     recordings, without = len(sums.recordings), len(sums.without)
     lines = [
         f"{_count(recordings, 'recording')}, {sums.samples:,} samples, "
-        f"{sums.seconds / 3600.0:.2f} hours; {_count(sums.contacts, 'contact')} found."
+        f"{_time(sums.seconds)}; {_count(sums.contacts, 'contact')} found."
     ]
     if without:
         lines.append(f"{without} without a result, see below.")
@@ -139,6 +139,10 @@ def _header(sums: _Sums, *, complete: bool) -> str:
     )
 
 
+def _time(seconds: float) -> str:
+    return f"{seconds / 3600.0:.1f} hours" if seconds >= 3600.0 else f"{seconds / 60.0:.1f} minutes"
+
+
 def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'' if number == 1 else 's'}"
 
@@ -147,15 +151,14 @@ def _variants(sums: _Sums, variants: Sequence[Variant]) -> str:
     """Return medians over all recordings, a row for each variant."""
     head = ["", "results", "none", "K", "B", "n", "p", "force error [mN]", "NIS", "law misfits"]
     rows = []
-    for number, variant in enumerate(variants):
+    for variant in variants:
         found = np.array(sums.values[variant.label]).reshape(-1, len(_CHARTED) + 6)
         name = variant.label or f"{variant.configuration['filter']}"
-        mark = "" if len(variants) == 1 or number >= MOST_CHARTED else f"{number + 1}  "
-        row = [f"{mark}{name}", str(len(found)), str(sums.failures[variant.label])]
+        row = [name, str(len(found)), str(sums.failures[variant.label])]
         if len(found):
             low, middle, high = np.nanpercentile(found[:, 1:5], (5.0, 50.0, 95.0), axis=0)
             row += [
-                f"{m:.3g} ({a:.2g} to {b:.2g})" for a, m, b in zip(low, middle, high, strict=True)
+                f"{m:.3g} ({a:.3g} to {b:.3g})" for a, m, b in zip(low, middle, high, strict=True)
             ]
             row += [f"{1e3 * np.nanmedian(found[:, 5]):.3g}", f"{np.nanmedian(found[:, 6]):.2f}"]
             row.append(f"{100.0 * np.nanmean(found[:, -1]):.1f} %")
@@ -164,7 +167,7 @@ def _variants(sums: _Sums, variants: Sequence[Variant]) -> str:
         rows.append(row)
     return (
         '<section class="panel full"><h2>Over all recordings: median (5 to 95 %)</h2>'
-        f"{table(head, rows, 'numbers')}</section>"
+        f'{table(head, rows, "numbers")}<p id="key"></p></section>'
     )
 
 
@@ -190,7 +193,7 @@ def _recordings(sums: _Sums, *, with_variant: bool) -> str:
     note = f"<p>and {more:,} more: recordings.csv has all of them</p>" if more > 0 else ""
     return (
         '<section class="panel full"><h2>Recordings (± 2 standard deviations)</h2>'
-        f"{table(head, sums.rows, 'numbers')}{note}</section>"
+        f"{table(head, sums.rows, 'numbers batch')}{note}</section>"
     )
 
 

@@ -4,7 +4,10 @@
 HC.BATCH_COLOURS = ["estimate", "accent", "good", "warn", "truth", "alarm"];
 
 HC.batchChart = function (host, name, variants) {
-  const tables = variants.map((v) => [v.number, v[name].map((x) => (isFinite(x) ? x : null))]);
+  // Side by side, so that equal ones do not hide one another.
+  const aside = (i) => 0.1 * (i - 0.5 * (variants.length - 1));
+  const tables = variants.map((v, i) => [
+    v.number.map((x) => x + aside(i)), v[name].map((x) => (isFinite(x) ? x : null))]);
   const data = uPlot.join(tables);
   const numbers = data[0];
   const values = variants.flatMap((v) => v[name].filter(isFinite)).sort((a, b) => a - b);
@@ -13,7 +16,7 @@ HC.batchChart = function (host, name, variants) {
   const margin = 0.1 * (high - low) || 0.1 * Math.abs(high) || 1;
   HC.chart(host, {
     height: 210,
-    x: { label: "recording", range: () => [0, (numbers.at(-1) ?? 0) + 1] },
+    x: { label: "recording", range: () => [0, Math.ceil(numbers.at(-1) ?? 0) + 1] },
     y: { range: () => [Math.max(0, low - margin), high + margin], axis: { size: 54 } },
     series: variants.map((_, i) => ({
       stroke: () => HC.palette[HC.BATCH_COLOURS[i]], paths: () => null,
@@ -22,7 +25,7 @@ HC.batchChart = function (host, name, variants) {
     })),
     tip: (plot, i) => {
       if (i === null || i === undefined) return null;
-      const number = plot.data[0][i];
+      const number = Math.round(plot.data[0][i]);
       const lines = [`recording ${number}`];
       for (const v of variants) {
         const at = v.number.indexOf(number);
@@ -33,15 +36,14 @@ HC.batchChart = function (host, name, variants) {
       return lines;
     },
   }, data);
-  if (variants.length > 1) {
-    const key = HC.element("p", { class: "hint" });
-    variants.forEach((v, i) => {
-      const mark = HC.element("span", { text: "● " });
-      mark.style.color = `var(--${HC.BATCH_COLOURS[i]})`;
-      key.append(mark, `${i + 1} ${v.label}   `);
-    });
-    host.append(key);
-  }
+};
+
+HC.batchKey = function (host, variants) {
+  variants.forEach((v, i) => {
+    const mark = HC.element("span", { text: "● " });
+    mark.style.color = `var(--${HC.BATCH_COLOURS[i]})`;
+    host.append(HC.element("span", {}, mark, v.label), "    ");
+  });
 };
 
 HC.startBatch = function (data) {
@@ -50,6 +52,7 @@ HC.startBatch = function (data) {
     ...Object.fromEntries(Object.entries(v).filter(([name]) => name !== "label")
       .map(([name, packed]) => [name, Array.from(HC.numbers(packed))])),
   })).filter((v) => v.number.length);
+  if (variants.length > 1) HC.batchKey(document.getElementById("key"), variants);
   for (const host of document.querySelectorAll("[data-curve]")) {
     if (variants.length) HC.batchChart(host, host.dataset.curve, variants);
     else host.hidden = true;
