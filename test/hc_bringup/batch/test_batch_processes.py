@@ -1,4 +1,4 @@
-"""hc batch with real workers: killed, interrupted, refused; nothing is lost, nothing comes twice."""
+"""hc batch with real workers: killed, interrupted, refused; nothing is lost or comes twice."""
 
 from __future__ import annotations
 
@@ -36,6 +36,11 @@ def plain(folder: Path, target: Path) -> dict[str, bytes]:
     """What one process makes of the recordings."""
     assert main(["batch", str(folder), "-o", str(target), "-j", "1", "--filter", "ukf"]) == 0
     return contents(target)
+
+
+def complaints(error: str) -> list[str]:
+    """What was said on standard error, but for the progress of a slow machine."""
+    return [line for line in error.splitlines() if not line.startswith("results: ")]
 
 
 def results(folder: Path) -> int:
@@ -113,7 +118,7 @@ def test_interrupt_keeps_what_is_done_and_resume_goes_on(
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=100)
     assert process.returncode == 130
-    assert error == ""
+    assert complaints(error) == []
     first = json.loads(out)
     assert not first["complete"]
     assert 0 < first["results"] < RECORDINGS
@@ -190,7 +195,8 @@ def test_a_cluster_of_this_machine_makes_the_same_bytes(
     folder, target = make_recordings(5), tmp_path / "cluster"
     words = (*HC, folder, "-o", target, "--local-cluster", 2, "--filter", "ukf")
     done = subprocess.run([*map(str, words)], capture_output=True, text=True, timeout=400)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.returncode == 0
+    assert complaints(done.stderr) == []
     assert contents(target) == plain(folder, tmp_path / "one")
 
 
