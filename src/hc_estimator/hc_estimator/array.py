@@ -174,8 +174,8 @@ class EstimatorArray:
         count = displacements.shape[-1] if displacements.ndim else 0
         samples = np.empty((self._channels, count, 3))
         whole = (self._channels, count)
-        self._take(samples[..., 0], "time_s", time_s, ((count,), whole))
         self._take(samples[..., 1], "displacements_mm", displacements, (whole,))
+        self._take(samples[..., 0], "time_s", time_s, ((count,), whole))
         self._take(samples[..., 2], "forces_n", forces_n, (whole,))
         rows = np.empty((self._channels, count, COLUMNS))
         self._use(samples, rows)
@@ -235,7 +235,7 @@ class EstimatorArray:
         values = np.asarray(given, np.float64)
         if values.shape not in shapes:
             allowed = " or ".join(map(str, shapes))
-            raise ValueError(f"{name} has the shape {values.shape}: {allowed} it must be")
+            raise ValueError(f"{name} has the shape {values.shape}, not {allowed}")
         target[...] = values
 
     def _use(self, samples: Array, rows: Array) -> None:
