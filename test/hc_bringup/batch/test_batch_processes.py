@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from hc_bringup.batch import engines
-from hc_bringup.batch.campaign import Campaign
+from hc_bringup.batch.campaign import Campaign, has_pyarrow
 from hc_bringup.batch.work import Answer, Task
 from hc_bringup.cli import main
 
@@ -218,14 +218,17 @@ def test_without_a_scheduler_there_is_one_line(
 def test_memory_stays_flat_over_a_thousand_recordings(
     make_recordings: MakeRecordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In one process, the largest that it ever was: after a hundred recordings and at the end."""
+    """The largest that one process ever was: after a hundred recordings, a thousand, the tables."""
+    if has_pyarrow():
+        import pyarrow.csv
+        import pyarrow.parquet  # noqa: F401 - it is large, whatever the tables are
     folder, target = make_recordings(1000, 1.0), tmp_path / "out"
     largest: list[int] = []
     run = Campaign.run
 
     def watched(self: Campaign, engine: Any, tasks: Any, tell: Any) -> None:
         def told(done: int, total: int) -> None:
-            if done == 100:
+            if done in (100, total):
                 largest.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
             tell(done, total)
 
@@ -234,8 +237,9 @@ def test_memory_stays_flat_over_a_thousand_recordings(
     monkeypatch.setattr(Campaign, "run", watched)
     assert main(["batch", str(folder), "-o", str(target), "-j", "1", "--filter", "ukf"]) == 0
     largest.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-    assert largest[0] > 0
-    assert (largest[1] - largest[0]) / 1024.0 < 30.0, f"{largest} KiB"
+    early, late, end = largest
+    assert (late - early) / 1024.0 < 10.0, f"{largest} KiB"
+    assert (end - late) / 1024.0 < 40.0, f"{largest} KiB"
 
 
 def test_the_command_in_the_manifest_makes_the_same_again(

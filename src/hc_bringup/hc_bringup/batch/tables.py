@@ -21,7 +21,7 @@ from hc_logger.new_file import new_file
 
 RECORDINGS: Final = "recordings"
 CONTACTS: Final = "contacts"
-_ROWS_AT_ONCE: Final = 10_000
+_ROWS_AT_ONCE: Final = 2000
 _TEXTS: Final = ("recording", "sha256", "variant", "filter", "state_space", "contact_model")
 
 
