@@ -157,6 +157,22 @@ def test_a_recording_that_ends_its_process_is_a_row(
     assert not any(reasons.values())
 
 
+def start_cluster(
+    started: Callable[..., subprocess.Popen[str]], folder: Path, count: int
+) -> tuple[str, list[subprocess.Popen[str]]]:
+    """Start a scheduler and workers; returns its address, and the processes, scheduler first."""
+    address_file = folder / "scheduler.json"
+    scheduler = started(
+        *(sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", 0),
+        *("--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", address_file),
+    )
+    wait(lambda: address_file.is_file() and address_file.stat().st_size, "the scheduler")
+    address = json.loads(address_file.read_text())["address"]
+    worker = (sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-dashboard")
+    options = ("--no-nanny", "--nthreads", 1, "--local-directory", folder, "--death-timeout", 60)
+    return address, [scheduler, *(started(*worker, *options) for _ in range(count))]
+
+
 def test_a_dask_worker_killed_in_mid_run_loses_nothing(
     make_recordings: MakeRecordings,
     tmp_path: Path,
@@ -164,28 +180,38 @@ def test_a_dask_worker_killed_in_mid_run_loses_nothing(
 ) -> None:
     pytest.importorskip("distributed", reason="needs Dask: pip install 'dask[distributed]'")
     folder, target = make_recordings(RECORDINGS, 4.0), tmp_path / "cluster"
-    address_file = tmp_path / "scheduler.json"
-    started(
-        *(sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", 0),
-        *("--host", "127.0.0.1", "--no-dashboard", "--scheduler-file", address_file),
-    )
-    wait(address_file.is_file, "the scheduler")
-    address = wait(lambda: json.loads(address_file.read_text())["address"], "its address")
-    worker = (sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-dashboard")
-    workers = [
-        started(*worker, "--no-nanny", "--nthreads", 1, "--local-directory", tmp_path)
-        for _ in range(2)
-    ]
+    address, cluster = start_cluster(started, tmp_path, 2)
     process = started(*HC, folder, "-o", target, "--scheduler", address, "--filter", "ukf")
     wait(lambda: results(target) >= 5, "the first results")
-    workers[0].kill()
+    cluster[1].kill()
     _, error = process.communicate(timeout=400)
     assert process.returncode == 0, error
+    assert complaints(error) == []
     assert results(target) == RECORDINGS
     with (target / "recordings.csv").open(newline="") as file:
         names = [row["recording"] for row in csv.DictReader(file) if not row["reason"]]
     assert names == [f"r{i:04d}.csv" for i in range(RECORDINGS)]
     assert contents(target) == plain(folder, tmp_path / "one")
+
+
+def test_a_scheduler_that_dies_is_one_line_and_the_work_is_kept(
+    make_recordings: MakeRecordings,
+    tmp_path: Path,
+    started: Callable[..., subprocess.Popen[str]],
+) -> None:
+    pytest.importorskip("distributed", reason="needs Dask: pip install 'dask[distributed]'")
+    folder, target = make_recordings(RECORDINGS, 4.0), tmp_path / "cluster"
+    address, cluster = start_cluster(started, tmp_path, 1)
+    process = started(*HC, folder, "-o", target, "--scheduler", address, "--filter", "ukf")
+    wait(lambda: results(target) >= 5, "the first results")
+    cluster[0].kill()
+    out, error = process.communicate(timeout=200)
+    assert process.returncode == 1
+    (line,) = complaints(error)
+    assert "the scheduler does not answer any more" in line
+    assert "--resume" in line
+    assert "ended early with" in out
+    assert not json.loads((target / "manifest.json").read_text())["complete"]
 
 
 def test_a_cluster_of_this_machine_makes_the_same_bytes(

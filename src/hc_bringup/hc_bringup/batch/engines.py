@@ -6,6 +6,8 @@ task that ends every process that tries it becomes a result that says so.
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import contextlib
 import logging
 import os
@@ -79,6 +81,10 @@ def _alone(task: Task) -> Answer:
     return died(task)
 
 
+class SchedulerGoneError(Exception):
+    """The scheduler of a cluster does not answer any more."""
+
+
 @contextlib.contextmanager
 def dask_client(scheduler: str | None, workers: int) -> Iterator[Any]:
     """A client of a running scheduler, or of a cluster of this machine that ends with it.
@@ -102,8 +108,9 @@ def dask_client(scheduler: str | None, workers: int) -> Iterator[Any]:
         "distributed.scheduler.allowed-failures": DEATHS - 1,
         "distributed.worker.daemon": True,
     }
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters we say ourselves
+    logging.disable(logging.CRITICAL)  # what matters we say ourselves, in one line
     with contextlib.ExitStack() as stack:
+        stack.callback(logging.disable, logging.NOTSET)
         stack.enter_context(dask.config.set(settings))
         if scheduler is None:
             cluster = distributed.LocalCluster(
@@ -135,9 +142,11 @@ def distributed_over(tasks: Iterable[Task], client: Any) -> Iterator[Answer]:
     No more tasks are with the scheduler than its workers can soon begin.
 
     Raises:
+        SchedulerGoneError: if the scheduler ends or cannot be reached any more.
         UserError: if a worker cannot do such tasks.
     """
     import distributed
+    from distributed.comm import CommClosedError
 
     waiting = iter(tasks)
     given: dict[str, tuple[Any, Task]] = {}
@@ -152,22 +161,41 @@ def distributed_over(tasks: Iterable[Task], client: Any) -> Iterator[Answer]:
             if count <= 0:
                 return
 
-    give(_window(client))
-    for future in answers:
-        _, task = given.pop(future.key)
-        try:
-            yield future.result()
-        except distributed.KilledWorker:
-            yield died(task)
-        except (ResultError, WrongSoftwareError):
-            raise
-        except Exception as error:
-            raise UserError(
-                f"a worker cannot do it: {type(error).__name__}: {error}: start the workers from "
-                "the same installation (.venv/bin/dask worker)"
-            ) from error
-        del future
-        give(max(1, _window(client) - len(given)))
+    gone = (CommClosedError, concurrent.futures.CancelledError, asyncio.CancelledError, OSError)
+    try:
+        give(_window(client))
+        for future in answers:
+            _, task = given.pop(future.key)
+            yield _answer(future, task)
+            del future
+            give(max(1, _window(client) - len(given)))
+    except gone as error:
+        raise SchedulerGoneError("the scheduler does not answer any more") from error
+
+
+def _answer(future: Any, task: Task) -> Answer:
+    """Return a future's answer.
+
+    Raises:
+        UserError: if no worker can do such tasks.
+    """
+    import distributed
+    from distributed.comm import CommClosedError
+
+    try:
+        answer: Answer = future.result()
+    except distributed.KilledWorker:
+        return died(task)
+    except (ResultError, WrongSoftwareError, CommClosedError, OSError):
+        raise
+    except (concurrent.futures.CancelledError, asyncio.CancelledError):
+        raise
+    except Exception as error:
+        raise UserError(
+            f"a worker cannot do it: {type(error).__name__}: {error}: start the workers from "
+            "the same installation (.venv/bin/dask worker)"
+        ) from error
+    return answer
 
 
 def _window(client: Any) -> int:

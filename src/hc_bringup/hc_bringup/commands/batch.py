@@ -87,6 +87,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.batch.campaign import Campaign, has_pyarrow
+    from hc_bringup.batch.engines import SchedulerGoneError
     from hc_bringup.batch.sources import find_recordings, names_of
     from hc_bringup.batch.variants import variants
     from hc_bringup.batch.work import ResultError, WrongSoftwareError
@@ -116,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
         command_line(arguments),
     )
     start = time.monotonic()
-    interrupted = False
+    interrupted, gone = False, ""
     try:
         with _engine(arguments) as (engine, workers):
             campaign.prepare()
@@ -127,6 +128,8 @@ def run(arguments: argparse.Namespace) -> int:
                     campaign.run(engine, campaign.tasks(workers), tell)
             except KeyboardInterrupt:
                 interrupted = True
+            except SchedulerGoneError as error:
+                gone = str(error)
         files = campaign.gather()
     except ResultError as error:
         raise UserError(f"{error}: what is done is kept, --resume goes on") from error
@@ -134,7 +137,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(
             "a worker runs other software than this: start the workers from the same checkout"
         ) from error
-    _tell(campaign, files, time.monotonic() - start, arguments, interrupted=interrupted)
+    _tell(campaign, files, time.monotonic() - start, arguments)
+    if gone:
+        raise UserError(f"{gone}: what is done is kept, --resume goes on")
     return INTERRUPTED if interrupted else 0
 
 
@@ -196,8 +201,6 @@ def _tell(
     files: list[str],
     seconds: float,
     arguments: argparse.Namespace,
-    *,
-    interrupted: bool,
 ) -> None:
     from hc_bringup.summary import to_json
 
@@ -232,7 +235,7 @@ def _tell(
             print(f"and {len(without) - 5} more without a result: see recordings.csv")
             break
         print(f"without a result: {name}: {reason}")
-    if interrupted:
+    if not campaign.complete:
         print(f"ended early with {campaign.done} of {campaign.total}: --resume goes on")
     for name in summary["written"]:
         print(f"written: {name}")
