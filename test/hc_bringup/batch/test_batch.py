@@ -296,3 +296,17 @@ def test_names_in_the_page_are_text(make_recordings: MakeRecordings, tmp_path: P
     assert "<img src=x" not in page
     assert "<script>alert(1)" not in page
     assert "&lt;img src=x onerror=alert(1)&gt;.csv" in page
+
+
+def test_a_worker_with_other_software_is_refused(
+    make_recordings: MakeRecordings,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(campaign, "software_stamp", lambda: 64 * "0")
+    assert batch(make_recordings(1), "-o", tmp_path / "out") == 1
+    told = capsys.readouterr().err
+    assert "other software" in told
+    assert told.count("\n") == 1
+    assert not list((tmp_path / "out").glob("results/*/*"))
