@@ -35,7 +35,8 @@ def grown(step, columns):
 
 
 @pytest.mark.parametrize(
-    "filter_name", ["ekf", "ukf", pytest.param("self_tuning_ukf", marks=pytest.mark.slow)]
+    "filter_name",
+    ["ukf", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ekf", "self_tuning_ukf"))],
 )
 def test_ten_thousand_steps_leave_nothing(filter_name, recording):
     """Neither memory nor cyclic garbage grows; one estimate at a time is alive."""
