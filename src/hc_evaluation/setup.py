@@ -11,6 +11,7 @@ setup(
             "py.typed",
             "reproduction/published.yaml",
             "reproduction/experiments/*.yaml",
+            "rivals/*.cpp",
         ]
     },
     data_files=[

@@ -37,6 +37,7 @@ COMMANDS: Final = (
     "report",
     "compare",
     "contacts",
+    "batch",
     "dashboard",
     "test",
 )

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 
 @contextmanager
@@ -51,3 +60,41 @@ def status_line() -> Iterator[Callable[[str], None]]:
         return
     with console.status("starting") as status:
         yield lambda text: status.update(text)
+
+
+@contextmanager
+def long_bar(title: str, again_s: float = 30.0) -> Iterator[Callable[[int, int], None]]:
+    """Yield a function that takes what is done and how much there is in all.
+
+    A terminal gets a bar with the time that is left; a file gets a line now and then.
+
+    Args:
+        title: what is counted.
+        again_s: between two lines of a file.
+    """
+    console = Console(stderr=True)
+    start = time.monotonic()
+    last = start
+
+    def line(done: int, total: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= again_s and done:
+            left = (now - start) * (total - done) / done
+            print(f"{title}: {done} of {total}, {left:.0f} s left", file=sys.stderr, flush=True)
+            last = now
+
+    if not console.is_terminal:
+        yield line
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, speed_estimate_period=300.0) as progress:
+        task = progress.add_task(title, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

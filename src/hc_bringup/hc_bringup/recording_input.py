@@ -45,6 +45,11 @@ def add_options(parser: argparse.ArgumentParser, *, optional: bool = False) -> N
         metavar="INPUT",
         help="CSV file, bag folder or .mcap file",
     )
+    add_reading_options(parser)
+
+
+def add_reading_options(parser: argparse.ArgumentParser) -> None:
+    """Declare how a recording is read."""
     parser.add_argument(
         "--input",
         dest="sensors",
@@ -114,6 +119,20 @@ def csv_options(arguments: argparse.Namespace) -> Any:
     )
 
 
+def check(arguments: argparse.Namespace) -> None:
+    """Check the options that say how a recording is read, before any is.
+
+    Raises:
+        UserError: if one is not allowed; the message says why.
+    """
+    csv_options(arguments)
+    for name, value in arguments.sensors:
+        if name not in KIND_OF:
+            raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
+        if not _is(value, KIND_OF[name]):
+            raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
+
+
 def load(arguments: argparse.Namespace) -> Any:
     """Read the recording that the options name.
 
@@ -126,12 +145,8 @@ def load(arguments: argparse.Namespace) -> Any:
     from hc_logger.errors import BagError
     from hc_logger.recording import read_recording
 
+    check(arguments)
     sensors = dict(arguments.sensors)
-    for name, value in sensors.items():
-        if name not in KIND_OF:
-            raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
-        if not _is(value, KIND_OF[name]):
-            raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
     try:
         if set(sensors) <= set(ZEROS):
             options = csv_options(arguments)

@@ -220,6 +220,26 @@ def estimated(recording: Recording, estimator: Estimator, tip: TipSource | None 
         UserError: if a position of the tip is asked for that is not there.
     """
     series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+    return of_series(recording, estimator, series, tip)
+
+
+def of_series(
+    recording: Recording,
+    estimator: Estimator,
+    series: EstimateSeries,
+    tip: TipSource | None = None,
+) -> RunData:
+    """Return the run with the estimates of a series that the estimator made of the recording.
+
+    Args:
+        recording: the recording.
+        estimator: that made the series.
+        series: its estimates.
+        tip: as for `recorded`.
+
+    Raises:
+        UserError: if a position of the tip is asked for that is not there.
+    """
     beside: dict[str, Any] = {}
     if recording.is_bag:
         with open_bag(recording.path) as bag:

@@ -1,5 +1,6 @@
 """Online estimators of the Hunt-Crossley contact parameters, and their node."""
 
+from hc_estimator.array import EstimatesOfChannels, EstimatorArray
 from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Hypothesis, Rejection
 from hc_estimator.estimator import (
     DEFAULT_FILTER,
@@ -20,7 +21,9 @@ __all__ = [
     "PARAMETER_NAMES",
     "Estimate",
     "EstimateSeries",
+    "EstimatesOfChannels",
     "Estimator",
+    "EstimatorArray",
     "Hypothesis",
     "ParameterSpecification",
     "ParameterValue",

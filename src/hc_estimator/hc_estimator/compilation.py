@@ -19,13 +19,13 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-# No kernel and no constant of a kernel comes from here: the node and what it needs of its own.
-WITHOUT_KERNELS = ("input", "online", "ros", "node.py")
+# No kernel and no constant of a kernel comes from here: what calls them, the node and its own.
+WITHOUT_KERNELS = ("input", "online", "ros", "node.py", "array.py")
 
 
 @functools.cache
-def _package_stamp() -> str:
-    """Hash of every source file of the package that a kernel may depend on."""
+def package_stamp() -> str:
+    """Hash of every source file of the package that a kernel may depend on: the same numbers."""
     root = Path(__file__).parent
     content = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
@@ -48,10 +48,20 @@ def compiled(function: F) -> F:
     Returns:
         The dispatcher, callable like the function itself (its plain form is `.py_func`).
     """
+    return _compiled(function, nogil=False)
+
+
+def compiled_without_lock(function: F) -> F:
+    """Compile as `compiled` does; other Python threads run meanwhile."""
+    return _compiled(function, nogil=True)
+
+
+def _compiled(function: F, *, nogil: bool) -> F:
     try:
-        dispatcher = numba.njit(cache=True, error_model="numpy")(function)
+        dispatcher = numba.njit(cache=True, error_model="numpy", nogil=nogil)(function)
     except RuntimeError:  # numba found no folder for the cache
-        return numba.njit(error_model="numpy")(function)  # type: ignore[no-any-return]
+        plain = numba.njit(error_model="numpy", nogil=nogil)(function)
+        return plain  # type: ignore[no-any-return]
     # numba offers no public way to add to the stamp; its index file holds it in this attribute.
-    dispatcher._cache._cache_file._source_stamp = _package_stamp()
+    dispatcher._cache._cache_file._source_stamp = package_stamp()
     return dispatcher  # type: ignore[no-any-return]

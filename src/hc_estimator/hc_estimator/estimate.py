@@ -231,79 +231,82 @@ class Estimate(_Rows):
 
 
 class EstimateSeries(_Rows):
-    """The estimates after each of many samples: the names of `Estimate`, leading sample axis."""
+    """The estimates after each of many samples: the names of `Estimate`, leading sample axis.
+
+    Those of `EstimatorArray` lead with the axis of the channels.
+    """
 
     __slots__ = ()
 
     @property
     def force_predicted(self) -> NDArray[np.float64]:
         """Force [N] expected before each sample was used, shape (samples,); NaN as above."""
-        return self._rows[:, FORCE_PREDICTED]
+        return self._rows[..., FORCE_PREDICTED]
 
     @property
     def force_reconstructed(self) -> NDArray[np.float64]:
         """Force [N] after the update, as in `Estimate`, shape (samples,)."""
-        return self._rows[:, FORCE_RECONSTRUCTED]
+        return self._rows[..., FORCE_RECONSTRUCTED]
 
     @property
     def nis(self) -> NDArray[np.float64]:
         """Normalised innovation squared, shape (samples,); NaN where rejected unseen."""
-        return self._rows[:, NIS]
+        return self._rows[..., NIS]
 
     @property
     def displacement(self) -> NDArray[np.float64]:
         """Filtered penetration [mm], shape (samples,)."""
-        return self._rows[:, DISPLACEMENT]
+        return self._rows[..., DISPLACEMENT]
 
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Filtered velocity [mm/s], shape (samples,)."""
-        return self._rows[:, VELOCITY]
+        return self._rows[..., VELOCITY]
 
     @property
     def force_noise_std(self) -> NDArray[np.float64]:
         """Standard deviation [N] of the force noise in use, shape (samples,)."""
-        return self._rows[:, FORCE_NOISE_STD]
+        return self._rows[..., FORCE_NOISE_STD]
 
     @property
     def displacement_noise_std(self) -> NDArray[np.float64]:
         """Standard deviation [mm] of the displacement noise in use, shape (samples,)."""
-        return self._rows[:, DISPLACEMENT_NOISE_STD]
+        return self._rows[..., DISPLACEMENT_NOISE_STD]
 
     @property
     def channel_delay(self) -> NDArray[np.float64]:
         """By how much the force is late [s], shape (samples,)."""
-        return self._rows[:, CHANNEL_DELAY]
+        return self._rows[..., CHANNEL_DELAY]
 
     @property
     def channel_delay_std(self) -> NDArray[np.float64]:
         """Standard deviation [s] of it, NaN where not estimated, shape (samples,)."""
-        return self._rows[:, CHANNEL_DELAY_STD]
+        return self._rows[..., CHANNEL_DELAY_STD]
 
     @property
     def contact_position(self) -> NDArray[np.float64]:
         """Displacement reading [mm] where contact begins, shape (samples,)."""
-        return self._rows[:, CONTACT_POSITION]
+        return self._rows[..., CONTACT_POSITION]
 
     @property
     def contact_position_std(self) -> NDArray[np.float64]:
         """Standard deviation [mm] of it, NaN where not estimated, shape (samples,)."""
-        return self._rows[:, CONTACT_POSITION_STD]
+        return self._rows[..., CONTACT_POSITION_STD]
 
     @property
     def force_zero(self) -> NDArray[np.float64]:
         """Force reading [N] without contact, shape (samples,)."""
-        return self._rows[:, FORCE_ZERO]
+        return self._rows[..., FORCE_ZERO]
 
     @property
     def force_zero_std(self) -> NDArray[np.float64]:
         """Standard deviation [N] of it, NaN where not estimated, shape (samples,)."""
-        return self._rows[:, FORCE_ZERO_STD]
+        return self._rows[..., FORCE_ZERO_STD]
 
     @property
     def process_noise_scale(self) -> NDArray[np.float64]:
         """Factor by which an adaptation departs from the process noise, shape (samples,)."""
-        return self._rows[:, PROCESS_NOISE_SCALE]
+        return self._rows[..., PROCESS_NOISE_SCALE]
 
     @property
     def contact(self) -> NDArray[np.bool_]:
@@ -323,15 +326,15 @@ class EstimateSeries(_Rows):
     @property
     def rejected(self) -> NDArray[np.int64]:
         """Codes of `Rejection`, shape (samples,)."""
-        return self._rows[:, REJECTED].astype(np.int64)
+        return self._rows[..., REJECTED].astype(np.int64)
 
     @property
     def hypothesis(self) -> NDArray[np.int64]:
         """Codes of `Hypothesis`, shape (samples,)."""
-        return self._rows[:, HYPOTHESIS].astype(np.int64)
+        return self._rows[..., HYPOTHESIS].astype(np.int64)
 
     def _flags(self, column: int) -> NDArray[np.bool_]:
-        flags: NDArray[np.bool_] = self._rows[:, column] != 0.0
+        flags: NDArray[np.bool_] = self._rows[..., column] != 0.0
         return flags
 
     def __len__(self) -> int:

@@ -164,6 +164,12 @@ def _set_noise(settings_array: Any, memory_array: Any) -> None:
         policy.set_noise(settings_array[0], memory_array[0], i)
 
 
+def last_time(memory: Any) -> float:
+    """Stamp [s] of the last sample that a memory record has used."""
+    clock = memory if memory.dtype == MEMORY else memory["clock"]
+    return float(clock["last_time"])
+
+
 class Estimator:
     """Estimates the contact parameters from samples of displacement and force.
 
@@ -306,9 +312,7 @@ class Estimator:
         self._run(self._settings, self._memory, self._particles, samples, rows)
 
     def _last_time(self) -> float:
-        memory = self._memory[0]
-        clock = memory if self._memory_type == MEMORY else memory["clock"]
-        return float(clock["last_time"])
+        return last_time(self._memory[0])
 
     def reset(self) -> None:
         """Forget all samples; the parameters stay."""

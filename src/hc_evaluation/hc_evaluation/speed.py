@@ -1,15 +1,20 @@
-"""How fast the estimators are, as ratios to filterpy within one run.
+"""How fast the estimators are, as ratios to others within one run.
 
 Absolute times mean nothing on somebody else's machine; the ratio of two times taken in turns in
-one process does. filterpy is the library that most people would reach for; its unscented filter
-gets the same seven states, process and measurement functions.
+one process does. The others are filterpy, which most people would reach for, and the same plain
+filter written in numba and in C++ with Eigen, which is what one would write for speed
+(rivals/plain_ukf.py). Processor time is counted, not time on the clock: what else runs on the
+machine enters only by what it leaves of caches and memory.
 """
 
 from __future__ import annotations
 
+import functools
 import statistics
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,14 +22,20 @@ from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, available_filters, available_state_spaces, create_estimator
 from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.rivals.plain_ukf import (
+    DISPLACEMENT_NOISE_MM,
+    RATE_HZ,
+    NotAvailableError,
+    Runner,
+    cpp_runner,
+    filterpy_filter,
+    numba_runner,
+)
 
 SAMPLES = 2000
 BATCH_REPEATS = 20
 ROUNDS = 5
-RATE_HZ = 1000.0
 PARTICLES = 50
-JERK_DENSITY = 1e5  # mm^2/s^5
-DISPLACEMENT_NOISE_MM = 0.002
 FORCE_NOISE_N = 0.01
 
 
@@ -45,70 +56,51 @@ def contact_samples(samples: int = SAMPLES) -> NDArray[np.float64]:
     )
 
 
-def filterpy_filter() -> Any:
-    """Return filterpy's unscented filter for [d, v, a, ln K, ln B, n, p].
-
-    Raises:
-        ImportError: if filterpy is not installed.
-    """
-    from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
-
-    def process(x: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        moved = x.copy()
-        moved[0] = x[0] + dt * x[1] + 0.5 * dt * dt * x[2]
-        moved[1] = x[1] + dt * x[2]
-        return moved
-
-    def measure(x: NDArray[np.float64]) -> NDArray[np.float64]:
-        displacement, velocity = max(x[0], 0.0), x[1]
-        damping = np.exp(x[4]) * np.sign(velocity) * abs(velocity) ** x[6]
-        return np.array([x[0], max(displacement ** x[5] * (np.exp(x[3]) + damping), 0.0)])
-
-    points = MerweScaledSigmaPoints(7, alpha=1.0, beta=2.0, kappa=0.0)
-    ukf = UnscentedKalmanFilter(7, 2, 1.0 / RATE_HZ, measure, process, points)
-    ukf.x = np.array([3.4, 0.0, 0.0, 0.0, np.log(0.01), 1.5, 1.0])
-    ukf.P = np.diag([1e-4, 100.0, 1e4, 1.0, 1.0, 0.09, 0.01])
-    dt = 1.0 / RATE_HZ
-    gain = np.array([dt**3 / 6.0, dt**2 / 2.0, dt])
-    ukf.Q = np.diag([0.0, 0.0, 0.0, 1e-8, 1e-8, 1e-8, 1e-8])
-    ukf.Q[:3, :3] = JERK_DENSITY * np.outer(gain, gain) / dt + np.diag([1e-12, 1e-9, 1e-6])
-    ukf.R = np.diag([DISPLACEMENT_NOISE_MM**2, 1.0])
-    return ukf
-
-
 def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[str, Any]:
-    """Measure microseconds a sample: filterpy, `ukf` by run and step, every filter by run.
+    """Measure microseconds a sample: the others, `ukf` and `ekf` by run and step, all by run.
 
     Args:
         progress: told the done share.
 
     Returns:
-        filterpy_us, ukf_run_us, ukf_step_us (medians over rounds), run_ratio and step_ratio (ours
-        to filterpy's, median of the rounds' ratios), default_step_us, sir_pf_step_us, and
-        filters_us (microseconds a sample of run() by filter and state space).
+        filterpy_us, numba_us, cpp_us (None where it cannot be compiled; cpp says why), ukf_run_us,
+        ekf_run_us, ukf_step_us, ekf_step_us (medians over rounds), run_ratio and step_ratio (of
+        `ukf` to filterpy), ukf_to_numba, ukf_to_cpp, ekf_to_cpp (by run; medians of the rounds'
+        ratios), default_step_us, sir_pf_step_us, and filters_us (microseconds a sample of run() by
+        filter and state space).
 
     Raises:
         ImportError: if filterpy is not installed.
     """
     data = contact_samples()
     reference = filterpy_filter()
-    ukf, default = create_estimator("ukf"), create_estimator(DEFAULT_FILTER)
+    ukf, ekf, default = (create_estimator(name) for name in ("ukf", "ekf", DEFAULT_FILTER))
     particles = create_estimator("sir_pf", particle_count=PARTICLES)
-    for estimator in (ukf, default, particles):
+    for estimator in (ukf, ekf, default, particles):
         estimator.warm_up()
-    rounds = []
-    for number in range(ROUNDS):
-        rounds.append(
-            (
-                _filterpy_us(reference, data[:, : SAMPLES // 4]),
-                _run_us(ukf, data),
-                _step_us(ukf, data),
-                _step_us(default, data),
-                _step_us(particles, data),
-            )
-        )
-        progress(0.6 * (number + 1) / ROUNDS)
-    theirs, run, step, default_step, particle_step = (list(c) for c in zip(*rounds, strict=True))
+    with tempfile.TemporaryDirectory() as folder:
+        runners, cpp = _runners(Path(folder))
+        measures: dict[str, Callable[[], float]] = {
+            "filterpy_us": lambda: _filterpy_us(reference, data[:, : SAMPLES // 4]),
+            **{name: functools.partial(_plain_us, run, data) for name, run in runners.items()},
+            "ukf_run_us": lambda: _run_us(ukf, data),
+            "ekf_run_us": lambda: _run_us(ekf, data),
+            "ukf_step_us": lambda: _step_us(ukf, data),
+            "ekf_step_us": lambda: _step_us(ekf, data),
+            "default_step_us": lambda: _step_us(default, data),
+            "sir_pf_step_us": lambda: _step_us(particles, data),
+        }
+        rounds: dict[str, list[float]] = {name: [] for name in measures}
+        for number in range(ROUNDS):
+            for name, measure in measures.items():
+                rounds[name].append(measure())
+            progress(0.6 * (number + 1) / ROUNDS)
+
+    def ratio(one: str, other: str) -> float | None:
+        if other not in rounds:
+            return None
+        return statistics.median(a / b for a, b in zip(rounds[one], rounds[other], strict=True))
+
     filters = {}
     kinds = [(f, s) for f in available_filters() for s in available_state_spaces(f)]
     for number, (name, space) in enumerate(kinds):
@@ -118,39 +110,59 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         progress(0.6 + 0.4 * (number + 1) / len(kinds))
     return {
         "samples": SAMPLES,
-        "filterpy_us": statistics.median(theirs),
-        "ukf_run_us": statistics.median(run),
-        "ukf_step_us": statistics.median(step),
-        "run_ratio": statistics.median(a / b for a, b in zip(run, theirs, strict=True)),
-        "step_ratio": statistics.median(a / b for a, b in zip(step, theirs, strict=True)),
-        "default_step_us": statistics.median(default_step),
-        "sir_pf_step_us": statistics.median(particle_step),
+        "cpp_us": None,
+        "cpp": cpp,
+        **{name: statistics.median(values) for name, values in rounds.items()},
+        "run_ratio": ratio("ukf_run_us", "filterpy_us"),
+        "step_ratio": ratio("ukf_step_us", "filterpy_us"),
+        "ukf_to_numba": ratio("ukf_run_us", "numba_us"),
+        "ukf_to_cpp": ratio("ukf_run_us", "cpp_us"),
+        "ekf_to_cpp": ratio("ekf_run_us", "cpp_us"),
         "filters_us": filters,
     }
 
 
+def _runners(folder: Path) -> tuple[dict[str, Runner], str]:
+    """Return the others that run over arrays, by the name of their figure; and what C++ says."""
+    runners = {"numba_us": numba_runner()}
+    try:
+        runners["cpp_us"] = cpp_runner(folder)
+    except NotAvailableError as error:
+        return runners, str(error)
+    return runners, "compiled"
+
+
+def _plain_us(run: Runner, data: NDArray[np.float64]) -> float:
+    samples = np.ascontiguousarray(data[1:].T)
+    run(samples[:1])  # compiled by now
+    start = time.thread_time()
+    for _ in range(BATCH_REPEATS):
+        run(samples)
+    return 1e6 * (time.thread_time() - start) / (BATCH_REPEATS * len(samples))
+
+
 def _filterpy_us(reference: Any, data: NDArray[np.float64]) -> float:
-    start = time.perf_counter()
+    start = time.thread_time()
     for _, displacement, force in data.T:
         reference.predict()
         reference.update(np.array([displacement, force]))
-    return 1e6 * (time.perf_counter() - start) / int(data.shape[1])
+    return 1e6 * (time.thread_time() - start) / int(data.shape[1])
 
 
 def _run_us(estimator: Any, data: NDArray[np.float64], repeats: int = BATCH_REPEATS) -> float:
     spent = 0.0
     for _ in range(repeats):
         estimator.reset()
-        start = time.perf_counter()
+        start = time.thread_time()
         estimator.run(*data)
-        spent += time.perf_counter() - start
+        spent += time.thread_time() - start
     return 1e6 * spent / (repeats * int(data.shape[1]))
 
 
 def _step_us(estimator: Any, data: NDArray[np.float64]) -> float:
     estimator.reset()
     rows = data.T.tolist()
-    start = time.perf_counter()
+    start = time.thread_time()
     for time_s, displacement, force in rows:
         estimator.step(time_s, displacement, force)
-    return 1e6 * (time.perf_counter() - start) / int(data.shape[1])
+    return 1e6 * (time.thread_time() - start) / int(data.shape[1])

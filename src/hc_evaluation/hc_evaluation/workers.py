@@ -10,8 +10,12 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 
 
-def _prepare(parent: int) -> None:
-    """Leave an interruption to the main process, and do not outlive it if it is killed."""
+def prepare_worker(parent: int) -> None:
+    """Leave an interruption to the main process, and do not outlive it if it is killed.
+
+    Args:
+        parent: id of the main process.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
@@ -31,4 +35,4 @@ def worker_pool(workers: int) -> ProcessPoolExecutor:
         workers: how many.
     """
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(workers, context, _prepare, (os.getpid(),))
+    return ProcessPoolExecutor(workers, context, prepare_worker, (os.getpid(),))

@@ -17,6 +17,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     commands = parser.add_subparsers(dest="action", metavar="WHAT", required=True)
     speed = commands.add_parser("speed", help="microseconds a sample, against filterpy")
+    arrays = commands.add_parser("arrays", help="channels at 1 kHz that one core allows")
+    arrays.add_argument("--channels", type=natural, default=256, metavar="N", help="how many (256)")
     accuracy = commands.add_parser("accuracy", help="errors against truth and bounds")
     accuracy.add_argument("names", nargs="*", metavar="EXPERIMENT", help="some of them (all)")
     accuracy.add_argument("--seeds", type=natural, metavar="N", help="runs of each scenario (50)")
@@ -49,7 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, accuracy, bags, soak, teleoperation, effort):
+    for command in (speed, arrays, accuracy, bags, soak, teleoperation, effort):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -57,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     actions = {
         "speed": _speed,
+        "arrays": _arrays,
         "accuracy": _accuracy,
         "bags": _bags,
         "soak": _soak,
@@ -75,6 +78,18 @@ def _speed(arguments: argparse.Namespace) -> int:
             figures = run_speed(progress)
     except ImportError as error:
         raise UserError("needs filterpy, which ./hc installs: pip install filterpy") from error
+    _show(figures, arguments.json)
+    return 0
+
+
+def _arrays(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_evaluation.array_speed import run_array_speed
+
+    if not 1 <= arguments.channels <= 4096:
+        raise UserError(f"--channels {arguments.channels} is not from 1 to 4096", WRONG_USE)
+    with progress_bar("arrays") as progress:
+        figures = run_array_speed(arguments.channels, progress=progress)
     _show(figures, arguments.json)
     return 0
 

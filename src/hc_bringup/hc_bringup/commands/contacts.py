@@ -32,6 +32,23 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--depth", type=positive, metavar="MM", help="depth of the map (default: 2 mm at most)"
     )
+    add_rule_options(parser)
+    parser.add_argument("--filter", metavar="F", help="estimate anew with this filter")
+    parser.add_argument("--state-space", metavar="S", help="the same, with this state space")
+    parser.add_argument("--contact-model", metavar="M", help="the same, with this contact law")
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="the same, with this setting; may be given several times",
+    )
+    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
+
+
+def add_rule_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what counts as a contact, and where the tip's position is."""
     parser.add_argument(
         "--minimum-depth",
         type=seconds,
@@ -65,26 +82,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=("xy", "xz", "yx", "yz", "zx", "zy"),
         help="its components that are sideways (default: xy)",
     )
-    parser.add_argument("--filter", metavar="F", help="estimate anew with this filter")
-    parser.add_argument("--state-space", metavar="S", help="the same, with this state space")
-    parser.add_argument("--contact-model", metavar="M", help="the same, with this contact law")
-    parser.add_argument(
-        "--param",
-        type=assignment,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the same, with this setting; may be given several times",
+
+
+def contact_rules(arguments: argparse.Namespace) -> Any:
+    """Return what counts as a contact (hc_bringup.report.contacts.ContactRules)."""
+    from hc_bringup.report.contacts import ContactRules
+
+    return ContactRules(
+        minimum_duration_s=arguments.minimum_duration,
+        release_s=arguments.release,
+        minimum_depth_mm=arguments.minimum_depth,
+        minimum_force_n=arguments.minimum_force,
     )
-    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
+
+
+def tip_source(arguments: argparse.Namespace) -> Any:
+    """Return where the tip's position is (hc_bringup.run_data.TipSource), None: where usual."""
+    from hc_bringup.run_data import TipSource
+
+    if arguments.tip is None and arguments.tip_axes == "xy":
+        return None
+    return TipSource(arguments.tip or TipSource().topic, arguments.tip_axes)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.report.contact_file import encode, has_known_suffix
-    from hc_bringup.report.contacts import ContactRules, find_contacts
+    from hc_bringup.report.contacts import find_contacts
     from hc_bringup.report.map_file import SUFFIXES
-    from hc_bringup.run_data import TipSource, estimated, recorded
+    from hc_bringup.run_data import estimated, recorded
 
     targets = [Path(name) for name in (arguments.output, *arguments.maps) if name is not None]
     if not targets:
@@ -100,19 +126,11 @@ def run(arguments: argparse.Namespace) -> int:
         if target.exists():
             raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     recording = recording_input.load(arguments)
-    tip = None
-    if arguments.tip is not None or arguments.tip_axes != "xy":
-        tip = TipSource(arguments.tip or TipSource().topic, arguments.tip_axes)
+    tip = tip_source(arguments)
     data = None if estimate.is_asked_for(arguments) else recorded(recording, tip)
     if data is None:
         data = estimated(recording, estimate.make_estimator(arguments), tip)
-    rules = ContactRules(
-        minimum_duration_s=arguments.minimum_duration,
-        release_s=arguments.release,
-        minimum_depth_mm=arguments.minimum_depth,
-        minimum_force_n=arguments.minimum_force,
-    )
-    contacts = find_contacts(data, rules)
+    contacts = find_contacts(data, contact_rules(arguments))
     written = []
     if arguments.output is not None:
         written.append(_write(Path(arguments.output), encode(contacts, targets[0].suffix.lower())))

@@ -250,12 +250,21 @@ def _text(summary: dict[str, Any]) -> str:
 
 
 def _write(path: Path, recording: Any, series: Any) -> None:
-    """Write one line a sample; the column rejected is empty for a sample that was used."""
+    """Write a new file of estimates."""
+    from hc_logger.errors import BagError
+    from hc_logger.new_file import write_new_text
+
+    try:
+        write_new_text(path, estimate_lines(recording, series))
+    except BagError as error:
+        raise UserError(str(error)) from error
+
+
+def estimate_lines(recording: Any, series: Any) -> Iterator[str]:
+    """Yield one line a sample, many at once; rejected is empty for a sample that was used."""
     import numpy as np
 
     from hc_estimator import Rejection
-    from hc_logger.errors import BagError
-    from hc_logger.new_file import write_new_text
 
     names = {code.value: code.name.lower() if code else "" for code in Rejection}
     numbers = np.column_stack(
@@ -275,10 +284,8 @@ def _write(path: Path, recording: Any, series: Any) -> None:
         ",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n"
         for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True)
     )
-    try:
-        write_new_text(path, itertools.chain([COLUMNS + "\n"], _joined(lines)))
-    except BagError as error:
-        raise UserError(str(error)) from error
+    yield COLUMNS + "\n"
+    yield from _joined(lines)
 
 
 def _joined(lines: Iterator[str]) -> Iterator[str]:

@@ -1,0 +1,108 @@
+"""Which recordings a batch works on: files, folders and patterns; and what tells them apart."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+from hc_bringup.errors import WRONG_USE, UserError
+
+BAG_SUFFIX: Final = ".mcap"
+_SUFFIXES: Final = (".csv", ".tsv", BAG_SUFFIX)
+"""Of recordings in a folder; other endings must be named, or be in the pattern (*.dat)."""
+_BLOCK: Final = 1024 * 1024
+
+
+def find_recordings(patterns: Sequence[str], besides: Path) -> list[Path]:
+    """Return the recordings that patterns name, absolute, each once, in the order of their paths.
+
+    A bag folder is a recording; any other folder stands for all recordings below it. Files of a
+    bag that is taken whole are no recordings of their own, and nothing below `besides` is one.
+
+    Args:
+        patterns: files, folders, and patterns with *, ?, [] and ** for folders.
+        besides: folder of the results.
+
+    Raises:
+        UserError: if one of them names no recording.
+    """
+    found: set[Path] = set()
+    for pattern in patterns:
+        some = {path for path in _named_by(pattern) if not path.is_relative_to(besides)}
+        if not some:
+            raise UserError(f"{pattern} names no recording (CSV, .mcap or bag folder)", WRONG_USE)
+        found |= some
+    return sorted(p for p in found if p.suffix.lower() != BAG_SUFFIX or p.parent not in found)
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """Return what the recordings are called in tables: the paths below the folder of them all."""
+    if len(paths) == 1:
+        return [paths[0].name]
+    root = os.path.commonpath([str(path.parent) for path in paths])
+    return [path.relative_to(root).as_posix() for path in paths]
+
+
+def content_hash(path: Path) -> tuple[str, int]:
+    """Return the SHA-256 of a recording's content, and its bytes.
+
+    That of a file is what sha256sum says; that of a folder covers names and contents of its files.
+
+    Raises:
+        OSError: if it cannot be read.
+    """
+    digest = hashlib.sha256()
+    if not path.is_dir():
+        total = _add(digest, path)
+        return digest.hexdigest(), total
+    total = 0
+    for file in sorted(p for p in path.rglob("*") if p.is_file()):
+        inner = hashlib.sha256()
+        total += _add(inner, file)
+        name = os.fsencode(file.relative_to(path).as_posix())
+        digest.update(name + b"\0" + inner.digest())
+    return digest.hexdigest(), total
+
+
+def _named_by(pattern: str) -> Iterator[Path]:
+    if os.path.lexists(pattern):
+        path = Path(pattern).absolute()
+        yield from _below(path) if path.is_dir() else (path,)
+        return
+    any_suffix = bool(Path(pattern).suffix)
+    for name in glob.iglob(pattern, recursive=True):
+        path = Path(name).absolute()
+        if path.is_dir():
+            yield from _below(path)
+        elif any_suffix or path.suffix.lower() in _SUFFIXES:
+            yield path
+
+
+def _below(folder: Path) -> Iterator[Path]:
+    if _is_bag(folder):
+        yield folder
+        return
+    for path, folders, files in os.walk(folder):
+        for name in list(folders):
+            if _is_bag(Path(path, name)):
+                folders.remove(name)
+                yield Path(path, name)
+        yield from (Path(path, name) for name in files if name.lower().endswith(_SUFFIXES))
+
+
+def _is_bag(folder: Path) -> bool:
+    return (folder / "metadata.yaml").is_file()
+
+
+def _add(digest: hashlib._Hash, path: Path) -> int:
+    """Add a file's content to a digest; returns its bytes."""
+    size = 0
+    with path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+            size += len(block)
+    return size

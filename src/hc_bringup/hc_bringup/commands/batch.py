@@ -1,0 +1,241 @@
+"""hc batch: every recording through the estimator, on this machine or on a cluster."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hc_bringup import recording_input
+from hc_bringup.commands.contacts import add_rule_options
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import assignment, natural
+
+HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
+INTERRUPTED = 130
+MOST_WORKERS = 1024
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    from hc_bringup.batch.variants import sweep
+
+    parser.add_argument(
+        "patterns",
+        nargs="+",
+        metavar="PATTERN",
+        help="recordings, folders of them, or patterns in quotes ('day*/**/*.csv')",
+    )
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="folder of results")
+    parser.add_argument(
+        "-j",
+        "--jobs",
+        type=natural,
+        default=0,
+        metavar="N",
+        help="processes (default: as many as processors)",
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="keep the results in DIR that are of the same content, settings and software",
+    )
+    parser.add_argument("--filter", metavar="F", help="filter (default: the node's)")
+    parser.add_argument("--state-space", metavar="S", help="state space (default: kinematic)")
+    parser.add_argument("--contact-model", metavar="M", help="contact law (default: hunt_crossley)")
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a setting of the estimator; may be given several times",
+    )
+    parser.add_argument(
+        "--sweep",
+        type=sweep,
+        action="append",
+        default=[],
+        metavar="NAME=V,V,...",
+        help="run each value: of filter, state_space, contact_model or a setting; several make "
+        "all combinations",
+    )
+    parser.add_argument(
+        "--estimates",
+        nargs="?",
+        const="csv",
+        default="",
+        choices=("csv", "parquet"),
+        help="write every estimate too, in a folder for each recording (default: csv)",
+    )
+    cluster = parser.add_mutually_exclusive_group()
+    cluster.add_argument(
+        "--scheduler", metavar="ADDRESS", help="run on a Dask cluster, tcp://host:8786 say"
+    )
+    cluster.add_argument(
+        "--local-cluster", type=natural, metavar="N", help="start a Dask cluster of N processes"
+    )
+    add_rule_options(parser)
+    recording_input.add_reading_options(parser)
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    from hc_bringup.batch.campaign import Campaign, has_pyarrow
+    from hc_bringup.batch.engines import SchedulerGoneError
+    from hc_bringup.batch.sources import find_recordings, names_of
+    from hc_bringup.batch.variants import variants
+    from hc_bringup.batch.work import ResultError, WrongSoftwareError
+    from hc_bringup.progress import long_bar
+
+    for name, count in (("-j", arguments.jobs), ("--local-cluster", arguments.local_cluster or 1)):
+        if count > MOST_WORKERS:
+            raise UserError(f"{name} {count} is more than {MOST_WORKERS}", WRONG_USE)
+    if arguments.local_cluster == 0:
+        raise UserError("--local-cluster 0 works nothing: give 1 or more", WRONG_USE)
+    if arguments.jobs and (arguments.scheduler or arguments.local_cluster):
+        raise UserError("-j is for this machine alone: leave it away with a cluster", WRONG_USE)
+    if arguments.estimates == "parquet" and not has_pyarrow():
+        raise UserError("--estimates parquet needs pyarrow: pip install hc-suite[parquet]")
+    recording_input.check(arguments)
+    folder = Path(os.path.abspath(arguments.output))
+    paths = find_recordings(arguments.patterns, folder)
+    ways = variants(arguments, arguments.sweep)
+    campaign = Campaign(
+        folder,
+        paths,
+        names_of(paths),
+        ways,
+        arguments,
+        arguments.estimates,
+        arguments.resume,
+        command_line(arguments),
+    )
+    start = time.monotonic()
+    interrupted, gone = False, ""
+    try:
+        with _engine(arguments) as (engine, workers):
+            campaign.prepare()
+            for way in ways[:1] if workers > 1 else ():
+                _warm_up(way)
+            try:
+                with long_bar("results") as tell:
+                    campaign.run(engine, campaign.tasks(workers), tell)
+            except KeyboardInterrupt:
+                interrupted = True
+            except SchedulerGoneError as error:
+                gone = str(error)
+        files = campaign.gather()
+    except ResultError as error:
+        raise UserError(f"{error}: what is done is kept, --resume goes on") from error
+    except WrongSoftwareError as error:
+        raise UserError(
+            "a worker runs other software than this: start the workers from the same checkout"
+        ) from error
+    _tell(campaign, files, time.monotonic() - start, arguments)
+    if gone:
+        raise UserError(f"{gone}: what is done is kept, --resume goes on")
+    return INTERRUPTED if interrupted else 0
+
+
+def _warm_up(way: Any) -> None:
+    """Compile once what all workers load from the cache."""
+    from hc_bringup.commands.estimate import make_estimator
+
+    make_estimator(way.arguments).warm_up()
+
+
+@contextlib.contextmanager
+def _engine(arguments: argparse.Namespace) -> Iterator[tuple[Any, int]]:
+    """Yield what does the tasks, and how many processes share them."""
+    from hc_bringup.batch import engines
+
+    if arguments.scheduler is None and arguments.local_cluster is None:
+        workers = arguments.jobs or len(os.sched_getaffinity(0))
+        yield lambda tasks: engines.here(tasks, workers), workers
+        return
+    with engines.dask_client(arguments.scheduler, arguments.local_cluster or 0) as client:
+        workers = max(1, sum(client.nthreads().values()))
+        yield lambda tasks: engines.distributed_over(tasks, client), workers
+
+
+def command_line(arguments: argparse.Namespace) -> list[str]:
+    """Return the command line that makes these results again, on however many processes."""
+    words = ["hc", "batch", *arguments.patterns]
+    for name in ("filter", "state_space", "contact_model", "tip", "columns", "units"):
+        words += _option(arguments, name, None)
+    for name in ("separator", "decimal", "header_lines", "encoding"):
+        words += _option(arguments, name, None)
+    for name, value in arguments.param:
+        words += ["--param", f"{name}={value}"]
+    for name, values in arguments.sweep:
+        words += ["--sweep", f"{name}={','.join(map(str, values))}"]
+    for name, value in arguments.sensors:
+        words += ["--input", f"{name}={value}"]
+    if arguments.find_surface:
+        words.append("--find-surface")
+    for name, usual in (
+        ("estimates", ""),
+        ("tip_axes", "xy"),
+        ("minimum_depth", 0.0),
+        ("minimum_force", 0.0),
+        ("minimum_duration", 0.05),
+        ("release", 0.02),
+    ):
+        words += _option(arguments, name, usual)
+    return [*words, "-o", "DIR"]
+
+
+def _option(arguments: argparse.Namespace, name: str, usual: Any) -> list[str]:
+    value = getattr(arguments, name)
+    return [] if value == usual else [f"--{name.replace('_', '-')}", str(value)]
+
+
+def _tell(
+    campaign: Any,
+    files: list[str],
+    seconds: float,
+    arguments: argparse.Namespace,
+) -> None:
+    from hc_bringup.summary import to_json
+
+    without: dict[str, str] = {}
+    contacts = 0
+    for done in campaign.results():
+        if done.result["reason"]:
+            without.setdefault(done.name, done.result["reason"])
+        contacts += done.result["recording"].get("contacts", 0)
+    summary = {
+        "recordings": len(campaign.paths),
+        "variants": len(campaign.variants),
+        "results": campaign.done,
+        "made": campaign.made,
+        "kept": campaign.done - campaign.made,
+        "without_result": len(without),
+        "contacts": contacts,
+        "complete": campaign.complete,
+        "seconds": seconds,
+        "written": [str(Path(arguments.output) / name) for name in files],
+    }
+    if arguments.json:
+        print(to_json(summary))
+        return
+    variants = f" through {len(campaign.variants)} variants" if len(campaign.variants) > 1 else ""
+    print(
+        f"{len(campaign.paths)} recordings{variants}: {campaign.made} results made, "
+        f"{summary['kept']} kept, {contacts} contacts, {seconds:.1f} s"
+    )
+    for number, (name, reason) in enumerate(without.items()):
+        if number == 5:
+            print(f"and {len(without) - 5} more without a result: see recordings.csv")
+            break
+        print(f"without a result: {name}: {reason}")
+    if not campaign.complete:
+        print(f"ended early with {campaign.done} of {campaign.total}: --resume goes on")
+    for name in summary["written"]:
+        print(f"written: {name}")

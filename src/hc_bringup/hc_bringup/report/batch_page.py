@@ -1,0 +1,210 @@
+"""The page of a batch: what was found in how many recordings, charts over all, and what failed."""
+
+from __future__ import annotations
+
+import collections
+import html
+import itertools
+import math
+import shlex
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from hc_bringup.batch.tables import Done
+from hc_bringup.batch.variants import Variant
+from hc_bringup.report.page import encode_numbers, items, render, table
+from hc_estimator import PARAMETER_NAMES
+
+MOST_ROWS: Final = 1000
+MOST_POINTS: Final = 20_000
+MOST_REASONS: Final = 30
+MOST_CHARTED: Final = 6
+"""Variants with a colour of their own in the charts."""
+_CHARTED: Final = (*PARAMETER_NAMES, "force_predicted_rmse", "nis_mean")
+_TITLES: Final = (
+    ("stiffness", "K [N/mmⁿ]"),
+    ("damping", "B [N(s/mm)ᵖ/mmⁿ]"),
+    ("displacement_exponent", "n"),
+    ("velocity_exponent", "p"),
+    ("force_predicted_rmse", "force error one step ahead [mN, RMS]"),
+    ("nis_mean", "mean NIS (ideal 2)"),
+)
+
+
+@dataclass
+class _Sums:
+    """What the page needs of all results, whatever their number."""
+
+    recordings: set[str] = field(default_factory=set)
+    without: set[str] = field(default_factory=set)
+    contacts: int = 0
+    samples: int = 0
+    seconds: float = 0.0
+    reasons: collections.Counter[str] = field(default_factory=collections.Counter)
+    example: dict[str, str] = field(default_factory=dict)
+    values: dict[str, list[list[float]]] = field(default_factory=dict)
+    failures: collections.Counter[str] = field(default_factory=collections.Counter)
+    rows: list[list[str]] = field(default_factory=list)
+    count: int = 0
+
+
+def batch_page(
+    results: Iterable[Done], variants: Sequence[Variant], command: Sequence[str], *, complete: bool
+) -> str:
+    """Return the page.
+
+    Args:
+        results: in the order of the recordings.
+        variants: ways to estimate.
+        command: the command line that makes it.
+        complete: whether all was done.
+    """
+    sums = _Sums(values={variant.label: [] for variant in variants})
+    for number, (_, group) in enumerate(itertools.groupby(results, lambda done: done.name), 1):
+        for done in group:
+            _add(sums, number, done, with_variant=len(variants) > 1)
+    parts = [_header(sums, complete=complete), _variants(sums, variants), _reasons(sums)]
+    parts += [
+        f'<section class="panel" data-curve="{name}"><h2>{html.escape(title)}</h2></section>'
+        for name, title in _TITLES
+    ]
+    parts.append(_recordings(sums, with_variant=len(variants) > 1))
+    parts.append(
+        '<section class="panel full"><h2>How to make it again</h2><pre>'
+        f"{html.escape(shlex.join(command))}</pre></section></main>"
+    )
+    charted = [_curves(v.label, sums.values[v.label]) for v in variants[:MOST_CHARTED]]
+    title = f"Batch of {len(sums.recordings)} recordings"
+    return render(title, "".join(parts), {"variants": charted}, (), "batch.js")
+
+
+def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
+    row, reason, label = done.result["recording"], done.result["reason"], done.variant.label
+    first = done.name not in sums.recordings
+    sums.recordings.add(done.name)
+    sums.count += 1
+    if first and row:
+        sums.samples += row["samples"]
+        sums.seconds += row["duration"] if math.isfinite(row["duration"]) else 0.0
+    if reason:
+        sums.without.add(done.name)
+        sums.failures[label] += 1
+        sums.reasons[reason] += 1
+        sums.example.setdefault(reason, done.name)
+    else:
+        sums.contacts += row["contacts"]
+        deviations = [row[f"{name}_std"] for name in PARAMETER_NAMES]
+        share = row["mismatch_share"]
+        values = [row[name] for name in _CHARTED]
+        sums.values[label].append([float(number), *values, *deviations, share])
+    if sums.count <= MOST_ROWS:
+        sums.rows.append(_row(number, done, with_variant=with_variant))
+
+
+def _row(number: int, done: Done, *, with_variant: bool) -> list[str]:
+    begin = [f"{number}  {done.name}", *([done.variant.label] if with_variant else [])]
+    row = done.result["recording"]
+    if done.result["reason"]:
+        return [*begin, *([""] * 8), done.result["reason"]]
+    return [
+        *begin,
+        f"{row['duration']:.1f}",
+        str(row["contacts"]),
+        *(f"{row[name]:.3g} ± {2.0 * row[f'{name}_std']:.1g}" for name in PARAMETER_NAMES),
+        f"{1e3 * row['force_predicted_rmse']:.3g}",
+        f"{row['nis_mean']:.2f}",
+        "; ".join(done.result["notes"]),
+    ]
+
+
+def _header(sums: _Sums, *, complete: bool) -> str:
+    recordings, without = len(sums.recordings), len(sums.without)
+    lines = [
+        f"{_count(recordings, 'recording')}, {sums.samples:,} samples, "
+        f"{_time(sums.seconds)}; {_count(sums.contacts, 'contact')} found."
+    ]
+    if without:
+        lines.append(f"{without} without a result, see below.")
+    if not complete:
+        lines.append("Not complete: this batch was ended early; hc batch --resume goes on.")
+    return (
+        f'<header><h1>Batch</h1><p id="headline">{_count(recordings, "recording")}</p>'
+        '<div class="tools"><button id="theme" type="button" aria-label="light or dark">◐</button>'
+        f'</div></header><main class="report"><section class="panel full">{items(lines)}</section>'
+        '<p class="hint">Each point is a recording, in the order of the table below. Values are '
+        "those at its end.</p>"
+    )
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds / 3600.0:.1f} hours" if seconds >= 3600.0 else f"{seconds / 60.0:.1f} minutes"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
+
+
+def _variants(sums: _Sums, variants: Sequence[Variant]) -> str:
+    """Return medians over all recordings, a row for each variant."""
+    head = ["", "results", "none", "K", "B", "n", "p", "force error [mN]", "NIS", "law misfits"]
+    rows = []
+    for variant in variants:
+        found = np.array(sums.values[variant.label]).reshape(-1, len(_CHARTED) + 6)
+        name = variant.label or f"{variant.configuration['filter']}"
+        row = [name, str(len(found)), str(sums.failures[variant.label])]
+        if len(found):
+            low, middle, high = np.nanpercentile(found[:, 1:5], (5.0, 50.0, 95.0), axis=0)
+            row += [
+                f"{m:.3g} ({a:.3g} to {b:.3g})" for a, m, b in zip(low, middle, high, strict=True)
+            ]
+            row += [f"{1e3 * np.nanmedian(found[:, 5]):.3g}", f"{np.nanmedian(found[:, 6]):.2f}"]
+            row.append(f"{100.0 * np.nanmean(found[:, -1]):.1f} %")
+        else:
+            row += ["–"] * 7
+        rows.append(row)
+    return (
+        '<section class="panel full"><h2>Over all recordings: median (5 to 95 %)</h2>'
+        f'{table(head, rows, "numbers")}<p id="key"></p></section>'
+    )
+
+
+def _reasons(sums: _Sums) -> str:
+    if not sums.reasons:
+        return ""
+    rows = [
+        [reason, str(count), sums.example[reason]]
+        for reason, count in sorted(sums.reasons.items(), key=lambda pair: (-pair[1], pair[0]))
+    ]
+    more = len(rows) - MOST_REASONS
+    note = f"<p>and {more} more reasons: see recordings.csv</p>" if more > 0 else ""
+    return (
+        '<section class="panel full"><h2>Without a result</h2>'
+        f"{table(['reason', 'results', 'for example'], rows[:MOST_REASONS])}{note}</section>"
+    )
+
+
+def _recordings(sums: _Sums, *, with_variant: bool) -> str:
+    head = ["recording", *(["variant"] if with_variant else []), "s", "contacts"]
+    head += ["K", "B", "n", "p", "force error [mN]", "NIS", "notes"]
+    more = sums.count - len(sums.rows)
+    note = f"<p>and {more:,} more: recordings.csv has all of them</p>" if more > 0 else ""
+    return (
+        '<section class="panel full"><h2>Recordings (± 2 standard deviations)</h2>'
+        f"{table(head, sums.rows, 'numbers batch')}{note}</section>"
+    )
+
+
+def _curves(label: str, values: Sequence[Sequence[float]]) -> dict[str, Any]:
+    """Return the points of a variant, no more than can be told apart."""
+    found = np.array(values).reshape(-1, len(_CHARTED) + 6)
+    found = found[:: -(-max(1, len(found)) // MOST_POINTS)]
+    points: dict[str, Any] = {"label": label, "number": encode_numbers(found[:, 0], exact=True)}
+    for i, name in enumerate(_CHARTED):
+        scale = 1e3 if name == "force_predicted_rmse" else 1.0
+        points[name] = encode_numbers(scale * found[:, 1 + i])
+    for i, name in enumerate(PARAMETER_NAMES):
+        points[f"{name}_std"] = encode_numbers(found[:, 1 + len(_CHARTED) + i])
+    return points
