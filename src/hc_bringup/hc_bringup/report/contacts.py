@@ -106,7 +106,9 @@ def find_contacts(data: RunData, rules: ContactRules | None = None) -> list[Cont
         return []
     # Away for long enough: a new contact begins.
     times = data.time_s[touching]
-    new = np.flatnonzero(np.diff(times) >= rules.release_s) + 1
+    # A slow sensor's next sample comes later than that: it takes a sample without contact.
+    usual_step = float(np.median(np.diff(data.time_s))) if len(data.time_s) > 1 else 0.0
+    new = np.flatnonzero(np.diff(times) >= max(rules.release_s, 1.5 * usual_step)) + 1
     contacts: list[Contact] = []
     for rows in np.split(touching, new):
         if data.time_s[rows[-1]] - data.time_s[rows[0]] < rules.minimum_duration_s:

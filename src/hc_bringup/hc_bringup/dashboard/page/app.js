@@ -49,12 +49,14 @@ HC.App = class {
         "aria-label": `${name}, ${HC.MEANING[name]}` },
       HC.element("h2", {}, HC.element("b", { text: name }),
         HC.element("small", { text: HC.MEANING[name] })),
-      HC.element("p", { class: "big" }, HC.element("span", { class: "value", text: "–" }),
-        HC.element("small", { class: "unit", text: HC.UNITS[name] })),
+      HC.element("p", { class: "big" }, HC.element("span", { class: "value", text: "–" })),
       HC.element("p", { class: "under" },
-        HC.element("meter", { class: "known", min: 0, max: 1, value: 0,
-          "aria-label": `${name} known from the data` }),
-        HC.element("span", { class: "share" }), HC.element("span", { class: "true" })));
+        HC.element("span", { class: "unit", text: HC.UNITS[name] }),
+        HC.element("span", { class: "true key truth", hidden: true })),
+      HC.element("p", { class: "under" },
+        HC.element("meter", { class: "known", min: 0, max: 1, low: 0.5, high: 0.8, optimum: 1,
+          value: 0, "aria-label": `${name} known from the data` }),
+        HC.element("span", { class: "share" })));
       host.append(card);
     }
     const find = (id) => document.getElementById(id);
@@ -148,8 +150,9 @@ HC.App = class {
       for (const panel of this.parameters) panel.show(this.store);
       this.hypotheses.show(this.store);
     }
-    HC.setText(document.getElementById("headline"),
-      HC.sentences(this.store, this.map, this.status).join(" "));
+    const sentences = HC.sentences(this.store, this.map, this.status);
+    if (word[1] === "bad") sentences.unshift("Last heard:");
+    HC.setText(document.getElementById("headline"), sentences.join(" "));
   }
 
   /* State in a word, its level, and a line for the banner where something is wrong. */
