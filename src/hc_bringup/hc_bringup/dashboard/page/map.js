@@ -142,12 +142,21 @@ HC.MapPanel = class {
     ctx.stroke();
     ctx.font = `600 ${12 * ratio}px system-ui, sans-serif`;
     const wide = ctx.measureText(text).width;
-    // Along a line it stands under the profile, over a plane beside the spot, always inside.
+    // Along a line it stands at the foot, where nothing is drawn; over a plane beside the spot.
     const inside = (from) => Math.max(box.left + 6 * ratio,
       Math.min(box.left + box.width - wide - 6 * ratio, from));
     const left = plane && atX + 16 * ratio + wide > box.left + box.width
       ? inside(atX - wide - 16 * ratio) : inside(plane ? atX + 16 * ratio : atX - wide / 2);
-    const line = atY + (plane ? 4 : 26) * ratio;
+    const line = plane ? atY + 4 * ratio : box.top + box.height - 12 * ratio;
+    if (!plane) {
+      ctx.lineWidth = ratio;
+      ctx.setLineDash([3 * ratio, 3 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(atX, atY + 6 * ratio);
+      ctx.lineTo(atX, line - 14 * ratio);
+      ctx.stroke();
+      ctx.setLineDash([]);
+    }
     ctx.fillStyle = HC.withAlpha(HC.palette.panel, 0.85);
     ctx.fillRect(left - 4 * ratio, line - 12 * ratio, wide + 8 * ratio, 17 * ratio);
     ctx.fillStyle = HC.palette.ink;

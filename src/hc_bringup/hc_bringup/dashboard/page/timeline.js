@@ -56,7 +56,7 @@ HC.TimelinePanel = class {
       const [name, colour] = HC.EVENTS[event.kind] || [`event ${event.kind}`, "measured"];
       const at = this.origin === null || this.origin === undefined ? NaN : event.time - this.origin;
       const reason = event.reason && event.reason !== name ? event.reason : "";
-      const said = reason.startsWith(name) ? reason : reason ? `${name}: ${reason}` : name;
+      const said = reason.includes(name) ? reason : reason ? `${name}: ${reason}` : name;
       return HC.element("li", {},
         HC.element("span", { class: "when", text: isFinite(at) ? at.toFixed(1) + " s" : "" }),
         HC.element("span", { class: `dot of-${colour}`, "aria-hidden": "true" }),
