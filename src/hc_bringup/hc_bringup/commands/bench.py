@@ -10,7 +10,7 @@ from typing import Any
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural, positive
 
-HELP = "measure speed, accuracy, bags, endurance: the figures of the documents"
+HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the documents"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,16 +33,28 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--without-kills", action="store_true", help="leave out the half in which nodes are killed"
     )
     soak.add_argument("--seed", type=natural, default=0, metavar="N", help="of the changes")
+    viewers = commands.add_parser(
+        "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
+    )
+    viewers.add_argument(
+        "--duration", type=positive, default=30.0, metavar="S", help="of each (30)"
+    )
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, accuracy, bags, soak):
+    for command in (speed, accuracy, bags, soak, viewers):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    actions = {"speed": _speed, "accuracy": _accuracy, "bags": _bags, "soak": _soak}
+    actions = {
+        "speed": _speed,
+        "accuracy": _accuracy,
+        "bags": _bags,
+        "soak": _soak,
+        "viewers": _viewers,
+    }
     return actions[arguments.action](arguments)
 
 
@@ -114,6 +126,16 @@ def _soak(arguments: argparse.Namespace) -> int:
             reports["kills"] = run_kills(minutes, seed=arguments.seed, show=display.show)
     _show({name: report.as_dict() for name, report in reports.items()}, arguments.json)
     return 0 if all(report.passed for report in reports.values()) else FAILURE
+
+
+def _viewers(arguments: argparse.Namespace) -> int:
+    from hc_bringup.bench_viewers import bench_viewers
+    from hc_bringup.live import Display
+
+    with Display(enabled=True, with_keys=False) as display:
+        figures = bench_viewers(arguments.duration, show=display.show)
+    _show(figures, arguments.json)
+    return 0
 
 
 def _show(figures: Mapping[str, Any], as_json: bool) -> None:

@@ -24,6 +24,7 @@ HC.App = class {
 
   start() {
     HC.startTheme();
+    HC.onSight = () => (this.changed = true);
     this.listen();
     this.connection.start();
     requestAnimationFrame((now) => this.draw(now));
@@ -102,6 +103,7 @@ HC.App = class {
       this.status = message;
       this.statusAt = performance.now();
       this.health.show(message);
+      this.showMap();
       this.timeline.setOrigin(message.origin);
       document.getElementById("record").classList.toggle("on",
         !!(message.recording && message.recording.on));
@@ -114,7 +116,15 @@ HC.App = class {
       this.changed = true;
     } else if (message.op === "contacts") {
       this.map.setContacts(message.items);
+      this.showMap();
     }
+  }
+
+  /* Where no position is known and no contact has ended there is no map: its room is the law's. */
+  showMap() {
+    const nothing = this.map.kind === "empty" && !(this.status && this.status.tip);
+    document.getElementById("map").hidden = nothing;
+    document.getElementById("depth").classList.toggle("full", nothing);
   }
 
   /* Settings are read only for who looks at them. */
@@ -169,8 +179,9 @@ HC.App = class {
     }
     const silent = status.silent_s + (performance.now() - this.statusAt) / 1000;
     if (silent > 1) {
+      const what = status.estimating ? "estimates" : "samples";
       return ["stopped", "bad",
-        `Stopped: no ${status.estimating ? "estimates" : "samples"} for ${silent.toFixed(0)} s.`];
+        `Stopped: no ${what} for ${silent.toFixed(0)} s. ${HC.reasonOf(status.nodes)}`.trim()];
     }
     if (this.frozen) return ["frozen", "idle", ""];
     if (!this.store || this.store.empty) return ["waiting", "idle", ""];

@@ -68,6 +68,13 @@ HC.HealthPanel = class {
   }
 };
 
+/* What the estimator says of why nothing comes; nothing where it is gone or content. */
+HC.reasonOf = function (nodes) {
+  const estimator = (nodes || {}).estimator;
+  if (!estimator || estimator.age_s > 2.5 || !(estimator.level > 0)) return "";
+  return `The estimator says: ${estimator.message}.`;
+};
+
 /* Words for what is felt: one or two sentences that need no knowledge of filters. */
 HC.sentences = function (store, map, status) {
   if (store.empty) return ["Waiting for the first samples."];

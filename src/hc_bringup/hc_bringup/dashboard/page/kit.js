@@ -180,6 +180,9 @@ HC.chart = function (host, options, data) {
   return chart;
 };
 
+/* A live page sets HC.onSight(): it is told when a chart comes into sight. */
+HC.onSight = null;
+
 HC.watchSize = function (chart) {
   chart.box.hcChart = chart;
   if (!HC.sizes) {
@@ -188,6 +191,8 @@ HC.watchSize = function (chart) {
     });
     HC.sight = new IntersectionObserver((entries) => {
       for (const entry of entries) entry.target.hcChart.visible = entry.isIntersecting;
+      // What came while a chart was out of sight is not in it yet.
+      if (HC.onSight && entries.some((entry) => entry.isIntersecting)) HC.onSight();
     });
   }
   HC.sizes.observe(chart.box);
