@@ -114,6 +114,8 @@ def bench_viewers(
                 state = Runner(plan, case.look).run()
             finally:
                 case.close()
-        name = f"{reading + stalled} viewers" + (f", {stalled} of them stalled" * bool(stalled))
+        count = reading + stalled
+        name = "1 viewer" if count == 1 else f"{count} viewers"
+        name += f", {stalled} of them stalled" * bool(stalled)
         figures[name] = case.figures(state)
     return figures

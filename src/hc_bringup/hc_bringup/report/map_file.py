@@ -85,10 +85,10 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
             f"hard spot at {x:.1f} mm:\n{factor:.1f} ± {max(0.1, 2.0 * deviation):.1f} "
             "times as stiff",
             (x, float(np.interp(x, found.x_mm, found.stiffness[0]))),
-            (0.0, -28.0),
-            textcoords="offset points",
+            (x, 0.04),  # at the foot, where nothing is drawn
+            textcoords=axes.get_xaxis_transform(),
             horizontalalignment="center",
-            verticalalignment="top",
+            verticalalignment="bottom",
             arrowprops={"arrowstyle": "-", "color": "0.3"},
             bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
         )

@@ -58,7 +58,7 @@ HC.TimelinePanel = class {
       const reason = event.reason && event.reason !== name ? event.reason : "";
       const said = reason.includes(name) ? reason : reason ? `${name}: ${reason}` : name;
       return HC.element("li", {},
-        HC.element("span", { class: "when", text: isFinite(at) ? at.toFixed(1) + " s" : "" }),
+        HC.element("span", { class: "when", text: !isFinite(at) ? "" : at < 0 ? "before" : at.toFixed(1) + " s" }),
         HC.element("span", { class: `dot of-${colour}`, "aria-hidden": "true" }),
         HC.element("span", { text: said }));
     });
