@@ -22,6 +22,10 @@ SETTLING_S: Final = 1.0
 MISMATCH_SHARE: Final = 0.05
 UNKNOWN: Final = 0.5
 """Identifiability below which a parameter cannot be seen, and relative deviation above which."""
+LITTLE_NIS: Final = 2.5
+"""Mean NIS up to which nobody need be told, however many samples say that it is not 2."""
+ROUGHLY: Final = 0.5
+"""Spread of the force, relative, from which on it is known only roughly."""
 DEPTH_MM: Final = 2.0
 _SYMBOLS: Final = ("K", "B", "n", "p")
 
@@ -97,7 +101,8 @@ def _felt(data: RunData, *, scanned: bool) -> list[Sentence]:
     text = f"At rest the tissue{where} {takes}"
     if np.isfinite(rms):
         text += f"; one step ahead its force is foretold within {engineering(rms, 'N')} (RMS)"
-    return [Sentence(Level.GOOD, text + ".")]
+    # Half of the force as its spread is no knowledge to be glad of.
+    return [Sentence(Level.GOOD if spread < ROUGHLY * force else Level.NOTE, text + ".")]
 
 
 def _lump(found: StiffnessMap | None) -> list[Sentence]:
@@ -202,6 +207,9 @@ def _honesty(data: RunData) -> list[Sentence]:
     if mean > 1.5 * high:
         text = f"Errors are larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
         return [Sentence(Level.BAD, text)]
+    if mean > max(high, LITTLE_NIS):
+        text = f"Errors are a little larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+        return [Sentence(Level.NOTE, text)]
     if data.truth is not None:
         error = np.abs(data.parameters[:, 0] - data.truth[:, 0])[chosen]
         inside = float(np.nanmean(error <= 3.0 * data.parameters_std[chosen, 0]))

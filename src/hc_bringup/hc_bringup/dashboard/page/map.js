@@ -5,6 +5,10 @@
 
 HC.STRIP = 0.26; // share of the height
 
+/* Steps between labels: of lengths, and of contacts, of which there are no halves. */
+HC.STEPS = [-2, -1, 0, 1, 2, 3, 4].flatMap((power) => [1, 2, 2.5, 5].map((s) => s * 10 ** power));
+HC.COUNTS = HC.STEPS.filter((step) => Number.isInteger(step));
+
 HC.MapPanel = class {
   constructor(host, columns) {
     this.host = host;
@@ -20,7 +24,8 @@ HC.MapPanel = class {
     this.keys = host.querySelector(".keys");
     this.chart = HC.chart(host, {
       mode: 2,
-      x: { label: "sideways [mm]", range: () => this.x.now || [0, 1] },
+      x: { label: "sideways [mm]", range: () => this.x.now || [0, 1],
+        axis: { incrs: () => (this.kind === "contacts" ? HC.COUNTS : HC.STEPS) } },
       y: { label: "stiffness [N/mm]", range: () => this.y.now || [0, 1] },
       series: [{ stroke: () => HC.palette.ink, paths: (plot) => this.draw(plot) }],
       tip: (plot, _i, left, top) =>

@@ -153,7 +153,7 @@ HC.HypothesisPanel = class {
       : isFinite(leads) ? "This filter follows one hypothesis: it gives no scores." : "");
     const delay = store.last("delay");
     const lines = [
-      [!isFinite(delay) ? "delay of the force" : delay < 0 ? "force ahead of the displacement by" : "force behind the displacement by",
+      [!isFinite(store.last("delay_std")) ? "delay of the force" : delay < 0 ? "force ahead of the displacement by" : "force behind the displacement by",
         1000 * Math.abs(delay), 1000 * store.last("delay_std"), "ms"],
       ["surface at", store.last("contact_position"), store.last("contact_position_std"), "mm"],
       ["force zero", 1000 * store.last("force_zero"), 1000 * store.last("force_zero_std"), "mN"],
