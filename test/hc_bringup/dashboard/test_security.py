@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -161,6 +162,21 @@ def test_paths_lead_nowhere_else(serve: Serve) -> None:
         assert (await session.put(served.origin, headers={"Origin": served.origin})).status == 405
 
     run(job)
+
+
+@pytest.mark.parametrize(
+    "request_", [b"GET /%s HTTP/1.1\r\n\r\n" % (b"a" * 9000), b"\x16\x03\x01 no HTTP\r\n\r\n"]
+)
+def test_what_is_no_http_leaves_no_trace(
+    serve: Serve, request_: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Any program on this machine could fill the terminal of the run with tracebacks."""
+    served = serve()
+    with socket.create_connection(("127.0.0.1", served.port), 10) as connection:
+        connection.sendall(request_)
+        answer = connection.recv(4096)
+    assert b" 400 " in answer.split(b"\r\n")[0]
+    assert caplog.records == []
 
 
 @pytest.mark.parametrize(
