@@ -235,7 +235,7 @@ def test_viewers_are_bounded(serve: Serve, token: str) -> None:
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
             await session.ws_connect(f"ws://{served.host}/ws", headers=headers)
         assert refused.value.status == 503
-        for socket in sockets:
-            await socket.close()
+        for one in sockets:
+            await one.close()
 
     run(job)
