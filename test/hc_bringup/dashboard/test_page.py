@@ -258,6 +258,41 @@ def test_controls_ask_and_say_the_answer(page: Any, serve: Make, make_status: Ma
     page.wait(lambda: any(r.get("text") == "here" for r in served.backend.requests), "the mark")
 
 
+def test_scenarios_of_the_rig_are_offered(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    scenario = {
+        "name": "scenario",
+        "value": "lump",
+        "type": "text",
+        "about": "what the rig does",
+        "read_only": False,
+        "suggestions": ["lump", "multisine"],
+    }
+    answer_all = served.backend.request
+
+    def answer(message: dict[str, Any]) -> Any:
+        future = answer_all(message)
+        if message.get("node") == "indenter" and message["op"] != "set":
+            future = type(future)()
+            future.set_result({"ok": True, "message": "", "parameters": [scenario]})
+        return future
+
+    served.backend.request = answer
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("document.getElementById('rig-scenario')")
+    offered = page.run(
+        "return [...document.getElementById('rig-scenario').list.options].map((o) => o.value)"
+    )
+    assert offered == ["lump", "multisine"]
+    page.run("document.getElementById('rig-scenario').value = 'multisine'")
+    page.run("document.querySelector('#rig-form button').click()")
+    wanted = {"op": "set", "node": "indenter", "parameters": {"scenario": "multisine"}}
+    page.wait(
+        lambda: any(wanted.items() <= r.items() for r in served.backend.requests), "the change"
+    )
+
+
 def test_read_only_switches_the_controls_off(page: Any, serve: Make, make_status: Make) -> None:
     served = serve()
     served.backend.control = False
