@@ -16,7 +16,7 @@ from hc_logger.recording import read_recording
 
 TOKEN = "token-of-the-test"
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(480)]
 
 
 @pytest.fixture
