@@ -16,7 +16,7 @@ from hc_logger.recording import read_recording
 
 TOKEN = "token-of-the-test"
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(480)]
 
 
 @pytest.fixture
@@ -129,7 +129,8 @@ def test_controls_change_the_estimator_and_the_rig(
     answer = ask(op="set", node="estimator", parameters=wrong)
     assert not answer["ok"]
     assert "500" in command_line.run("param", "get", "estimator", "tare.samples").stdout
-    assert ask(op="set", node="indenter", parameters={"stiffness": 0.33})["ok"]
+    answer = ask(op="set", node="indenter", parameters={"stiffness": 0.33})
+    assert answer["ok"], answer
     assert "0.33" in command_line.run("param", "get", "indenter", "stiffness").stdout
     assert ask(op="call", node="estimator", service="reset")["message"] == "started afresh"
     # A recording made from the page holds the mark.

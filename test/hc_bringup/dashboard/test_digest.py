@@ -143,3 +143,21 @@ def test_latencies_of_the_last_ten_seconds() -> None:
     window.add(np.array([0.001]), 9.0)
     assert sum(window.counts(11.5)) == 1
     assert sum(window.counts(1000.0)) == 0
+
+
+def test_truth_is_that_of_the_estimates_stamp(make_estimates: Make, make_stamps: Make) -> None:
+    """Estimates that lag behind the truth must not look as if they were late to change."""
+    table = make_estimates(400)
+    stamps = make_stamps(table)
+    digest = Digest()
+    names = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
+    for place in range(0, 400, 33):  # the truth comes at the rate of the page, long before
+        digest.set_truth(dict.fromkeys(names, float(place)), int(stamps[place]))
+    rows = digest.add(table, stamps, estimates=True)
+    shown = rows[:, INDEX["sequence"]]
+    assert len(shown) == 19
+    np.testing.assert_allclose(rows[:, INDEX["K_true"]], shown, atol=1e-6)
+    np.testing.assert_allclose(rows[:, INDEX["p_true"]], shown, atol=1e-6)
+    digest.restart()
+    again = digest.add(table, stamps, estimates=True)
+    assert np.isnan(again[:, INDEX["K_true"]]).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import http.server
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -85,7 +86,11 @@ def test_the_lump_is_found_and_said(
     lump = page.run("return HC.app.map.lump")
     assert lump["x"] == pytest.approx(20.0, abs=0.5)
     assert lump["factor"] == pytest.approx(3.0, abs=0.1)
-    page.wait(lambda: "hard spot" in page.text("#headline"), "the sentence")
+    # Where it is, how hard, how sure: in the first sentence.
+    said = page.wait(
+        lambda: (text := page.text("#headline")).startswith("A hard spot at ") and text, "the words"
+    )
+    assert re.match(r"A hard spot at (19|20)\.\d mm: [23]\.\d ± 0\.\d times as stiff as", said)
     shown = page.run("return HC.app.map.spots[40].value")
     assert shown == pytest.approx(stiffness[40] * 1.6 * 2.0**0.6, rel=1e-9)
     assert page.complaints() == []
@@ -105,10 +110,55 @@ def test_says_when_data_stop_and_comes_back(
     page.wait(lambda: page.text("#state") == "stopped", "stopped", 2.0)
     assert time.monotonic() - silent_from < 2.0
     assert "no estimates for" in page.text("#banner")
+    estimator = {"level": 3, "age_s": 0.1, "message": "no message on ft/wrench", "values": {}}
+    silent = make_status(silent_s=1.5, nodes={"estimator": estimator})
+    served.server.publish_text("status", silent)
+    page.wait(lambda: "says: no message on ft/wrench" in page.text("#banner"), "the reason")
+    assert page.text("#headline").startswith("Last heard:")
     later = make_estimates(500, first=500)
     feed(served, later, make_stamps(later), digest)
     served.server.publish_text("status", make_status(silent_s=0.0))
     page.wait(lambda: page.text("#state") != "stopped", "going on", 2.0)
+
+
+def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    page.resize(1300, 640)  # the time line is far below
+    page.open(served.address)
+    page.wait_for("HC.app && HC.app.state === 'connected'")
+    served.server.publish_text("status", make_status())
+    table = make_estimates(3000)
+    feed(served, table, make_stamps(table), Digest())
+    page.wait_for("HC.app.parameters[0].chart.plot.data[0].length > 100 && !HC.app.changed")
+    time.sleep(0.3)  # whatever is still to be drawn is drawn
+    assert page.run("return HC.app.timeline.view.end") == 1  # nobody saw it: it was not drawn
+    page.run("document.getElementById('timeline').scrollIntoView()")
+    page.wait_for("HC.app.timeline.view.end > 2.9", 3.0)
+
+
+def test_without_a_position_the_map_gives_its_room_away(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """A robot that tells no position, in its first contact: no empty chart on top of the page."""
+    served = serve()
+    table = make_estimates(500)
+    feed(served, table, make_stamps(table), Digest())
+    opened(page, served, make_status, tip=False)
+    page.wait_for("document.getElementById('map').hidden")
+    contact = {
+        "number": 1,
+        "start": 0.0,
+        "end": 1.0,
+        "parameters": [0.2, 0.01, 1.6, 1.0],
+        "std": [0.01, 0.001, 0.02, 0.02],
+        "stiffness_exponent_covariance": 0.0,
+        "peak_depth": 3.0,
+    }
+    served.server.publish_text("contacts", {"items": [contact]})
+    page.wait_for("!document.getElementById('map').hidden")
+    assert "over the contacts" in page.text("#map .note")
 
 
 def test_reconnects_and_fills_the_gap(
@@ -206,6 +256,41 @@ def test_controls_ask_and_say_the_answer(page: Any, serve: Make, make_status: Ma
     page.run("document.getElementById('mark-text').value = 'here'")
     page.run("document.querySelector('#mark-form button').click()")
     page.wait(lambda: any(r.get("text") == "here" for r in served.backend.requests), "the mark")
+
+
+def test_scenarios_of_the_rig_are_offered(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    scenario = {
+        "name": "scenario",
+        "value": "lump",
+        "type": "text",
+        "about": "what the rig does",
+        "read_only": False,
+        "suggestions": ["lump", "multisine"],
+    }
+    answer_all = served.backend.request
+
+    def answer(message: dict[str, Any]) -> Any:
+        future = answer_all(message)
+        if message.get("node") == "indenter" and message["op"] != "set":
+            future = type(future)()
+            future.set_result({"ok": True, "message": "", "parameters": [scenario]})
+        return future
+
+    served.backend.request = answer
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("document.getElementById('rig-scenario')")
+    offered = page.run(
+        "return [...document.getElementById('rig-scenario').list.options].map((o) => o.value)"
+    )
+    assert offered == ["lump", "multisine"]
+    page.run("document.getElementById('rig-scenario').value = 'multisine'")
+    page.run("document.querySelector('#rig-form button').click()")
+    wanted = {"op": "set", "node": "indenter", "parameters": {"scenario": "multisine"}}
+    page.wait(
+        lambda: any(wanted.items() <= r.items() for r in served.backend.requests), "the change"
+    )
 
 
 def test_read_only_switches_the_controls_off(page: Any, serve: Make, make_status: Make) -> None:

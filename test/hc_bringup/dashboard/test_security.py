@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -164,6 +165,21 @@ def test_paths_lead_nowhere_else(serve: Serve) -> None:
 
 
 @pytest.mark.parametrize(
+    "request_", [b"GET /%s HTTP/1.1\r\n\r\n" % (b"a" * 9000), b"\x16\x03\x01 no HTTP\r\n\r\n"]
+)
+def test_what_is_no_http_leaves_no_trace(
+    serve: Serve, request_: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Any program on this machine could fill the terminal of the run with tracebacks."""
+    served = serve()
+    with socket.create_connection(("127.0.0.1", served.port), 10) as connection:
+        connection.sendall(request_)
+        answer = connection.recv(4096)
+    assert b" 400 " in answer.split(b"\r\n")[0]
+    assert caplog.records == []
+
+
+@pytest.mark.parametrize(
     ("sent", "code"),
     [(b"binary", 1008), ("no JSON", 1008), ("[1]", 1008), ("x" * 100_000, 1009)],
 )
@@ -219,7 +235,7 @@ def test_viewers_are_bounded(serve: Serve, token: str) -> None:
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
             await session.ws_connect(f"ws://{served.host}/ws", headers=headers)
         assert refused.value.status == 503
-        for socket in sockets:
-            await socket.close()
+        for one in sockets:
+            await one.close()
 
     run(job)

@@ -73,6 +73,26 @@ def test_resting_on_the_surface_makes_no_phantoms(make_run: MakeRun) -> None:
         assert len(find_contacts(data, rules)) == 2
 
 
+def test_a_slow_sensor_has_contacts_too(make_run: MakeRun) -> None:
+    """At 10 Hz the next sample comes later than a contact needs to be over."""
+    data = make_run(seconds=24.0, rate_hz=10.0, period_s=6.0)
+    found = find_contacts(data, ContactRules(minimum_depth_mm=0.1))
+    assert len(found) == 4
+    assert all(contact.duration_s > 3.0 for contact in found)
+
+
+def test_refused_samples_end_no_contact(make_run: MakeRun) -> None:
+    """As in the node: what was refused says nothing; a gap in the recording does."""
+    data = make_run(seconds=1.0)
+    (whole,) = find_contacts(data, ContactRules(minimum_depth_mm=0.1))
+    middle = (whole.first + whole.last) // 2
+    data.estimates["rejected"][middle : middle + 40] = 4  # 80 ms
+    (same,) = find_contacts(data, ContactRules(minimum_depth_mm=0.1))
+    assert (same.first, same.last, same.rejected) == (whole.first, whole.last, 40)
+    data.time_s[middle:] += 1.0
+    assert len(find_contacts(data, ContactRules(minimum_depth_mm=0.1))) == 2
+
+
 @settings(
     max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )

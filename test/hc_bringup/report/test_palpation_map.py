@@ -48,7 +48,8 @@ def plane() -> Any:
 def test_map_of_a_plane_finds_the_lump(plane: Any) -> None:
     assert not plane.is_line
     assert plane.lump is not None
-    x, y, factor = plane.lump
+    x, y, factor, deviation = plane.lump
+    assert 0.0 < deviation < 0.25 * factor
     assert abs(x - 12.0) < 1.0
     assert abs(y - 8.0) < 1.0
     assert factor > 1.8

@@ -52,6 +52,21 @@ def test_words_for_a_good_run(make_run: MakeRun) -> None:
     assert any(text.startswith("The true K lies within 3") for text in words)
 
 
+def test_words_for_doubt(make_run: MakeRun) -> None:
+    """Few samples leave room for much, but not for calling it honest; nor is a guess good news."""
+    data = make_run(seconds=3.0)
+    data.estimates["nis"][:] = 2.0
+    data.estimates["nis"][::50] = 60.0  # mean 3.2
+    data.estimates["stiffness_std"][:] = 0.35 * data.estimates["stiffness"]
+    data.estimates["covariance"][:] = 0.0
+    data.estimates["covariance"][:, 0] = data.estimates["stiffness_std"] ** 2
+    sentences = verdict(data, find_contacts(data), None, None)
+    assert sentences[0].text.startswith("At rest the tissue takes")
+    assert sentences[0].level is Level.NOTE
+    assert not any("honest" in one.text or "true K" in one.text for one in sentences)
+    assert any("larger than the filter admits" in one.text for one in sentences)
+
+
 def test_words_for_what_cannot_be_seen(make_run: MakeRun) -> None:
     data = make_run(seconds=3.0)
     data.estimates["damping_identifiability"][:] = 0.1

@@ -10,7 +10,7 @@ from typing import Any
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural, positive
 
-HELP = "measure speed, accuracy, bags, endurance: the figures of the documents"
+HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the documents"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -48,10 +48,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "effort", help="teleoperation without a force sensor, by noise and friction"
     )
     effort.add_argument("--quick", action="store_true", help="one seed")
+    viewers = commands.add_parser(
+        "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
+    )
+    viewers.add_argument(
+        "--duration", type=positive, default=30.0, metavar="S", help="of each (30)"
+    )
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, arrays, accuracy, bags, soak, teleoperation, effort):
+    for command in (speed, arrays, accuracy, bags, soak, viewers, teleoperation, effort):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -63,6 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         "accuracy": _accuracy,
         "bags": _bags,
         "soak": _soak,
+        "viewers": _viewers,
         "teleoperation": _teleoperation,
         "effort": _effort,
     }
@@ -183,6 +190,16 @@ def _effort(arguments: argparse.Namespace) -> int:
     with progress_bar("effort") as progress:
         result = run_effort(quick=arguments.quick, progress=progress)
     print(to_json(result) if arguments.json else text_tables(result))
+    return 0
+
+
+def _viewers(arguments: argparse.Namespace) -> int:
+    from hc_bringup.bench_viewers import bench_viewers
+    from hc_bringup.live import Display
+
+    with Display(enabled=True, with_keys=False) as display:
+        figures = bench_viewers(arguments.duration, show=display.show)
+    _show(figures, arguments.json)
     return 0
 
 

@@ -158,8 +158,13 @@ def _write_maps(
         "length_mm": list(found.length_mm),
     }
     if found.lump is not None:
-        x, y, factor = found.lump
-        summary["lump"] = {"x_mm": x, "y_mm": y, "times_as_stiff": factor}
+        x, y, factor, deviation = found.lump
+        summary["lump"] = {
+            "x_mm": x,
+            "y_mm": y,
+            "times_as_stiff": factor,
+            "times_as_stiff_std": deviation,
+        }
     return summary
 
 
@@ -186,9 +191,10 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
         print(f"map of {summary['places']} places, stiffness at {summary['depth_mm']:g} mm")
     lump = summary.get("lump")
     if lump is not None:
+        spread = max(0.1, 2.0 * lump["times_as_stiff_std"])
         print(
             f"a hard spot at {lump['x_mm']:.1f}, {lump['y_mm']:.1f} mm: "
-            f"{lump['times_as_stiff']:.1f} times as stiff as around it"
+            f"{lump['times_as_stiff']:.1f} ± {spread:.1f} times as stiff as around it"
         )
     for name in summary["written"]:
         print(f"written: {name}")

@@ -25,6 +25,7 @@ from hc_bringup.dashboard.recording import Recording
 from hc_msgs_py.conversion import LONGEST_REASON, fill_event
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR, NODE_INDENTER
+from hc_sim_rig.scenario import available_scenarios
 
 TIMEOUT_S: Final = 5.0
 REPEAT_S: Final = 1.0
@@ -305,6 +306,8 @@ def _entry(name: str, value: Any, descriptor: Any) -> dict[str, Any]:
     constraint = descriptor.additional_constraints
     if constraint.startswith("one of: "):
         entry["choices"] = constraint.removeprefix("one of: ").split(", ")
+    if name == "scenario":  # a file of one's own works too
+        entry["suggestions"] = available_scenarios()
     return entry
 
 

@@ -7,6 +7,7 @@ follow the stamps, not the arrival, so a stall of the network leaves no trace in
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +22,8 @@ RESTART_NS: Final = 500_000_000
 """Stamps that go back by more than this are another recording: the page starts afresh."""
 LONGEST_LOSS: Final = 1_000_000
 """A jump of the sequence beyond this is a restarted source, not a loss."""
+TRUTHS_KEPT: Final = 600
+"""Of the simulated truth, for estimates that come late: ten seconds and more."""
 MM: Final = 1000.0
 
 _NAMES = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
@@ -78,19 +81,21 @@ class Digest:
         self._of_estimates = True
         self._last_ns: int | None = None
         self._last_sequence: int | None = None
-        self._truth = np.full(len(PARAMETERS), np.nan)
+        self._truths: deque[tuple[int, NDArray[np.float64]]] = deque(maxlen=TRUTHS_KEPT)
         self._tip = (np.nan, np.nan)
 
     def restart(self) -> None:
         """Begin again with the next message, in a new epoch."""
         self.epoch += 1
         self.origin_ns = self._open = self._last_ns = self._last_sequence = None
-        self._truth = np.full(len(PARAMETERS), np.nan)
+        self._truths.clear()
         self._tip = (np.nan, np.nan)
 
-    def set_truth(self, record: Any) -> None:
-        """Take the latest record of hc_msgs/IndenterTruth."""
-        self._truth = np.array([float(record[name]) for name in _NAMES])
+    def set_truth(self, record: Any, stamp_ns: int) -> None:
+        """Take the latest record of hc_msgs/IndenterTruth; rows get that of their own stamp."""
+        if self._truths and stamp_ns <= self._truths[-1][0]:
+            self._truths.clear()  # told again from an earlier time on
+        self._truths.append((stamp_ns, np.array([float(record[name]) for name in _NAMES])))
 
     def set_tip(self, x_mm: float, y_mm: float) -> None:
         """Take the latest sideways position of the tip [mm]."""
@@ -167,8 +172,14 @@ class Digest:
                 put[f"{column}_max"] = np.fmax.reduceat(table[field], starts) * factor
         if self._of_estimates:
             self._judged(put, table, starts, shown)
-        for short, value in zip(PARAMETERS, self._truth, strict=True):
-            put[f"{short}_true"] = value
+        if self._truths:
+            # Estimates may lag behind the truth: what was true at their stamp is what counts.
+            known_ns = np.array([stamp for stamp, _ in self._truths], dtype=np.int64)
+            values = np.array([truth for _, truth in self._truths])
+            since_s = (known_ns - kept["stamp"][shown][0]) * 1e-9
+            at_s = (kept["stamp"][shown] - kept["stamp"][shown][0]) * 1e-9
+            for place, short in enumerate(PARAMETERS):
+                put[f"{short}_true"] = np.interp(at_s, since_s, values[:, place])
         put["tip_x"], put["tip_y"] = self._tip
         return rows
 

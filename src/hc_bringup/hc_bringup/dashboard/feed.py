@@ -188,7 +188,7 @@ class Feed:
         estimated = self._taps.publishers(self._names[ESTIMATE]) > 0
         self._want(ESTIMATE, _TYPES[ESTIMATE], self._on_estimates, wanted=estimated)
         self._want(SAMPLE, _TYPES[SAMPLE], self._on_samples, wanted=not estimated)
-        # Of the truth the latest is enough: it is shown at the rate of the page.
+        # Of the truth the latest of each turn is enough: it is shown at the rate of the page.
         self._want(TRUTH, _TYPES[TRUTH], self._on_truth, wanted=True, depth=1)
         kinds = dict(self._node.get_topic_names_and_types()).get(self._names[TIP], [])
         kind = next((kind for kind in kinds if kind in _TIP_FIELDS), None)
@@ -262,9 +262,9 @@ class Feed:
     _shown_epoch = 0
 
     def _on_truth(self, arrivals: list[Arrival]) -> None:
-        table, _stamps = self._parsers[TRUTH].parse(arrivals)
+        table, stamps = self._parsers[TRUTH].parse(arrivals)
         if len(table):
-            self._digest.set_truth(table[-1])
+            self._digest.set_truth(table[-1], int(stamps[-1]))
 
     def _on_tip(self, arrivals: list[Arrival]) -> None:
         table, stamps = self._parsers[TIP].parse(arrivals)

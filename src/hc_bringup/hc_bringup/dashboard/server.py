@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import concurrent.futures
 import json
+import logging
 import socket
 import threading
 from collections.abc import Callable, Coroutine
@@ -19,6 +20,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 from aiohttp import WSMsgType, web
+from aiohttp.http_exceptions import HttpProcessingError
 from aiohttp.typedefs import Handler
 from numpy.typing import NDArray
 
@@ -184,6 +186,7 @@ class DashboardServer:
         runner = web.AppRunner(
             self._application(),
             access_log=None,
+            logger=_own_logger(),
             keepalive_timeout=30.0,
             shutdown_timeout=1.0,
             handler_cancellation=True,
@@ -305,6 +308,22 @@ class DashboardServer:
                 viewer.outbox.put_answer(frame)
             return
         spawn(_wait_for(self._backend.request(content), viewer.outbox, content.get("id")))
+
+
+class _NotOfPeers(logging.Filter):
+    """Lets pass what went wrong here: a request that is no HTTP is answered with 400, and all."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        return not isinstance(error, HttpProcessingError)
+
+
+def _own_logger() -> logging.Logger:
+    """Return the server's logger; no program on this machine can fill the terminal through it."""
+    logger = logging.getLogger("hc_bringup.dashboard.http")
+    if not logger.filters:
+        logger.addFilter(_NotOfPeers())
+    return logger
 
 
 async def _wait_for(

@@ -29,7 +29,7 @@ def _percent(value: float) -> str:
 
 
 def _millinewton(value: float) -> str:
-    return f"{1e3 * value:.3g}"
+    return f"{1e3 * value:.0f}" if value >= 1.0 else f"{1e3 * value:.3g}"
 
 
 def _distance(ideal: float) -> Callable[[float], float]:
@@ -53,8 +53,8 @@ FIGURES: Final[tuple[Figure, ...]] = (
     ("", "B", lambda s: float(s.parameter_errors[1]), _percent, _same),
     ("", "n", lambda s: float(s.parameter_errors[2]), _percent, _same),
     ("", "p", lambda s: float(s.parameter_errors[3]), _percent, _same),
-    ("honesty", "NEES (4)", lambda s: s.nees, lambda v: f"{v:.3g}", _distance(4.0)),
-    ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.3g}", _distance(2.0)),
+    ("honesty", "NEES (4)", lambda s: s.nees, lambda v: f"{v:.2f}", _distance(4.0)),
+    ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.2f}", _distance(2.0)),
     ("", "K within 3 sd", lambda s: s.inside, _percent, lambda v: -v),
     ("", "says that the law does not fit", lambda s: s.mismatch, _percent, _no_contest),
     ("cost", "a step [us]", lambda s: s.microseconds, lambda v: f"{v:.2g}", _same),
@@ -106,13 +106,15 @@ def _header(table: Sequence[Sequence[Entry]]) -> str:
         for i, label in enumerate(labels)
     )
     recordings = len([row for row in table if row])
+    has_truth = any(entry.data.truth is not None for row in table for entry in row)
+    true = '<span class="key truth">true</span>' if has_truth else ""
     return (
         f'<header><h1>Comparison</h1><p id="headline">{len(labels)} ways to estimate, '
         f"{recordings} recording{'' if recordings == 1 else 's'}</p>"
         '<div class="tools"><button id="whole" type="button" hidden>Whole recording</button>'
         '<button id="theme" type="button" aria-label="light or dark">◐</button></div></header>'
         f'<main class="report"><section class="panel full variants"><h2>Shown</h2>{boxes}'
-        '<span class="key truth">true</span></section>'
+        f"{true}</section>"
         '<p class="hint">Drag over a chart to look closer; double-click for the whole. Bands are '
         "left out here: hc report shows them.</p>"
     )

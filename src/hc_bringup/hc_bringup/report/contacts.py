@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 MINIMUM_DURATION_S: Final = 0.05
 RELEASE_S: Final = 0.02
+LONG_GAP_STEPS: Final = 3.0
+"""So many usual steps without a sample, and the recording has a gap."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +106,7 @@ def find_contacts(data: RunData, rules: ContactRules | None = None) -> list[Cont
     touching = np.flatnonzero(data.contact & data.used)
     if not len(touching):
         return []
-    # Away for long enough: a new contact begins.
-    times = data.time_s[touching]
-    new = np.flatnonzero(np.diff(times) >= rules.release_s) + 1
+    new = np.flatnonzero(_released(data, touching, rules.release_s)) + 1
     contacts: list[Contact] = []
     for rows in np.split(touching, new):
         if data.time_s[rows[-1]] - data.time_s[rows[0]] < rules.minimum_duration_s:
@@ -117,6 +117,28 @@ def find_contacts(data: RunData, rules: ContactRules | None = None) -> list[Cont
         if not (too_shallow or too_weak):
             contacts.append(contact)
     return contacts
+
+
+def _released(data: RunData, touching: NDArray[np.intp], release_s: float) -> NDArray[np.bool_]:
+    """Return between which of the samples in contact (n,) the contact was over, (n - 1,).
+
+    It takes a sample without contact, so long after, or a gap in the recording: samples that were
+    refused say nothing, and those of a slow sensor come late.
+    """
+    before, after = touching[:-1], touching[1:]
+    away = np.flatnonzero(~data.contact & data.used)
+    if len(away):
+        latest = away[np.maximum(np.searchsorted(away, after) - 1, 0)]
+        lifted = (latest > before) & (latest < after)
+        lifted &= data.time_s[latest] - data.time_s[before] >= release_s
+    else:
+        lifted = np.zeros(len(before), bool)
+    steps = np.diff(data.time_s)
+    if not len(steps):
+        return lifted
+    gaps = np.append(0, np.cumsum(steps >= max(release_s, LONG_GAP_STEPS * np.median(steps))))
+    missing: NDArray[np.bool_] = gaps[after] > gaps[before]
+    return lifted | missing
 
 
 def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:

@@ -33,7 +33,7 @@ def encode(found: StiffnessMap, path: Path, title: str) -> bytes:
 def draw(found: StiffnessMap, title: str) -> Figure:
     """Return the picture: along a line a profile, over a plane the map and its uncertainty."""
     figure = Figure(figsize=(10.0, 4.8), layout="constrained")
-    figure.suptitle(title)
+    figure.suptitle(title, parse_math=False)  # a $ in a name begins no formula
     if found.is_line:
         _profile(figure, found)
     else:
@@ -71,13 +71,27 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
     axes.set_xlabel("sideways [mm]")
     axes.set_ylabel(f"stiffness at {at.depth_mm:g} mm [N/mm]")
     axes.grid(alpha=0.3)
-    strip.imshow(
+    image: Any = strip.imshow(
         stiffness[None],
         extent=(found.x_mm[0], found.x_mm[-1], 0.0, 1.0),
         aspect="auto",
         cmap=COLOURS,
     )
     strip.set_yticks([])
+    figure.colorbar(image, ax=(strip, axes), label="colour: stiffness [N/mm]", fraction=0.03)
+    if found.lump is not None:
+        x, _, factor, deviation = found.lump
+        axes.annotate(
+            f"hard spot at {x:.1f} mm:\n{factor:.1f} ± {max(0.1, 2.0 * deviation):.1f} "
+            "times as stiff",
+            (x, float(np.interp(x, found.x_mm, found.stiffness[0]))),
+            (x, 0.04),  # at the foot, where nothing is drawn
+            textcoords=axes.get_xaxis_transform(),
+            horizontalalignment="center",
+            verticalalignment="bottom",
+            arrowprops={"arrowstyle": "-", "color": "0.3"},
+            bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+        )
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
 
 
@@ -97,6 +111,18 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
         axes.set_facecolor("0.85")
     left.set_ylabel("y [mm]")
     left.set_title("dots: felt there; grey: not known", fontsize="small")
+    if found.lump is not None:
+        x, y, factor, deviation = found.lump
+        left.plot(x, y, "o", markersize=14, markerfacecolor="none", color="white")
+        left.annotate(
+            f"{factor:.1f} ± {max(0.1, 2.0 * deviation):.1f} times",
+            (x, y),
+            (0.0, 12.0),
+            textcoords="offset points",
+            horizontalalignment="center",
+            color="white",
+            fontweight="bold",
+        )
 
 
 def _csv(found: StiffnessMap) -> bytes:

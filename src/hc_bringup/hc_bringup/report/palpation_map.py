@@ -11,7 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,15 @@ class FeltPlaces:
     depth_mm: float
 
 
+class Lump(NamedTuple):
+    """A hard spot: place [mm], how many times as stiff as around it, standard deviation of that."""
+
+    x_mm: float
+    y_mm: float
+    factor: float
+    factor_std: float
+
+
 @dataclass(frozen=True)
 class StiffnessMap:
     """The map on a grid, or along a line.
@@ -68,7 +77,7 @@ class StiffnessMap:
         known: where more is known than far from everything, (ny, nx).
         places: what it is made of.
         length_mm: over which distance the tissue changes, as fitted; along x and y.
-        lump: (x, y, how many times as stiff as around it) where one stands out, or None.
+        lump: where one stands out, or None.
     """
 
     x_mm: Array
@@ -78,7 +87,7 @@ class StiffnessMap:
     known: NDArray[np.bool_]
     places: FeltPlaces
     length_mm: tuple[float, ...]
-    lump: tuple[float, float, float] | None
+    lump: Lump | None
 
     @property
     def is_line(self) -> bool:
@@ -235,14 +244,17 @@ def fit_map(places: FeltPlaces, seed: int = 0) -> StiffnessMap:
 
 def _lump(
     x: Array, y: Array, stiffness: Array, log_std: Array, known: NDArray[np.bool_]
-) -> tuple[float, float, float] | None:
+) -> Lump | None:
     """Return the stiffest known place if it stands out by more than its uncertainty allows."""
     if not known.any():
         return None
     usual = float(np.quantile(stiffness[known], AROUND))
+    around = known & (stiffness <= usual)
+    around_std = float(np.median(log_std[around]))
     trusted = np.where(known & (log_std < 0.2), stiffness, -np.inf)
     row, column = np.unravel_index(int(np.argmax(trusted)), trusted.shape)
     factor = float(trusted[row, column]) / usual
     if not factor > 1.3 or np.log(factor) < 4.0 * log_std[row, column]:
         return None
-    return float(x[column]), float(y[row]), factor
+    spread = factor * float(np.hypot(log_std[row, column], around_std))
+    return Lump(float(x[column]), float(y[row]), factor, spread)

@@ -25,6 +25,7 @@ LEAST_ROW_NS: Final = 1_000_000
 CHANGE, CONTACT_MADE, CONTACT_LOST, MISMATCH = 1, 2, 3, 17
 """Kinds of hc_msgs/EstimatorEvent that can be told from the estimates themselves."""
 MOST_EVENTS: Final = 500
+SAME_MISFIT_S: Final = 0.5
 
 
 def page_rows(data: RunData) -> Array:
@@ -95,8 +96,20 @@ def page_events(data: RunData, contacts: Sequence[Contact]) -> list[dict[str, An
                 for c in contacts
             ),
         ]
-    events.sort()
+    events = _told_once(sorted(events))
     return [{"time": t, "kind": k, "reason": r} for t, k, r in events[-MOST_EVENTS:]]
+
+
+def _told_once(events: Sequence[tuple[float, int, str]]) -> list[tuple[float, int, str]]:
+    """Leave out a misfit that comes back within half a second: that is the same one."""
+    kept: list[tuple[float, int, str]] = []
+    latest = -np.inf
+    for event in events:
+        again = event[1] == MISMATCH and event[0] - latest < SAME_MISFIT_S
+        latest = event[0] if event[1] == MISMATCH else latest
+        if not again:
+            kept.append(event)
+    return kept
 
 
 def column_blocks(rows: Array) -> dict[str, Array]:

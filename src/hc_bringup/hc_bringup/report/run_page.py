@@ -19,13 +19,14 @@ from hc_bringup.report.palpation_map import StiffnessMap, felt_places, fit_map, 
 from hc_bringup.report.rows import column_blocks, map_cells, page_contacts, page_events, page_rows
 from hc_bringup.report.verdict import Sentence, settled, verdict
 from hc_bringup.run_data import RunData
+from hc_bringup.terminal.numbers import decimals_of, engineering, fixed, with_spread
 from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_spaced
 from hc_msgs_py.units import METRE_IN_MM
 
 MOST_CONTACT_ROWS: Final = 200
 CONTACT_DEPTH_MM: Final = 0.05
 """Shallower touches are no contacts worth a row."""
-UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "1", "1")
+UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "", "")
 
 
 def run_page(data: RunData, command: Sequence[str]) -> str:
@@ -96,10 +97,10 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
     truth = ' <span class="key truth">true</span>' if data.truth is not None else ""
     cards = "".join(
         f'<section class="panel card" id="parameter-{name}"><h2><b>{name}</b>'
-        f'<small></small></h2><p class="big"><span class="value">–</span>'
-        f'<small class="unit">{html.escape(unit)}</small></p><p class="under">'
-        '<meter class="known" min="0" max="1" value="0"></meter><span class="share"></span>'
-        '<span class="true"></span></p></section>'
+        f'<small></small></h2><p class="big"><span class="value">–</span></p><p class="under">'
+        f'<span class="unit">{html.escape(unit)}</span><span class="true key truth" hidden></span>'
+        '</p><p class="under"><meter class="known" min="0" max="1" low="0.5" high="0.8" '
+        'optimum="1" value="0"></meter><span class="share"></span></p></section>'
         for name, unit in zip("KBnp", UNITS, strict=True)
     )
     map_panel = (
@@ -107,7 +108,9 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
         'where it was felt, at a depth of <label class="inline"><input type="range" min="0.2" '
         'max="10" step="0.1" value="2" aria-label="depth of the map in mm"> <output>2.0 mm'
         '</output></label> <span class="scale" hidden><span class="low"></span> <span class="ramp">'
-        '</span> <span class="high"></span></span></p><p class="note"></p></section>'
+        '</span> <span class="high"></span></span></p><p class="under keys" hidden>'
+        '<span class="key estimate">stiffness ± 2 sd (standard deviations)</span> '
+        '<span class="key tool" hidden>the tool now</span></p><p class="note"></p></section>'
         if has_map
         else ""
     )
@@ -121,21 +124,23 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
 <section class="panel verdict"><h2>In words</h2><ol>{said}</ol></section>
 {map_panel}
 <section id="depth" class="panel{wide}"><h2>Force over depth</h2><p class="under">
-<span class="key measured">measured</span> <span class="key estimate">law at rest ± 2 sd</span>,
-at the end of what is shown</p></section>
+<span class="key measured">measured</span>
+<span class="key estimate">law at rest ± 2 sd, at the end of what is shown</span></p></section>
 <p class="hint">Drag over a chart to look closer; double-click for the whole.
 <span class="key estimate">estimate, band of 2 standard deviations</span>{truth}</p>
 <section class="cards">{cards}</section>
 <section id="force" class="panel"><h2>Force <small>[N]</small></h2><p class="under">
-<span class="key measured">measured</span> <span class="key estimate">one step ahead</span></p>
-</section>
+<span class="key measured">measured</span>
+<span class="key estimate">foretold one step ahead</span></p></section>
 <section id="error" class="panel"><h2>Error one step ahead <small>[mN]</small></h2>
-<p class="under">measured minus foretold</p></section>
-<section id="nis" class="panel"><h2>Consistency (mean NIS)</h2><p class="under">
-<span class="key good">where 95 % of a consistent filter lie</span></p></section>
+<p class="under">measured minus foretold: least and greatest</p></section>
+<section id="nis" class="panel"><h2>Is it honest? <small>mean NIS, ideally 2</small></h2>
+<p class="under"><span class="key good">honest; above: it errs more than it admits</span></p>
+</section>
 <section id="timeline" class="panel"><h2>What happened</h2><div class="lanes"></div>
 <p class="under lanes-key"><span class="key good">contact; law fits</span>
-<span class="key alarm">law does not fit</span></p><ol tabindex="0"></ol></section>
+<span class="key alarm">law does not fit</span>
+leads: colours as in “What the tissue does”</p><ol tabindex="0"></ol></section>
 <section id="hypotheses" class="panel"><h2>What the tissue does</h2><p class="note under"></p>
 <div class="hypotheses"></div><p class="faults"></p></section>
 """
@@ -149,7 +154,7 @@ def _tables(
     command: Sequence[str],
 ) -> str:
     parts = [
-        _section("Parameters at the end", _parameter_table(data)),
+        _section("Parameters at the end", _parameter_table(data), "wide"),
         _section("Figures", _figure_table(data)),
         _section("Between force and displacement", _channel_table(channels, why_not)),
         _section(f"Contacts ({len(contacts)})", _contact_table(contacts), "full"),
@@ -173,10 +178,11 @@ def _parameter_table(data: RunData) -> str:
     for i, (symbol, unit) in enumerate(zip("KBnp", UNITS, strict=True)):
         value, deviation = data.parameters[-1, i], data.parameters_std[-1, i]
         known = f"{100 * data.identifiability[-1, i]:.0f} %"
-        row = [symbol, f"{value:.5g}", f"{2.0 * deviation:.2g}", unit, known]
+        places = decimals_of(value, 2.0 * deviation)
+        row = [symbol, fixed(value, places), fixed(2.0 * deviation, places), unit, known]
         if data.truth is not None:
             true = data.truth[-1, i]
-            row += [f"{true:.5g}", f"{100 * (value / true - 1):+.2f} %"]
+            row += [fixed(true, places), f"{100 * (value / true - 1):+.2f} %"]
         rows.append(row)
     return table(head, rows, "numbers")
 
@@ -187,7 +193,7 @@ def _figure_table(data: RunData) -> str:
 
     def rms(values: Any) -> str:
         finite = values[np.isfinite(values)]
-        return f"{1e3 * np.sqrt(np.mean(finite**2)):.3g} mN" if len(finite) else "–"
+        return engineering(float(np.sqrt(np.mean(finite**2))), "N") if len(finite) else "–"
 
     nis = data.nis[chosen]
     nis = nis[np.isfinite(nis)]
@@ -216,7 +222,7 @@ def _channel_table(channels: ChannelDiagnosis | None, why_not: str) -> str:
     clear = channels.clear_faults
     late = "displacement after force" if channels.delay_s < 0.0 else "force after displacement"
     rows = [
-        [what, f"{value:.3g}", f"{2.0 * deviation:.2g}", unit, "yes" if name in clear else "no"]
+        [what, with_spread(value, 2.0 * deviation), unit, "yes" if name in clear else "no"]
         for name, what, value, deviation, unit in (
             ("delay", late, 1e3 * abs(channels.delay_s), 1e3 * channels.delay_std_s, "ms"),
             ("zero", "force zero", 1e3 * channels.zero_n, 1e3 * channels.zero_std_n, "mN"),
@@ -227,10 +233,10 @@ def _channel_table(channels: ChannelDiagnosis | None, why_not: str) -> str:
     text = (
         f"One fit to the whole recording, as for one tissue. With the three taken out: "
         f"K = {stiffness:.4g}, B = {damping:.4g}, n = {exponent:.4g}, p = {power:.4g}; force "
-        f"residual {1e3 * channels.residual_rms_n:.3g} mN, left in "
-        f"{1e3 * channels.residual_rms_without_n:.3g} mN."
+        f"residual {engineering(channels.residual_rms_n, 'N')}, left in "
+        f"{engineering(channels.residual_rms_without_n, 'N')}."
     )
-    head = ["", "value", "± 2 sd", "unit", "stands out"]
+    head = ["", "value ± 2 sd", "unit", "stands out"]
     return table(head, rows, "numbers") + f'<p class="under">{html.escape(text)}</p>\n'
 
 
@@ -247,7 +253,7 @@ def _contact_table(contacts: Sequence[Contact]) -> str:
             row += [f"{v:.1f}" if np.isfinite(v) else "–" for v in contact.position_mm]
         row += [f"{contact.peak_depth_mm:.2f}", f"{contact.peak_force_n:.2f}"]
         row += [
-            f"{value:.3g} ± {2.0 * spread:.1g}"
+            with_spread(float(value), 2.0 * float(spread))
             for value, spread in zip(contact.parameters, contact.parameters_std, strict=True)
         ]
         row += [f"{contact.energy_loss_mj:.3g}", f"{100 * contact.mismatch_share:.0f} %"]

@@ -13,6 +13,7 @@ from hc_bringup.explanation import explain
 from hc_bringup.report.contacts import Contact
 from hc_bringup.report.palpation_map import StiffnessMap
 from hc_bringup.run_data import RunData
+from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_evaluation.metrics import chi_square_band
 
 Array = NDArray[np.float64]
@@ -21,6 +22,10 @@ SETTLING_S: Final = 1.0
 MISMATCH_SHARE: Final = 0.05
 UNKNOWN: Final = 0.5
 """Identifiability below which a parameter cannot be seen, and relative deviation above which."""
+LITTLE_NIS: Final = 2.5
+"""Mean NIS up to which nobody need be told, however many samples say that it is not 2."""
+ROUGHLY: Final = 0.5
+"""Spread of the force, relative, from which on it is known only roughly."""
 DEPTH_MM: Final = 2.0
 _SYMBOLS: Final = ("K", "B", "n", "p")
 
@@ -54,8 +59,8 @@ def verdict(
     if not data.contact.any():
         return [Sentence(Level.BAD, "The tool never touched anything: nothing can be said.")]
     sentences = [
-        *_felt(data),
         *_lump(found),
+        *_felt(data, scanned=found is not None and found.lump is not None),
         *_fit(data),
         *_channels(data, channels),
         *_unseen(data, channels),
@@ -78,7 +83,7 @@ def settled(data: RunData) -> NDArray[np.bool_]:
     return touching & late
 
 
-def _felt(data: RunData) -> list[Sentence]:
+def _felt(data: RunData, *, scanned: bool) -> list[Sentence]:
     last = int(np.flatnonzero(data.contact & data.used)[-1])
     stiffness, _, exponent, _ = data.parameters[last]
     covariance = data.covariance[last]
@@ -91,18 +96,24 @@ def _felt(data: RunData) -> list[Sentence]:
     spread = 2.0 * force * float(np.sqrt(variance))
     error = (data.force_n - data.force_predicted_n)[settled(data)]
     rms = float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else np.nan
-    text = f"At rest the tissue takes {_with(force, spread)} N for {DEPTH_MM:g} mm of depth"
+    where = ", where it was felt last," if scanned else ""
+    takes = f"takes {with_spread(force, spread)} N for {DEPTH_MM:g} mm of depth"
+    text = f"At rest the tissue{where} {takes}"
     if np.isfinite(rms):
-        text += f"; one step ahead its force is foretold within {_force(rms)} (RMS)"
-    return [Sentence(Level.GOOD, text + ".")]
+        text += f"; one step ahead its force is foretold within {engineering(rms, 'N')} (RMS)"
+    # Half of the force as its spread is no knowledge to be glad of.
+    return [Sentence(Level.GOOD if spread < ROUGHLY * force else Level.NOTE, text + ".")]
 
 
 def _lump(found: StiffnessMap | None) -> list[Sentence]:
     if found is None or found.lump is None:
         return []
-    x, y, factor = found.lump
+    x, y, factor, deviation = found.lump
     where = f"{x:.1f} mm" if found.is_line else f"({x:.1f}, {y:.1f}) mm"
-    return [Sentence(Level.NOTE, f"A hard spot at {where}: {factor:.1f} times as stiff as around.")]
+    # What is known better than to a tenth is not shown.
+    spread = max(0.1, 2.0 * deviation)
+    text = f"A hard spot at {where}: {factor:.1f} ± {spread:.1f} times as stiff as around it."
+    return [Sentence(Level.NOTE, text)]
 
 
 def _fit(data: RunData) -> list[Sentence]:
@@ -143,7 +154,7 @@ def _channels(data: RunData, channels: Any | None) -> list[Sentence]:
     if "delay" in clear:
         sentences.append(f"{_delay(channels.delay_s)}")
     if "zero" in clear:
-        sentences.append(f"The force reads {_force(channels.zero_n)} without contact")
+        sentences.append(f"The force reads {engineering(channels.zero_n, 'N')} without contact")
     if "contact" in clear:
         sentences.append(f"Contact begins at {channels.contact_mm:.2g} mm, not at 0")
     better = f"what is left of the force falls to {100 * gain:.0f} % when put right"
@@ -196,6 +207,9 @@ def _honesty(data: RunData) -> list[Sentence]:
     if mean > 1.5 * high:
         text = f"Errors are larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
         return [Sentence(Level.BAD, text)]
+    if mean > max(high, LITTLE_NIS):
+        text = f"Errors are a little larger than the filter admits: mean NIS {mean:.1f} (ideal 2)."
+        return [Sentence(Level.NOTE, text)]
     if data.truth is not None:
         error = np.abs(data.parameters[:, 0] - data.truth[:, 0])[chosen]
         inside = float(np.nanmean(error <= 3.0 * data.parameters_std[chosen, 0]))
@@ -226,12 +240,3 @@ def _spread(contacts: Sequence[Contact]) -> Sentence:
         Level.NOTE,
         f"{len(contacts)} contacts: K from {values.min():.3g} to {values.max():.3g} N/mm^n.",
     )
-
-
-def _with(value: float, spread: float) -> str:
-    places = max(0, min(6, 1 - int(np.floor(np.log10(spread))))) if spread > 0.0 else 3
-    return f"{value:.{places}f} ± {spread:.{places}f}"
-
-
-def _force(force_n: float) -> str:
-    return f"{force_n:.3g} N" if abs(force_n) >= 1.0 else f"{1e3 * force_n:.3g} mN"

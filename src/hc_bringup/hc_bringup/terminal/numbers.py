@@ -36,6 +36,12 @@ def decimals_of(value: float, deviation: float) -> int:
     return max(0, min(MOST_DECIMALS, 1 - math.floor(math.log10(size))))
 
 
+def with_spread(value: float, spread: float) -> str:
+    """Return a value and its spread with the same decimals: two digits of the spread."""
+    places = decimals_of(value, spread)
+    return f"{fixed(value, places)} ± {fixed(spread, places)}"
+
+
 class SteadyDecimals:
     """Decimals of one number that do not jump to and fro with its uncertainty."""
 

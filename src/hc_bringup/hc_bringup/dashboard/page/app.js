@@ -24,6 +24,7 @@ HC.App = class {
 
   start() {
     HC.startTheme();
+    HC.onSight = () => (this.changed = true);
     this.listen();
     this.connection.start();
     requestAnimationFrame((now) => this.draw(now));
@@ -49,12 +50,14 @@ HC.App = class {
         "aria-label": `${name}, ${HC.MEANING[name]}` },
       HC.element("h2", {}, HC.element("b", { text: name }),
         HC.element("small", { text: HC.MEANING[name] })),
-      HC.element("p", { class: "big" }, HC.element("span", { class: "value", text: "–" }),
-        HC.element("small", { class: "unit", text: HC.UNITS[name] })),
+      HC.element("p", { class: "big" }, HC.element("span", { class: "value", text: "–" })),
       HC.element("p", { class: "under" },
-        HC.element("meter", { class: "known", min: 0, max: 1, value: 0,
-          "aria-label": `${name} known from the data` }),
-        HC.element("span", { class: "share" }), HC.element("span", { class: "true" })));
+        HC.element("span", { class: "unit", text: HC.UNITS[name] }),
+        HC.element("span", { class: "true key truth", hidden: true })),
+      HC.element("p", { class: "under" },
+        HC.element("meter", { class: "known", min: 0, max: 1, low: 0.5, high: 0.8, optimum: 1,
+          value: 0, "aria-label": `${name} known from the data` }),
+        HC.element("span", { class: "share" })));
       host.append(card);
     }
     const find = (id) => document.getElementById(id);
@@ -100,6 +103,7 @@ HC.App = class {
       this.status = message;
       this.statusAt = performance.now();
       this.health.show(message);
+      this.showMap();
       this.timeline.setOrigin(message.origin);
       document.getElementById("record").classList.toggle("on",
         !!(message.recording && message.recording.on));
@@ -112,7 +116,15 @@ HC.App = class {
       this.changed = true;
     } else if (message.op === "contacts") {
       this.map.setContacts(message.items);
+      this.showMap();
     }
+  }
+
+  /* Where no position is known and no contact has ended there is no map: its room is the law's. */
+  showMap() {
+    const nothing = this.map.kind === "empty" && !(this.status && this.status.tip);
+    document.getElementById("map").hidden = nothing;
+    document.getElementById("depth").classList.toggle("full", nothing);
   }
 
   /* Settings are read only for who looks at them. */
@@ -148,8 +160,9 @@ HC.App = class {
       for (const panel of this.parameters) panel.show(this.store);
       this.hypotheses.show(this.store);
     }
-    HC.setText(document.getElementById("headline"),
-      HC.sentences(this.store, this.map, this.status).join(" "));
+    const sentences = HC.sentences(this.store, this.map, this.status);
+    if (word[1] === "bad") sentences.unshift("Last heard:");
+    HC.setText(document.getElementById("headline"), sentences.join(" "));
   }
 
   /* State in a word, its level, and a line for the banner where something is wrong. */
@@ -166,8 +179,9 @@ HC.App = class {
     }
     const silent = status.silent_s + (performance.now() - this.statusAt) / 1000;
     if (silent > 1) {
+      const what = status.estimating ? "estimates" : "samples";
       return ["stopped", "bad",
-        `Stopped: no ${status.estimating ? "estimates" : "samples"} for ${silent.toFixed(0)} s.`];
+        `Stopped: no ${what} for ${silent.toFixed(0)} s. ${HC.reasonOf(status.nodes)}`.trim()];
     }
     if (this.frozen) return ["frozen", "idle", ""];
     if (!this.store || this.store.empty) return ["waiting", "idle", ""];

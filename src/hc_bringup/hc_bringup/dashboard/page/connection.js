@@ -52,7 +52,7 @@ HC.Connection = class {
       for (const finish of this.waiting.values()) finish({ ok: false, message: "disconnected" });
       this.waiting.clear();
       const why = this.refused || event.reason ||
-        (this.opened ? "" : "if this does not pass, open the page by the address that was printed");
+        (this.opened ? "" : "If this does not pass, open the page by the address that was printed");
       this.handlers.state("disconnected", why);
       setTimeout(() => this.connect(), this.delay);
       this.delay = Math.min(4000, 2 * this.delay);

@@ -109,6 +109,7 @@ HC.Controls = class {
 
   limits(entry) {
     if (entry.choices) return "one of " + entry.choices.join(", ");
+    if (entry.suggestions) return "a name from the list, or a file of your own";
     if (entry.type === "bool") return "true or false";
     if (entry.from === undefined) return entry.type === "text" ? "a text" : "any " + entry.type;
     const text = (v) => (Math.abs(v) >= 1e15 || !isFinite(v) ? (v < 0 ? "-∞" : "∞") : String(v));
@@ -207,7 +208,8 @@ HC.Controls = class {
     HC.setText(this.host.querySelector("#scenario-name"), scenario ? `${scenario.value}` : "");
     const focused = document.activeElement && document.activeElement.name;
     if (focused && entries.some((entry) => entry.name === focused)) return; // being typed into
-    this.host.querySelector("#rig-fields").replaceChildren(...entries.map((entry) => {
+    const lists = [];
+    const fields = entries.map((entry) => {
       const common = { name: entry.name, id: "rig-" + entry.name, "data-type": entry.type };
       let field;
       if (entry.type === "bool") {
@@ -216,13 +218,20 @@ HC.Controls = class {
         field = HC.element("select", common, ...entry.choices.map((choice) =>
           HC.element("option", { value: choice, text: choice, selected: choice === entry.value })));
       } else {
-        field = HC.element("input", { ...common, type: "text", inputmode: "decimal",
+        const list = entry.suggestions ? `rig-${entry.name}-names` : null;
+        field = HC.element("input", { ...common, type: "text", list,
+          inputmode: entry.type === "text" ? null : "decimal",
           value: this.asText(entry.value), autocomplete: "off" });
+        if (list) {
+          lists.push(HC.element("datalist", { id: list },
+            ...entry.suggestions.map((name) => HC.element("option", { value: name }))));
+        }
       }
       return HC.element("label", { for: "rig-" + entry.name },
         HC.element("span", { text: entry.name.replaceAll("_", " ") }), field,
         HC.element("small", { text: `${entry.about}; ${this.limits(entry)}` }));
-    }));
+    });
+    this.host.querySelector("#rig-fields").replaceChildren(...fields, ...lists);
   }
 
   async applyRig() {

@@ -5,7 +5,7 @@ HC.DepthPanel = class {
   constructor(host) {
     this.x = new HC.CalmRange(0.02);
     this.y = new HC.CalmRange(0.02);
-    this.seconds = 6;
+    this.seconds = 4;
     this.chart = HC.chart(host, {
       mode: 2,
       x: { label: "depth [mm]", range: () => this.x.now || [0, 1] },
@@ -97,8 +97,10 @@ HC.DepthPanel = class {
       const [xs, ys] = plot.data[series];
       const size = 2.2 * devicePixelRatio;
       for (let i = 0; i < xs.length; i++) {
-        const age = (xs.length - i) / xs.length;
-        ctx.fillStyle = HC.withAlpha(HC.palette.measured, 0.15 + 0.75 * (1 - age));
+        const fresh = i / xs.length;
+        // Live, the law is that of the present: what was felt elsewhere fades.
+        const alpha = this.seconds ? 0.06 + 0.94 * fresh ** 3 : 0.15 + 0.75 * fresh;
+        ctx.fillStyle = HC.withAlpha(HC.palette.measured, alpha);
         ctx.fillRect(px(xs[i]) - size / 2, py(ys[i]) - size / 2, size, size);
       }
       if (xs.length) {

@@ -11,6 +11,7 @@ HC.HealthPanel = class {
     const milli = edges.map((edge) => 1000 * edge);
     this.chart = HC.chart(host.querySelector(".latency"), {
       height: 120,
+      padding: [6, 18, 0, 18],
       x: {
         label: "latency of the estimates in the last 10 s [ms]",
         range: () => [0.01, 1000],
@@ -67,6 +68,13 @@ HC.HealthPanel = class {
   }
 };
 
+/* What the estimator says of why nothing comes; nothing where it is gone or content. */
+HC.reasonOf = function (nodes) {
+  const estimator = (nodes || {}).estimator;
+  if (!estimator || estimator.age_s > 2.5 || !(estimator.level > 0)) return "";
+  return `The estimator says: ${estimator.message}.`;
+};
+
 /* Words for what is felt: one or two sentences that need no knowledge of filters. */
 HC.sentences = function (store, map, status) {
   if (store.empty) return ["Waiting for the first samples."];
@@ -74,6 +82,9 @@ HC.sentences = function (store, map, status) {
     return ["Samples come, but nobody estimates: start the estimator node."];
   }
   const out = [];
+  if (map && map.lump && map.kind !== "contacts") {
+    out.push(`A hard spot at ${HC.lumpPlace(map)}: ${HC.lumpFactor(map.lump)} as around it.`);
+  }
   const K = store.last("K");
   const n = store.last("n");
   const known = store.last("K_known");
@@ -86,13 +97,9 @@ HC.sentences = function (store, map, status) {
     const depth = Math.max(0, store.last("displacement"));
     const [value, deviation] = HC.stiffnessOf(store, Math.max(depth, 0.05));
     out.push(`In contact, ${depth.toFixed(1)} mm deep: here the tissue resists with ` +
-      `${HC.withDeviation(value, 2 * deviation)} N/mm.`);
+      `${HC.withDeviation(value, 2 * deviation, 1)} N/mm.`);
   } else {
     out.push(`The tissue last felt takes ${HC.engineering(K * 2 ** n, "N", 3)} for 2 mm.`);
-  }
-  if (map && map.lump && map.kind !== "contacts") {
-    const { x, factor } = map.lump;
-    out.push(`A hard spot: ${factor.toFixed(1)} times as stiff at ${x.toFixed(1)} mm as around it.`);
   }
   if (store.last("mismatch")) {
     out.push(status && status.explanation ? `The contact law does not fit: ${status.explanation}.`

@@ -42,16 +42,16 @@ HC.MEANING = {
   p: "exponent of the speed",
 };
 
-/* As many decimals as the deviation can be told by: two digits of it. */
-HC.decimals = function (value, deviation) {
+/* As many decimals as the deviation can be told by: two digits of it, or as many as asked for. */
+HC.decimals = function (value, deviation, digits) {
   const size = deviation > 0 && isFinite(deviation) ? deviation : Math.abs(value) / 1000;
   if (!(size > 0)) return 3;
-  return Math.max(0, Math.min(7, 1 - Math.floor(Math.log10(size))));
+  return Math.max(0, Math.min(7, (digits || 2) - 1 - Math.floor(Math.log10(size))));
 };
 
-HC.withDeviation = function (value, deviation) {
+HC.withDeviation = function (value, deviation, digits) {
   if (!isFinite(value) || value === null) return "–";
-  const places = HC.decimals(value, deviation);
+  const places = HC.decimals(value, deviation, digits);
   const text = value.toFixed(places);
   return deviation > 0 && isFinite(deviation) ? text + " ± " + deviation.toFixed(places) : text;
 };
@@ -117,6 +117,13 @@ HC.tickLabels = function (_plot, splits, _axis, _space, step) {
   return splits.map((v) => v.toFixed(places));
 };
 
+/* The same for a time axis, whose unit stands at the last label. */
+HC.timeLabels = function (plot, splits, axis, space, step) {
+  const labels = HC.tickLabels(plot, splits, axis, space, step);
+  if (labels.length) labels[labels.length - 1] += " s";
+  return labels;
+};
+
 /* A chart in a host element, as wide as it; returns {plot, setData, note}.
    options: series (uPlot's), bands, x and y: {label, range, ...axis}, hooks, cursor, tip. */
 HC.chart = function (host, options, data) {
@@ -127,7 +134,7 @@ HC.chart = function (host, options, data) {
     width: Math.max(120, box.clientWidth),
     height: Math.max(80, options.height || box.clientHeight || 160),
     pxAlign: 1,
-    padding: [6, 8, 0, 0],
+    padding: options.padding || [6, 16, 0, 0],
     legend: { show: false },
     cursor: {
       points: { show: false },
@@ -141,9 +148,11 @@ HC.chart = function (host, options, data) {
       y: { ...(options.y.range ? { range: options.y.range } : {}), ...options.y.scale },
     },
     axes: [
-      HC.axis({ size: 30, labelSize: 14, space: 55, values: HC.tickLabels, ...options.x.axis,
+      HC.axis({ size: options.x.label ? 30 : 22, labelSize: 14, space: 55, ...options.x.axis,
+        values: (options.x.axis || {}).values ||
+          (options.sync === "time" ? HC.timeLabels : HC.tickLabels),
         label: options.x.label }),
-      HC.axis({ space: 28, values: HC.tickLabels, ...options.y.axis, label: options.y.label }),
+      HC.axis({ space: 20, values: HC.tickLabels, ...options.y.axis, label: options.y.label }),
     ],
     series: [options.mode === 2 ? null : {}, ...options.series.map((one) => ({
       ...(options.mode === 2 ? { facets: HC.FACETS } : {}), ...one }))],
@@ -171,6 +180,9 @@ HC.chart = function (host, options, data) {
   return chart;
 };
 
+/* A live page sets HC.onSight(): it is told when a chart comes into sight. */
+HC.onSight = null;
+
 HC.watchSize = function (chart) {
   chart.box.hcChart = chart;
   if (!HC.sizes) {
@@ -179,6 +191,8 @@ HC.watchSize = function (chart) {
     });
     HC.sight = new IntersectionObserver((entries) => {
       for (const entry of entries) entry.target.hcChart.visible = entry.isIntersecting;
+      // What came while a chart was out of sight is not in it yet.
+      if (HC.onSight && entries.some((entry) => entry.isIntersecting)) HC.onSight();
     });
   }
   HC.sizes.observe(chart.box);

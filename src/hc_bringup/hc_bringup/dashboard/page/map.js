@@ -5,6 +5,10 @@
 
 HC.STRIP = 0.26; // share of the height
 
+/* Steps between labels: of lengths, and of contacts, of which there are no halves. */
+HC.STEPS = [-2, -1, 0, 1, 2, 3, 4].flatMap((power) => [1, 2, 2.5, 5].map((s) => s * 10 ** power));
+HC.COUNTS = HC.STEPS.filter((step) => Number.isInteger(step));
+
 HC.MapPanel = class {
   constructor(host, columns) {
     this.host = host;
@@ -17,9 +21,11 @@ HC.MapPanel = class {
     this.y = new HC.CalmRange(0.05, 0);
     this.kind = "empty";
     this.note = host.querySelector(".note");
+    this.keys = host.querySelector(".keys");
     this.chart = HC.chart(host, {
       mode: 2,
-      x: { label: "sideways [mm]", range: () => this.x.now || [0, 1] },
+      x: { label: "sideways [mm]", range: () => this.x.now || [0, 1],
+        axis: { incrs: () => (this.kind === "contacts" ? HC.COUNTS : HC.STEPS) } },
       y: { label: "stiffness [N/mm]", range: () => this.y.now || [0, 1] },
       series: [{ stroke: () => HC.palette.ink, paths: (plot) => this.draw(plot) }],
       tip: (plot, _i, left, top) =>
@@ -96,7 +102,9 @@ HC.MapPanel = class {
 
   setTip(x, y) {
     if (x === this.tip[0] && y === this.tip[1]) return;
+    const first = !isFinite(this.tip[0]);
     this.tip = [x, y];
+    if (first) this.describeAll();
     this.chart.plot.redraw(false, false);
   }
 
@@ -119,8 +127,47 @@ HC.MapPanel = class {
     if (this.kind === "plane") this.drawPlane(ctx, px, py);
     else if (this.kind !== "empty") this.drawLine(ctx, px, py, top, height);
     this.drawTip(ctx, px, py, top, height);
+    if (this.lump) this.drawLump(ctx, px, py, plot.bbox);
     ctx.restore();
     return null;
+  }
+
+  /* Where it is and what it is, beside it: who looks at the map need not read the headline. */
+  drawLump(ctx, px, py, box) {
+    const { x, y, value } = this.lump;
+    const ratio = devicePixelRatio;
+    const text = "hard spot: " + HC.lumpFactor(this.lump);
+    const plane = this.kind === "plane";
+    const [atX, atY] = [px(x), py(plane ? y : value)];
+    ctx.strokeStyle = HC.palette.ink;
+    ctx.lineWidth = 2 * ratio;
+    ctx.beginPath();
+    if (plane) ctx.arc(atX, atY, 10 * ratio, 0, 7);
+    else ctx.arc(atX, atY, 5 * ratio, 0, 7);
+    ctx.stroke();
+    ctx.font = `600 ${12 * ratio}px system-ui, sans-serif`;
+    const wide = ctx.measureText(text).width;
+    // Along a line it stands at the foot, where nothing is drawn; over a plane beside the spot.
+    const inside = (from) => Math.max(box.left + 6 * ratio,
+      Math.min(box.left + box.width - wide - 6 * ratio, from));
+    const left = plane && atX + 16 * ratio + wide > box.left + box.width
+      ? inside(atX - wide - 16 * ratio) : inside(plane ? atX + 16 * ratio : atX - wide / 2);
+    const line = plane ? atY + 4 * ratio : box.top + box.height - 12 * ratio;
+    if (!plane) {
+      ctx.lineWidth = ratio;
+      ctx.setLineDash([3 * ratio, 3 * ratio]);
+      ctx.beginPath();
+      ctx.moveTo(atX, atY + 6 * ratio);
+      ctx.lineTo(atX, line - 14 * ratio);
+      ctx.stroke();
+      ctx.setLineDash([]);
+    }
+    ctx.fillStyle = HC.withAlpha(HC.palette.panel, 0.85);
+    ctx.fillRect(left - 4 * ratio, line - 12 * ratio, wide + 8 * ratio, 17 * ratio);
+    ctx.fillStyle = HC.palette.ink;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "alphabetic";
+    ctx.fillText(text, left, line);
   }
 
   drawPlane(ctx, px, py) {
@@ -213,17 +260,24 @@ HC.MapPanel = class {
     } else {
       const deepest = HC.extent(this.spots.map((s) => s.deepest))[1];
       if (this.kind === "contacts") text = "No position is known: over the contacts.";
+      if (this.kind === "plane") text = "The paler a cell, the less is known of it.";
       if (this.depth > 1.05 * deepest) {
         text += ` Extrapolated: nowhere was it pressed deeper than ${deepest.toFixed(1)} mm.`;
       }
     }
     HC.setText(this.note, text.trim());
+    if (this.keys) {
+      this.keys.hidden = this.kind === "empty";
+      this.keys.querySelector(".estimate").hidden = this.kind === "plane";
+      this.keys.querySelector(".tool").hidden = this.kind === "contacts" || !isFinite(this.tip[0]);
+    }
     const [low, high] = this.colours || [NaN, NaN];
     const scale = this.host.querySelector(".scale");
     scale.hidden = !isFinite(low);
     if (!scale.hidden) {
-      HC.setText(scale.querySelector(".low"), low.toFixed(HC.decimals(low, high / 50)));
-      HC.setText(scale.querySelector(".high"), high.toFixed(HC.decimals(high, high / 50)) + " N/mm");
+      HC.setText(scale.querySelector(".low"), low.toFixed(HC.decimals(low, high / 50, 1)));
+      HC.setText(scale.querySelector(".high"),
+        high.toFixed(HC.decimals(high, high / 50, 1)) + " N/mm");
     }
   }
 };
@@ -234,7 +288,8 @@ HC.distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
 HC.findLump = function (spots) {
   if (spots.length < 6) return null;
   // The lower quartile is what is around: a lump that takes up half of the way is not in it.
-  const usual = spots.map((s) => s.value).sort((a, b) => a - b)[Math.floor(spots.length / 4)];
+  const around = [...spots].sort((a, b) => a.value - b.value)[Math.floor(spots.length / 4)];
+  const usual = around.value;
   const known = spots.filter((s) => s.deviation < 0.2 * s.value);
   if (!known.length) return null;
   const peak = known.reduce((a, b) => (b.value > a.value ? b : a));
@@ -243,5 +298,18 @@ HC.findLump = function (spots) {
   const gap = Math.min(...known.filter((s) => s !== peak).map((s) => HC.distance(s, peak)));
   const neighbours = known.filter((s) => s !== peak && HC.distance(s, peak) < 2.1 * gap);
   if (!neighbours.some((s) => s.value > 1.15 * usual)) return null;
-  return { x: peak.x, y: peak.y, factor: peak.value / usual, deviation: peak.deviation / usual };
+  const factor = peak.value / usual;
+  const deviation = factor * Math.hypot(peak.deviation / peak.value, around.deviation / usual);
+  return { x: peak.x, y: peak.y, value: peak.value, factor, deviation };
+};
+
+/* How much harder, with two deviations; what is known better than to a tenth is not shown. */
+HC.lumpFactor = function (lump) {
+  const spread = Math.max(0.1, 2 * lump.deviation);
+  return `${HC.withDeviation(lump.factor, spread, 1)} times as stiff`;
+};
+
+HC.lumpPlace = function (map) {
+  const { x, y } = map.lump;
+  return map.kind === "plane" ? `(${x.toFixed(1)}, ${y.toFixed(1)}) mm` : `${x.toFixed(1)} mm`;
 };

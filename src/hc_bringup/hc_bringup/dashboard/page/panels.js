@@ -51,8 +51,10 @@ HC.ParameterPanel = class {
     this.known.title = share;
     HC.setText(this.host.querySelector(".share"), share);
     const truth = at(this.name + "_true");
-    HC.setText(this.host.querySelector(".true"),
-      isFinite(truth) ? "true " + truth.toFixed(HC.decimals(truth, deviation)) : "");
+    const shown = this.host.querySelector(".true");
+    shown.hidden = !isFinite(truth);
+    HC.setText(shown,
+      isFinite(truth) ? "true " + truth.toFixed(HC.decimals(truth, 2 * deviation)) : "");
   }
 
   describe(plot, index) {

@@ -56,10 +56,11 @@ HC.TimelinePanel = class {
       const [name, colour] = HC.EVENTS[event.kind] || [`event ${event.kind}`, "measured"];
       const at = this.origin === null || this.origin === undefined ? NaN : event.time - this.origin;
       const reason = event.reason && event.reason !== name ? event.reason : "";
+      const said = reason.includes(name) ? reason : reason ? `${name}: ${reason}` : name;
       return HC.element("li", {},
-        HC.element("span", { class: "when", text: isFinite(at) ? at.toFixed(1) + " s" : "" }),
+        HC.element("span", { class: "when", text: !isFinite(at) ? "" : at < 0 ? "before" : at.toFixed(1) + " s" }),
         HC.element("span", { class: `dot of-${colour}`, "aria-hidden": "true" }),
-        HC.element("span", { text: reason ? `${name}: ${reason}` : name }));
+        HC.element("span", { text: said }));
     });
     this.list.replaceChildren(...items);
   }
@@ -147,10 +148,13 @@ HC.HypothesisPanel = class {
         : number === leads ? "leads" : "–");
     });
     HC.setText(this.note, known.length
-      ? "Error of the force each foretells some time ahead: the least one leads."
+      ? "Error of the force that each foretold 0.05 to 0.4 s before; the longer the bar, the less. " +
+        "The calmest one leads that errs no more than it admits."
       : isFinite(leads) ? "This filter follows one hypothesis: it gives no scores." : "");
+    const delay = store.last("delay");
     const lines = [
-      ["delay of the force", 1000 * store.last("delay"), 1000 * store.last("delay_std"), "ms"],
+      [!isFinite(store.last("delay_std")) ? "delay of the force" : delay < 0 ? "force ahead of the displacement by" : "force behind the displacement by",
+        1000 * Math.abs(delay), 1000 * store.last("delay_std"), "ms"],
       ["surface at", store.last("contact_position"), store.last("contact_position_std"), "mm"],
       ["force zero", 1000 * store.last("force_zero"), 1000 * store.last("force_zero_std"), "mN"],
     ].map(([what, value, deviation, unit]) => isFinite(deviation)
