@@ -136,6 +136,11 @@ make_messages() { # beside one another: the filters' code needs no messages
     printf 'ready\n' >&2
 }
 
+# Byte code is kept beside the environment, also where PYTHONDONTWRITEBYTECODE is set, as containers
+# do: without it every process compiles numba and ourselves anew, three quarters of a node's start.
+unset PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX="$environment/byte_code"
+
 if ! is_current environment || ! is_current messages; then
     check_machine
     exec 9>"$root/.venv.lock"
