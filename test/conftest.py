@@ -10,6 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every ordinary run, so that a failure is one of the change and not of the
+# dice. New ones: `./hc test -- --hypothesis-profile exploring`. The time that an example takes
+# says nothing on a machine that others use too.
+settings.register_profile("ordinary", derandomize=True, deadline=None, print_blob=True)
+settings.register_profile("exploring", derandomize=False, deadline=None, print_blob=True)
+settings.load_profile("ordinary")
 
 MIDDLEWARE_VARIABLES = (
     "ROS_AUTOMATIC_DISCOVERY_RANGE",

@@ -1,7 +1,7 @@
 """The contact law over arrays is that of the estimators, and its derivatives are its slopes."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hc_estimator.contact import adhesive_force as one_adhesive
@@ -14,7 +14,6 @@ TISSUES = st.tuples(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(SAMPLES, TISSUES), min_size=1, max_size=30))
 def test_equals_the_law_of_the_estimators_sample_by_sample(rows):
     d, v = np.array([sample for sample, _ in rows]).T

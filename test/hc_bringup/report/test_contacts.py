@@ -73,9 +73,7 @@ def test_resting_on_the_surface_makes_no_phantoms(make_run: MakeRun) -> None:
         assert len(find_contacts(data, rules)) == 2
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(0.0, 0.5), st.floats(0.0, 0.3), st.floats(0.0, 3.0), st.floats(0.0, 2.0))
 def test_rules_hold_for_every_contact(
     make_run: MakeRun, duration: float, release: float, depth: float, force: float
