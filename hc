@@ -19,7 +19,8 @@ fail() {
 fingerprint() { # of what the environment was made from, and of what the messages were made from
     case $1 in
     environment) { printf '%s\n' "$root"; cat "$root/requirements.lock"; } ;;
-    messages) cat "$root/pyproject.toml" "$root"/src/hc_msgs/CMakeLists.txt \
+    messages) sed '/^# What follows concerns/,$d' "$root/pyproject.toml"
+        cat "$root"/src/hc_msgs/CMakeLists.txt \
         "$root"/src/hc_msgs/package.xml "$root"/src/hc_msgs/wheels_* "$root"/src/hc_msgs/*/*.msg ;;
     esac | sha256sum
 }
