@@ -4,7 +4,6 @@ import importlib
 import re
 import subprocess
 import sys
-
 from pathlib import Path
 from xml.etree import ElementTree
 

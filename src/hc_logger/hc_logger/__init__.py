@@ -11,6 +11,6 @@ recorder keeps), playback (what the player does). bench starts nodes as processe
 With rclpy: recorder_node, player_node, player_controls, qos_profiles, message_class.
 """
 
-from hc_msgs_py.version import VERSION as __version__
+from hc_msgs_py.version import VERSION
 
-__all__ = ["__version__"]
+__version__ = VERSION
