@@ -77,6 +77,14 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+def command_parser(command: str) -> argparse.ArgumentParser:
+    """Return the parser of one command alone."""
+    module = _module(command)
+    parser = _Parser(prog=f"hc {command}", description=module.HELP)
+    module.configure(parser)
+    return parser
+
+
 def _module(command: str) -> Any:
     return importlib.import_module(f"hc_bringup.commands.{command.replace('-', '_')}")
 
