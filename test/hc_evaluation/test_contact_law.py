@@ -19,8 +19,9 @@ def test_equals_the_law_of_the_estimators_sample_by_sample(rows):
     d, v = np.array([sample for sample, _ in rows]).T
     tissues = np.array([tissue for _, tissue in rows])
     expected = [one(*sample, *tissue) for sample, tissue in rows]
+    # Denormal depths are no depths to one of the two: 1e-308 mm to the power 0.8 is 1e-246 N.
     np.testing.assert_allclose(
-        law.hunt_crossley_force(d, v, tissues), expected, rtol=1e-11, atol=1e-300
+        law.hunt_crossley_force(d, v, tissues), expected, rtol=1e-11, atol=1e-200
     )
     expected = [one_adhesive(*sample, *tissue) for sample, tissue in rows]
     np.testing.assert_allclose(
