@@ -70,7 +70,7 @@ def _commands(
 
 def _arguments(parser: argparse.ArgumentParser) -> list[tuple[str, ...]]:
     formatter = parser._get_formatter()
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for action in parser._actions:
         if isinstance(action, (argparse._HelpAction, argparse._SubParsersAction)):
             continue
@@ -177,7 +177,7 @@ def _of_node(make: Callable[[], Any], needed: dict[str, tuple[str, str]]) -> lis
     rclpy.init(args=words)
     try:
         node = make()
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (
                 f"`{name}`",
                 needed[name][1] if name in needed else _default(node.get_parameter(name).value),
