@@ -19,10 +19,8 @@ _CHECKS = (
 _MYPY = "mypy"
 _LOWEST_PRIORITY = "19"
 """Of mypy, which runs beside the tests: it takes what they leave while they wait for processes."""
-_PARALLEL = ("--numprocesses=3", "--dist=loadfile", "--no-loadscope-reorder")
-"""Three for the two cores that CI has: most of the time is waiting, for processes that start and
-for messages. A file's tests stay together.
-"""
+_PARALLEL = ("--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder")
+"""Two processes, as the machines of CI have two cores; a file's tests stay together."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
