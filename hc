@@ -19,7 +19,8 @@ fail() {
 fingerprint() { # of what the environment was made from, and of what the messages were made from
     case $1 in
     environment) { printf '%s\n' "$root"; cat "$root/requirements.lock"; } ;;
-    messages) cat "$root/pyproject.toml" "$root"/src/hc_msgs/CMakeLists.txt \
+    messages) sed '/^# What follows concerns/,$d' "$root/pyproject.toml"
+        cat "$root"/src/hc_msgs/CMakeLists.txt \
         "$root"/src/hc_msgs/package.xml "$root"/src/hc_msgs/wheels_* "$root"/src/hc_msgs/*/*.msg ;;
     esac | sha256sum
 }
@@ -135,6 +136,11 @@ make_messages() { # beside one another: the filters' code needs no messages
     fingerprint messages >"$environment/.messages"
     printf 'ready\n' >&2
 }
+
+# Byte code is kept beside the environment, also where PYTHONDONTWRITEBYTECODE is set, as containers
+# do: without it every process compiles numba and ourselves anew, three quarters of a node's start.
+unset PYTHONDONTWRITEBYTECODE
+export PYTHONPYCACHEPREFIX="$environment/byte_code"
 
 if ! is_current environment || ! is_current messages; then
     check_machine

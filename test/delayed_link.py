@@ -1,8 +1,7 @@
 """Two network namespaces joined by a link with delay and loss: two hosts far apart, on one.
 
 A TAP device in each namespace; what goes into one comes out of the other after N(mean, deviation),
-in order, or not at all. Needs root, `ip` and /dev/net/tun, no kernel module for delays. After
-../shared/recipes/delayed_link.py.
+in order, or not at all. Needs root, `ip` and /dev/net/tun, no kernel module for delays.
 """
 
 from __future__ import annotations

@@ -1,12 +1,13 @@
 """Installs hc_bringup in a colcon workspace; pip users install the whole suite from the root."""
 
 from glob import glob
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 setup(
     name="hc_bringup",
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(include=["hc_bringup", "hc_bringup.*"]),
     package_data={"hc_bringup": ["py.typed", "dashboard/page/*", "report/page/*"]},
     data_files=[

@@ -1,10 +1,12 @@
 """Installs hc_evaluation in a colcon workspace; pip users install the whole suite from the root."""
 
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 setup(
     name="hc_evaluation",
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(include=["hc_evaluation", "hc_evaluation.*"]),
     package_data={
         "hc_evaluation": [

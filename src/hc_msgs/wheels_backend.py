@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 import shlex
+import subprocess
 import sysconfig
 from pathlib import Path
 from typing import Any
@@ -38,9 +39,24 @@ def _prepare(source_folders: list[Path]) -> None:
     ]
     if source_folders:
         arguments.append("-DHC_SOURCE_FOLDERS=" + ";".join(str(f) for f in source_folders))
+    elif commit := _commit():  # an editable install asks git itself
+        arguments.append(f"-DHC_COMMIT={commit}")
     os.environ["CMAKE_ARGS"] = " ".join(
         [os.environ.get("CMAKE_ARGS", ""), *(shlex.quote(a) for a in arguments)]
     ).strip()
+
+
+def _commit() -> str:
+    """The commit of this checkout, or nothing where it is none."""
+    words = ("describe", "--always", "--exclude=*", "--abbrev=7", "--dirty=, changed")
+    if not (HERE.parents[1] / ".git").exists():
+        return ""
+    try:
+        return subprocess.run(
+            ["git", "-C", str(HERE), *words], capture_output=True, text=True, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""
 
 
 def build_wheel(

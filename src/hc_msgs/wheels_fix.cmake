@@ -1,9 +1,10 @@
 # Injected with -DCMAKE_PROJECT_hc_msgs_INCLUDE by wheels_backend.py, only when building against
-# the ROS wheels. Three things that plain ament has no need of:
+# the ROS wheels. Four things that plain ament has no need of:
 # 1. The wheels' imported targets name include folders of the machine that built them
 #    (/opt/python/...), which CMake refuses where they do not exist: drop those.
 # 2. HC_SOURCE_FOLDERS: install a .pth file with them, which makes an editable install.
 # 3. The run configurations and parameter files, which hc_bringup's setup.py installs for colcon.
+# 4. HC_COMMIT: install a file with it, so that `hc --version` of a wheel can say where it is from.
 function(_hc_drop_missing_include_folders)
   get_property(_targets DIRECTORY PROPERTY IMPORTED_TARGETS)
   foreach(_target IN LISTS _targets)
@@ -25,6 +26,11 @@ if(HC_SOURCE_FOLDERS)
   list(JOIN HC_SOURCE_FOLDERS "\n" _hc_lines)
   file(WRITE "${CMAKE_BINARY_DIR}/hc_suite_source.pth" "${_hc_lines}\n")
   install(FILES "${CMAKE_BINARY_DIR}/hc_suite_source.pth" DESTINATION "${PYTHON_INSTALL_DIR}")
+endif()
+
+if(HC_COMMIT)
+  file(WRITE "${CMAKE_BINARY_DIR}/commit.txt" "${HC_COMMIT}\n")
+  install(FILES "${CMAKE_BINARY_DIR}/commit.txt" DESTINATION "${PYTHON_INSTALL_DIR}/hc_bringup")
 endif()
 
 file(GLOB _hc_configurations "${CMAKE_CURRENT_LIST_DIR}/../../config/*.yaml")

@@ -1,10 +1,12 @@
 """Installs hc_msgs_py in a colcon workspace; pip users install the whole suite from the root."""
 
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 setup(
     name="hc_msgs_py",
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(include=["hc_msgs_py", "hc_msgs_py.*"]),
     package_data={"hc_msgs_py": ["py.typed", "*.xml"]},
     data_files=[

@@ -1,10 +1,12 @@
 """Installs hc_sim_rig in a colcon workspace; pip users install the whole suite from the root."""
 
+from xml.etree import ElementTree
+
 from setuptools import find_packages, setup
 
 setup(
     name="hc_sim_rig",
-    version="0.1.0",
+    version=ElementTree.parse("package.xml").findtext("version"),
     packages=find_packages(include=["hc_sim_rig", "hc_sim_rig.*"]),
     package_data={"hc_sim_rig": ["py.typed", "scenarios/*.yaml"]},
     data_files=[

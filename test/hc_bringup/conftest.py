@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -36,10 +36,12 @@ class CommandLine:
             check=False,
         )
 
-    def start(self, *words: str, module: str = "hc_bringup") -> subprocess.Popen[str]:
-        """Start a command (or another module) and leave it running."""
+    def start(
+        self, *words: str, module: str = "hc_bringup", through: Sequence[str] = ()
+    ) -> subprocess.Popen[str]:
+        """Start a command (or another module), through another program if given; it goes on."""
         process = subprocess.Popen(
-            [sys.executable, "-m", module, *words],
+            [*through, sys.executable, "-m", module, *words],
             cwd=self.folder,
             env=self.environment,
             stdout=subprocess.PIPE,

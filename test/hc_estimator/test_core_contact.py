@@ -86,7 +86,7 @@ def test_no_force_without_penetration(model):
 
 
 @given(ANY, ANY, ANY, ANY, ANY, ANY)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_finite_readings_give_finite_forces(d, v, K, B, n, p):
     for model in range(len(hc.available_contact_models())):
         assert math.isfinite(contact_registry.contact_force(model, d, v, K, B, n, p))

@@ -103,7 +103,7 @@ def test_effective_sample_size():
 
 
 @given(st.lists(st.floats(-1e8, 0.0), min_size=2, max_size=30), st.floats(0.05, 0.95))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_flattening_keeps_the_share_that_it_promises(log_likelihoods, share):
     count = len(log_likelihoods)
     particles = weighted(np.array(log_likelihoods) - math.log(count))
@@ -116,7 +116,7 @@ def test_flattening_keeps_the_share_that_it_promises(log_likelihoods, share):
 
 
 @given(st.integers(1, 7), st.integers(0, 2**31), st.integers(0, 2))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_cholesky_of_semidefinite_matrices(size, seed, deficient):
     rng = np.random.default_rng(seed)
     root = rng.standard_normal((size, max(size - deficient, 0)))

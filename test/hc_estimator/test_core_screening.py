@@ -93,7 +93,7 @@ def test_hostile_steps(filter_name, state_space):
 
 @pytest.mark.parametrize("filter_name", ["ukf", "raukf", "rls"])
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=40))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_numbers_whatever(filter_name, samples):
     estimator = hc.create_estimator(filter_name)
     table = np.array(samples, float).reshape(-1, 3)

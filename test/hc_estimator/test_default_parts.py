@@ -59,7 +59,7 @@ def fill_grid(bank, displacement, force, rate=1000.0, origin=0.0):
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([200.0, 500.0, 1000.0, 4000.0]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_a_point_of_the_grid_is_the_least_squares_parabola(seed, rate):
     """The latest point against numpy's polynomial fit through the same readings."""
     _, bank = records(hc.create_estimator("self_tuning_ukf"))

@@ -11,14 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import settings
 
 from hc_estimator import available_filters, create_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-
-# On a machine that others use too, the time of one example says nothing.
-settings.register_profile("unhurried", deadline=None)
-settings.load_profile("unhurried")
 
 TRUE_PARAMETERS = (0.2, 0.008, 1.8, 1.05)  # with which the tissue never pulls
 

@@ -1,7 +1,7 @@
 """The contact law over arrays is that of the estimators, and its derivatives are its slopes."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hc_estimator.contact import adhesive_force as one_adhesive
@@ -14,21 +14,21 @@ TISSUES = st.tuples(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(SAMPLES, TISSUES), min_size=1, max_size=30))
 def test_equals_the_law_of_the_estimators_sample_by_sample(rows):
     d, v = np.array([sample for sample, _ in rows]).T
     tissues = np.array([tissue for _, tissue in rows])
     expected = [one(*sample, *tissue) for sample, tissue in rows]
+    # Denormal depths are no depths to one of the two: 1e-308 mm to the power 0.8 is 1e-246 N.
     np.testing.assert_allclose(
-        law.hunt_crossley_force(d, v, tissues), expected, rtol=1e-11, atol=1e-300
+        law.hunt_crossley_force(d, v, tissues), expected, rtol=1e-11, atol=1e-200
     )
     expected = [one_adhesive(*sample, *tissue) for sample, tissue in rows]
     np.testing.assert_allclose(
         law.adhesive_force(d, v, tissues),
         expected,
         rtol=1e-9,
-        atol=1e-9 * np.max(np.abs(expected)) + 1e-300,
+        atol=1e-9 * np.max(np.abs(expected)) + 1e-200,
     )
     apart = law.separated(d, v, tissues)
     assert np.all(law.hunt_crossley_force(d, v, tissues)[apart] == 0.0)

@@ -37,7 +37,7 @@ def columns(messages: list[bytes]) -> list[Columns]:
     return result
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.lists(
         st.tuples(
@@ -79,7 +79,7 @@ def test_records_equal_what_rclpy_serialized(values: list[Any]) -> None:
         np.testing.assert_array_equal(decode(messages[i]).covariance, covariance)
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 @given(
     frame=st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=9),
     numbers=arrays(np.float64, (5, 2), elements=doubles),

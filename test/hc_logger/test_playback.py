@@ -20,6 +20,8 @@ from hc_logger.reader import BagReader
 from hc_logger.selection import TopicSelection
 from hc_logger.writer import BagWriter
 
+pytestmark = pytest.mark.clock
+
 ALL = TopicSelection(["*"])
 SAMPLES = TopicSelection(["indenter/sample"])
 MakeBag = Callable[..., Path]

@@ -80,14 +80,14 @@ def test_a_date_is_a_text() -> None:
     ],
 )
 def test_what_is_not_plain_is_one_short_line(text: str, reason: str) -> None:
-    begin = time.monotonic()
+    begin = time.process_time()
     with pytest.raises(PlainYamlError) as caught:
         load_plain_yaml(text)
     line = str(caught.value)
     assert reason in line
     assert 0 < len(line) <= 200
     assert line.isprintable()
-    assert time.monotonic() - begin < 20.0
+    assert time.process_time() - begin < 20.0
 
 
 def test_a_bomb_takes_no_memory() -> None:

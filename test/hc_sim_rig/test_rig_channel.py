@@ -83,7 +83,7 @@ def plain_queue(link: Link, draws: np.ndarray) -> np.ndarray:
     return np.array(received)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     delay=st.floats(0.0, 0.06),
     jitter=st.floats(0.0, 0.02),

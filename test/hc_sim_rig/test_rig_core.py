@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -126,7 +126,6 @@ def test_indentation_goes_in_holds_and_comes_back() -> None:
     assert np.all(series.truth.force_n[d <= 0.0] == 0.0)
 
 
-@settings(deadline=None)
 @given(
     start=st.floats(-5.0, 5.0),
     ways=st.lists(st.floats(-8.0, 8.0), min_size=1, max_size=4),

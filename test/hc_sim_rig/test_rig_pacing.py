@@ -5,7 +5,11 @@ from __future__ import annotations
 import threading
 import time
 
+import pytest
+
 from hc_sim_rig.pacing import DeadlineThread
+
+pytestmark = pytest.mark.clock
 
 
 def run(rate_hz: float, count: int, clock_ns=time.time_ns, during=lambda index: None) -> tuple:
@@ -75,7 +79,7 @@ def test_stop_ends_a_slow_thread_soon_and_an_error_is_kept() -> None:
     assert called.wait(1.0)
     begin = time.monotonic()
     thread.stop()
-    assert time.monotonic() - begin < 1.0
+    assert time.monotonic() - begin < 5.0  # its period is 10 s
     assert not thread.running
 
     def fails(_index: int, _stamp: int) -> bool:

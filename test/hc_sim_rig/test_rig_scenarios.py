@@ -213,7 +213,7 @@ def places(data: object, path: tuple = ()) -> list[tuple]:
     return found
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(name=st.sampled_from(available_scenarios()), junk=JUNK, where=st.integers(0, 10**6))
 def test_junk_anywhere_is_a_scenario_or_one_line(name: str, junk: object, where: int) -> None:
     data = data_of(name)

@@ -184,7 +184,7 @@ def test_changes_apply_to_what_was_set_while_it_runs() -> None:
     assert rig.run(1.0).truth.parameters[-1, 0] == pytest.approx(1.0, rel=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     tissue=st.sampled_from(ALL),
     depths=st.lists(st.floats(-2.0, 5.0), min_size=2, max_size=6),

@@ -1,4 +1,4 @@
-"""The rule of DESIGN.md: imports run one way, and the cores know nothing of ROS."""
+"""The rule of docs/design.md: imports run one way, and the cores know nothing of ROS."""
 
 import ast
 import subprocess

@@ -44,6 +44,16 @@ COMMANDS: Final = (
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
 
 
+class _Version(argparse.Action):
+    """--version; git is asked only when somebody wants to know."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from hc_bringup.about import version_line
+
+        print(version_line())
+        parser.exit()
+
+
 class _Parser(argparse.ArgumentParser):
     """argparse, with wrong use told in one line."""
 
@@ -58,12 +68,21 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
         description="Online characterization of soft tissue: rig, estimators, bags.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action=_Version, nargs=0, help="version and commit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = _module(name)
         sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
         if command is None or name == command:
             module.configure(sub)
+    return parser
+
+
+def command_parser(command: str) -> argparse.ArgumentParser:
+    """Return the parser of one command alone."""
+    module = _module(command)
+    parser = _Parser(prog=f"hc {command}", description=module.HELP)
+    module.configure(parser)
     return parser
 
 

@@ -20,7 +20,7 @@ def run_summary(
     *,
     with_latency: bool = True,
 ) -> dict[str, Any]:
-    """Return what DESIGN.md lists for hc run --json, and a little more.
+    """Return what docs/design.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
     used against the measured one, without the first second of contact. lost counts samples

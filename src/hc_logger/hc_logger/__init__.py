@@ -11,4 +11,6 @@ recorder keeps), playback (what the player does). bench starts nodes as processe
 With rclpy: recorder_node, player_node, player_controls, qos_profiles, message_class.
 """
 
-__version__ = "0.1.0"
+from hc_msgs_py.version import VERSION
+
+__version__ = VERSION

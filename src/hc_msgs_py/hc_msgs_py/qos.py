@@ -1,7 +1,7 @@
 """Quality of service of the suite's topics.
 
 Depths are deep on purpose: with a depth of 100 a publisher overwrote its queue in stalls of 50
-to 120 ms at 1 kHz, with 2000 none was lost (../shared/BAGS_AND_PICTURES.md).
+to 120 ms at 1 kHz, with 2000 none was lost.
 
 A process that stands still (stopped, swapped out) receives nothing, however deep its own queue is:
 what it misses can only come from the publisher, if that keeps it and is asked to send it again.

@@ -1,4 +1,4 @@
-"""Names of the topics and of the nodes: what DESIGN.md fixes, in one place."""
+"""Names of the topics and of the nodes: what docs/design.md fixes, in one place."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ class Slave(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class Readings(Section):
-    """Which reading of paper C holds where its print cannot be meant (../shared/PAPER_NOTES.md).
+    """Which reading of paper C holds where its print cannot be meant (docs/rig.md).
 
     Each default is the correction, except eq13_adds_contact_force: the print is what the paper
     simulates, and leaving the force out is the more stable choice.

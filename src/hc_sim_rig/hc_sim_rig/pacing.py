@@ -1,7 +1,7 @@
 """A thread that acts at absolute deadlines and catches up after a stall without leaving any out.
 
-Free of ROS: the stamps' clock is handed in. rclpy's own timers run 0.04 to 0.14 % slow, a sleep
-to an absolute deadline does not (../shared/ROS_WHEELS.md).
+Free of ROS: the stamps' clock is handed in. rclpy's own timers run 0.04 to 0.14 % slow
+(measured at 1 kHz with rclpy 7.1.6), a sleep to an absolute deadline does not.
 """
 
 from __future__ import annotations

@@ -93,9 +93,7 @@ def test_refused_samples_end_no_contact(make_run: MakeRun) -> None:
     assert len(find_contacts(data, ContactRules(minimum_depth_mm=0.1))) == 2
 
 
-@settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(0.0, 0.5), st.floats(0.0, 0.3), st.floats(0.0, 3.0), st.floats(0.0, 2.0))
 def test_rules_hold_for_every_contact(
     make_run: MakeRun, duration: float, release: float, depth: float, force: float

@@ -149,7 +149,7 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
 
 
 def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> dict[str, Any]:
-    """Return what DESIGN.md lists for hc estimate --json.
+    """Return what docs/design.md lists for hc estimate --json.
 
     Force errors and NIS are those of the samples in contact that were used, without the first
     second after the first contact (at most half of what is left from there).

@@ -15,8 +15,10 @@ _SOURCES = ("src", "test")
 _CHECKS = (
     ("ruff check", ("ruff", "check", *_SOURCES)),
     ("ruff format", ("ruff", "format", "--check", "--quiet", *_SOURCES)),
-    ("mypy", ("mypy",)),
 )
+_MYPY = "mypy"
+_LOWEST_PRIORITY = "19"
+"""Of mypy, which runs beside the tests: it takes what they leave while they wait for processes."""
 _PARALLEL = ("--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder")
 """Two processes, as the machines of CI have two cores; a file's tests stay together."""
 
@@ -49,17 +51,37 @@ def run(arguments: argparse.Namespace) -> int:
         status = subprocess.run(
             [sys.executable, "-m", *command], cwd=root, env=environment, check=False
         ).returncode
-        print(
-            f"{name}: {'passed' if status == 0 else 'FAILED'} in {time.monotonic() - start:.0f} s"
-        )
-        sys.stdout.flush()
-        if status != 0:
+        if not _tell(name, status, start):
             failed.append(name)
-    status = subprocess.run(
-        [sys.executable, "-m", "pytest", *_PARALLEL, *extra], cwd=root, env=environment, check=False
-    ).returncode
-    if status != 0:
-        failed.append("pytest")
+    start = time.monotonic()
+    with subprocess.Popen(
+        ["nice", "-n", _LOWEST_PRIORITY, sys.executable, "-m", _MYPY],
+        cwd=root,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as beside:
+        status = subprocess.run(
+            [sys.executable, "-m", "pytest", *_PARALLEL, *extra],
+            cwd=root,
+            env=environment,
+            check=False,
+        ).returncode
+        if status != 0:
+            failed.append("pytest")
+        said, _ = beside.communicate()
+    print(said, end="")
+    if not _tell(_MYPY, beside.returncode, start):
+        failed.append(_MYPY)
     if failed:
         raise UserError(f"failed: {', '.join(failed)}", FAILURE)
     return 0
+
+
+def _tell(name: str, status: int, start_s: float) -> bool:
+    """Print how a check ended; returns whether it passed."""
+    passed = status == 0
+    print(f"{name}: {'passed' if passed else 'FAILED'} in {time.monotonic() - start_s:.0f} s")
+    sys.stdout.flush()
+    return passed

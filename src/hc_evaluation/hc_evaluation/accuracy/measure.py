@@ -129,7 +129,7 @@ def true_jerk_density(contact: SimulatedContact) -> float:
 
 
 def quiet_run(task: Task) -> Numbers:
-    """A tissue that does not change: errors, consistency, false alarms (issue item 1)."""
+    """A tissue that does not change: errors, consistency, false alarms."""
     contact, series = run_task(task)
     time = contact.time_s
     error = metrics.log_parameter_error(series.parameters[-1], contact.parameters[-1])
@@ -162,7 +162,7 @@ def quiet_run(task: Task) -> Numbers:
 
 
 def change_run(task: Task) -> Numbers:
-    """A tissue that changes abruptly: how soon it is found again (issue item 2)."""
+    """A tissue that changes abruptly: how soon it is found again."""
     contact, series = run_task(task)
     time = contact.time_s
     instant = task.scenario.changes[0][0]
@@ -207,7 +207,7 @@ def _soonest(contact: SimulatedContact, instant: float) -> float:
 
 
 def noise_run(task: Task) -> Numbers:
-    """A sensor that turns noisier: no change, same parameters, consistent (issue item 3)."""
+    """A sensor that turns noisier: no change, same parameters, consistent."""
     contact, series = run_task(task)
     time = contact.time_s
     instant = task.scenario.noise_jumps[0][0]
@@ -222,7 +222,7 @@ def noise_run(task: Task) -> Numbers:
 
 
 def weak_run(task: Task) -> Numbers:
-    """A motion that cannot show everything: is that told? (issue item 5)."""
+    """A motion that cannot show everything: is that told?."""
     contact, series = run_task(task)
     error = metrics.log_parameter_error(series.parameters[-1], contact.parameters[-1])
     deviations = np.sqrt(

@@ -35,7 +35,7 @@ class RecordingTask:
 
 
 def recording_run(task: RecordingTask) -> dict[str, Any]:
-    """Hold-forward error against least squares, parameters, calls (issue item 4)."""
+    """Hold-forward error against least squares, parameters, calls."""
     recording = task.recording
     time, displacement, force = load(Path(task.folder), recording)
     smooth, velocity = smoothed(time, displacement)
@@ -82,7 +82,7 @@ def _rms(values: np.ndarray[Any, Any]) -> float:
 
 
 def channel_run(task: tuple[Setup, Scenario | Recording, str | None]) -> dict[str, Any]:
-    """Channel diagnosis beside what the filter makes of the same signals (issue item 6)."""
+    """Channel diagnosis beside what the filter makes of the same signals."""
     setup, source, folder = task
     row: dict[str, Any] = {"name": source.name}
     if isinstance(source, Scenario):

@@ -1,0 +1,39 @@
+"""Which software this is: version, and the commit that it was checked out or built from."""
+
+from __future__ import annotations
+
+import subprocess
+from importlib import resources
+
+from hc_bringup.paths import checkout_root
+from hc_msgs_py.version import VERSION
+
+
+def version_line() -> str:
+    """Return version and commit in a line, for example `hc 0.1.0 (commit 1a2b3c4, changed)`.
+
+    The commit is that of the checkout, or the one that the wheel was built from. "changed" says
+    that files which git knows differ from it.
+    """
+    commit = _checked_out() or _built_from()
+    return f"hc {VERSION} ({f'commit {commit}' if commit else 'commit unknown'})"
+
+
+def _checked_out() -> str:
+    """The commit of the checkout, or nothing without a checkout or without git."""
+    root = checkout_root()
+    if root is None or not (root / ".git").exists():
+        return ""
+    words = ("describe", "--always", "--exclude=*", "--abbrev=7", "--dirty=, changed")
+    try:
+        return subprocess.run(
+            ["git", "-C", str(root), *words], capture_output=True, text=True, check=True, timeout=20
+        ).stdout.strip()
+    except (OSError, subprocess.SubprocessError):  # no git here, or not ours to look into
+        return ""
+
+
+def _built_from() -> str:
+    """The commit that wheels_fix.cmake wrote beside this package, or nothing."""
+    path = resources.files("hc_bringup") / "commit.txt"
+    return path.read_text(encoding="utf-8").strip() if path.is_file() else ""

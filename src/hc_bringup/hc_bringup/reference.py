@@ -1,0 +1,240 @@
+"""Writes docs/reference/: commands, topics and parameters, as the programs themselves know them.
+
+`python -m hc_bringup.reference docs/reference` writes the three pages;
+test/suite/test_reference.py fails when one of them is older than what it describes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Final
+
+from hc_bringup.cli import COMMANDS, command_parser
+
+MESSAGES: Final = (
+    "IndenterSample",
+    "HuntCrossleyEstimate",
+    "EstimatorConfiguration",
+    "EstimatorEvent",
+    "ContactSummary",
+    "IndenterTruth",
+)
+_WRITTEN: Final = "*Written by `python -m hc_bringup.reference docs/reference`; do not edit.*"
+_UNLIMITED: Final = (-(2**63), 2**63 - 1, float("-inf"), float("inf"))
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> list[str]:
+    """A Markdown table with an empty line behind it; nothing where there are no rows."""
+    if not rows:
+        return []
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for row in rows:
+        cells = [" ".join(cell.split()).replace("|", "\\|") for cell in row]
+        lines.append("| " + " | ".join(cells) + " |")
+    return [*lines, ""]
+
+
+def commands_page() -> str:
+    """Every command with its arguments and options."""
+    lines = ["# Commands", "", _WRITTEN, ""]
+    lines += [
+        "`hc --version` tells version and commit. `hc COMMAND --help` tells what stands here."
+    ]
+    lines += [""]
+    for name in COMMANDS:
+        for words, parser in _commands(f"hc {name}", command_parser(name)):
+            lines += [f"## {words}" if words.count(" ") == 1 else f"### {words}", ""]
+            if parser.description:
+                lines += [parser.description[:1].upper() + parser.description[1:] + ".", ""]
+            lines += _table(("argument", "what it is"), _arguments(parser))
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _commands(
+    words: str, parser: argparse.ArgumentParser, about: str = ""
+) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """A command and its subcommands, each with what was said of it."""
+    parser.description = parser.description or about
+    yield words, parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            abouts = {a.dest: a.help or "" for a in action._choices_actions}
+            for name, sub in action.choices.items():
+                yield from _commands(f"{words} {name}", sub, abouts.get(name, ""))
+
+
+def _arguments(parser: argparse.ArgumentParser) -> list[tuple[str, ...]]:
+    formatter = parser._get_formatter()
+    rows: list[tuple[str, ...]] = []
+    for action in parser._actions:
+        if isinstance(action, (argparse._HelpAction, argparse._SubParsersAction)):
+            continue
+        value = ""
+        if action.nargs != 0:
+            plain = action.option_strings == [] or action.choices is None
+            name = action.metavar or (action.dest.upper() if plain else "|".join(_words(action)))
+            value = name if isinstance(name, str) else " ".join(name)
+        shown = ", ".join(action.option_strings)
+        text = formatter._expand_help(action) if action.help else ""
+        rows.append((f"`{f'{shown} {value}'.strip()}`", text))
+    return rows
+
+
+def _words(action: argparse.Action) -> list[str]:
+    return [str(choice) for choice in action.choices or ()]
+
+
+def topics_page() -> str:
+    """Every message of the suite, field by field."""
+    from hc_logger.definitions import SEPARATOR, installed_definition
+
+    lines = ["# Topics", "", _WRITTEN, ""]
+    lines += ["Which node publishes what: [design.md](../design.md#nodes-and-topics)."]
+    lines += ["How an estimate and its configuration belong together: [node.md](../node.md).", ""]
+    for name in MESSAGES:
+        text = installed_definition(f"hc_msgs/msg/{name}").text.split(SEPARATOR)[0]
+        lines += [f"## hc_msgs/msg/{name}", "", *_message(text)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _message(text: str) -> list[str]:
+    """The paragraphs and fields of a .msg file as Markdown."""
+    lines: list[str] = []
+    rows: list[tuple[str, ...]] = []
+    paragraph: list[str] = []
+    head = ("field", "type", "meaning")
+    for line in [*text.splitlines(), "#"]:
+        if line.startswith("#"):
+            lines += _table(head, rows)
+            rows = []
+            paragraph.append(line.removeprefix("#").strip())
+        elif not line.strip():
+            lines += [" ".join(paragraph), ""] if paragraph else _table(head, rows)
+            rows, paragraph = [], []
+        else:
+            if paragraph:
+                lines += [" ".join(paragraph), ""]
+                paragraph = []
+            code, _, comment = line.partition("#")
+            kind, name = code.split(maxsplit=1)
+            rows.append((f"`{name.strip()}`", kind, comment.strip()))
+    return lines
+
+
+def parameters_page() -> str:
+    """Every parameter of every node, as the nodes declare them."""
+    lines = ["# Parameters", "", _WRITTEN, ""]
+    lines += [
+        "What `hc param list NODE` names and `hc param set NODE NAME VALUE` changes. A parameter",
+        "file sets them at the start ([config/](../../config)). What those of the filters do to an",
+        "estimate stands in [estimators.md](../estimators.md), the node's own in",
+        "[node.md](../node.md). The rig's settings are those of scenario `multisine`: each",
+        "scenario brings those of its own tissue ([rig.md](../rig.md)).",
+        "",
+    ]
+    head = ("parameter", "default", "allowed", "what it does")
+    for name, rows in _declared().items():
+        lines += [f"## {name}", "", *_table(head, rows)]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _declared() -> dict[str, list[tuple[str, ...]]]:
+    """The parameters of each node: name, default, what is allowed, description."""
+    from hc_bringup.dashboard.node import DEFAULT_PORT, DashboardNode
+    from hc_estimator.node import EstimatorNode
+    from hc_logger.player_node import PlayerNode
+    from hc_logger.recorder_node import RecorderNode
+    from hc_logger.writer import BagWriter
+    from hc_sim_rig.node import IndenterNode
+
+    with tempfile.TemporaryDirectory() as folder:
+        bag = Path(folder) / "bag"
+        with BagWriter(bag) as writer:  # a player needs something to play
+            writer.write(writer.add_topic("/empty", "std_msgs/msg/Empty"), 0, b"\0\1\0\0\0")
+        # What a node cannot do without here, and what the page says instead of that.
+        nodes: dict[str, tuple[Callable[[], Any], dict[str, tuple[str, str]]]] = {
+            "indenter": (IndenterNode, {}),
+            "estimator": (EstimatorNode, {}),
+            "recorder": (RecorderNode, {"output": (f"{bag}_new", "")}),
+            "player": (PlayerNode, {"bag": (str(bag), "")}),
+            "dashboard": (DashboardNode, {"port": ("0", str(DEFAULT_PORT))}),
+        }
+        return {name: _of_node(*made) for name, made in nodes.items()}
+
+
+def _of_node(make: Callable[[], Any], needed: dict[str, tuple[str, str]]) -> list[tuple[str, ...]]:
+    """The rows of one node, which is made, asked and ended again."""
+    import rclpy
+
+    words = ["--ros-args"]
+    for name, (value, _) in needed.items():
+        words += ["-p", f"{name}:={value}"]
+    rclpy.init(args=words)
+    try:
+        node = make()
+        rows: list[tuple[str, ...]] = [
+            (
+                f"`{name}`",
+                needed[name][1] if name in needed else _default(node.get_parameter(name).value),
+                _allowed(node.describe_parameter(name)),
+                re.sub(r" ?\[1\]$", "", node.describe_parameter(name).description),
+            )
+            for name in sorted(node._parameters)
+            if not name.startswith(("qos_overrides.", "use_sim_time", "start_type_description"))
+        ]
+        close = getattr(node, "close", None)
+        if close is not None:
+            close()
+        node.destroy_node()
+        return rows
+    finally:
+        rclpy.shutdown()
+
+
+def _default(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}"
+    if not isinstance(value, (str, int)):
+        return str([*value]).replace("''", "")
+    return str(value)
+
+
+def _allowed(descriptor: Any) -> str:
+    """What a descriptor allows, in words; with a mark if it is fixed once the node runs."""
+    words = [descriptor.additional_constraints] if descriptor.additional_constraints else []
+    for limits in [*descriptor.integer_range, *descriptor.floating_point_range]:
+        low, high = limits.from_value, limits.to_value
+        if low not in _UNLIMITED:
+            words.append(f"from {low:g}")
+        if high not in _UNLIMITED:
+            words.append(f"to {high:g}")
+    text = " ".join(words)
+    return f"{text}; fixed at the start".removeprefix("; ") if descriptor.read_only else text
+
+
+PAGES: Final = {
+    "commands.md": commands_page,
+    "topics.md": topics_page,
+    "parameters.md": parameters_page,
+}
+
+
+def main() -> None:
+    """Write the pages into the folder named on the command line."""
+    if len(sys.argv) != 2:
+        sys.exit("usage: python -m hc_bringup.reference docs/reference")
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, page in PAGES.items():
+        (folder / name).write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,35 @@
+"""docs/reference/ says what the programs say of themselves."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hc_bringup.reference import PAGES
+
+REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "reference"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages of now. A process of its own: the nodes are made with the usual parameters."""
+    folder = tmp_path_factory.mktemp("reference")
+    environment = os.environ | {"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}
+    subprocess.run(
+        [sys.executable, "-m", "hc_bringup.reference", str(folder)],
+        env=environment,
+        check=True,
+        timeout=100,
+        capture_output=True,
+    )
+    return folder
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_is_current(name: str, written: Path) -> None:
+    now = (written / name).read_text(encoding="utf-8")
+    there = (REFERENCE / name).read_text(encoding="utf-8")
+    assert there == now, "run: .venv/bin/python -m hc_bringup.reference docs/reference"
