@@ -77,7 +77,7 @@ def test_gaps_are_not_filled_up_until_the_memory_is_full():
     time_s = np.arange(2000) * 1e-3
     values = np.sin(time_s)
     some = evenly_spaced(np.where(time_s < 1.0, time_s, time_s + 5.0), values, values)
-    assert len(some[0]) == 7000
+    assert len(some[0]) == pytest.approx(7000, abs=1)
     night = np.where(time_s < 1.0, time_s, time_s + 40_000.0)
     with pytest.raises(ValueError, match="mostly gaps"):
         evenly_spaced(night, values, values)
