@@ -6,11 +6,13 @@ inside chunks as well, and the chunks packed again.
 
 from __future__ import annotations
 
+import contextlib
 import random
 import shutil
+import sqlite3
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +24,9 @@ from hc_logger.foreign import open_bag
 from hc_logger.mcap_file import MAGIC
 from hc_logger.writer import BagWriter
 
-COUNTS = [40, pytest.param(2000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
+COUNTS = [24, pytest.param(2000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
 EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example" / "example_0.mcap"
-CHUNK = 6
+FOOTER, MESSAGE, CHUNK = 2, 5, 6
 NUMBERS = (0, 1, 2**31, 2**32 - 1, 2**53, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 10**18)
 TEXTS = (
     b"float64[]",
@@ -222,3 +224,53 @@ def test_a_damaged_truth_is_left_out_and_named(shell: Any, good: Path, tmp_path:
     assert shell("report", tmp_path / "bag", "-o", page, "--filter", "ukf")[0] == 0
     assert "the truth cannot be read" in page.read_text()
     assert shell("contacts", tmp_path / "bag", "-o", tmp_path / "c.csv", "--filter", "ukf")[0] == 0
+
+
+def changed(good: Path, code: int, change: Callable[[bytes], bytes]) -> bytes:
+    """The sound bag, with the first record of a kind changed, in its chunk or outside."""
+    parts, done = [], False
+    for kind, body in records((good / "bag" / "bag_0.mcap").read_bytes()[len(MAGIC) : -len(MAGIC)]):
+        if kind == code and not done:
+            body, done = change(body), True
+        elif kind == CHUNK and code == MESSAGE:
+            head, content = chunk_parts(body)
+            inner = [(k, change(b) if k == code else b) for k, b in records(content)]
+            body = new_chunk(head, joined(inner), random.Random(0))
+        parts.append((kind, body))
+    return MAGIC + joined(parts) + MAGIC
+
+
+def test_messages_without_a_byte(shell: Any, good: Path, tmp_path: Path) -> None:
+    """Regression: an array that numpy cannot shape was an internal error."""
+    path = tmp_path / "empty.mcap"
+    path.write_bytes(changed(good, MESSAGE, lambda body: body[:22]))
+    assert shell("bag", "convert", path, tmp_path / "out.csv")[0] == 1
+    assert shell("estimate", path)[0] == 1
+
+
+def test_a_summary_that_begins_nowhere(shell: Any, good: Path, tmp_path: Path) -> None:
+    """Regression: no file can be read from byte 2^63 on, which was told as an internal error."""
+    path = tmp_path / "footer.mcap"
+    path.write_bytes(changed(good, FOOTER, lambda body: struct.pack("<QQI", 2**63, 0, 1)))
+    assert shell("bag", "info", path)[0] == 0
+    assert shell("estimate", path, "--filter", "ukf")[0] == 0
+
+
+def test_a_bag_of_others_with_texts_for_messages(shell: Any, tmp_path: Path) -> None:
+    """Regression: sqlite3 gives out whatever was put in, a text for bytes, say."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    bag = tmp_path / "bag"
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        kind = "geometry_msgs/msg/WrenchStamped"
+        connection = writer.add_connection("/wrench", kind, typestore=store)
+        writer.write(connection, 1, b"\0\1\0\0")
+    (file,) = bag.glob("*.db3")
+    with contextlib.closing(sqlite3.connect(file)) as database:
+        database.execute("update messages set data = 'text'")
+        database.commit()
+    status, _, err = shell("bag", "convert", bag, tmp_path / "copy")
+    assert status == 1
+    assert "a message is of another kind" in err

@@ -215,7 +215,7 @@ class McapFile:
             return False
         self._stream.seek(start)
         end = footer + RECORD_HEAD.size + _FOOTER.size - 4
-        return zlib.crc32(self._stream.read(end - start)) == checksum
+        return bool(zlib.crc32(self._stream.read(end - start)) == checksum)
 
     def _scan_loose(self, position: int, after: int) -> int:
         """Add a message outside chunks to the run of such messages before it."""

@@ -35,7 +35,7 @@ LATEST_NS = (2**31 - 1) * 1_000_000_000
 """What the stamp of a message holds."""
 LAST_REVISION = 2**32 - 2
 """What a message holds, with room for the next one."""
-_KINDS = {"filter": str, "state_space": str, "contact_model": str}
+_KINDS: dict[str, type] = {"filter": str, "state_space": str, "contact_model": str}
 _KINDS |= {"configuration": dict, "memory": dict}
 
 
