@@ -1,12 +1,24 @@
-"""Helpers of the process tests: every one in a domain of its own, on this machine only."""
+"""Helpers: processes in a domain of their own, on this machine only, and hc within the test.
 
+The latter is for many hostile files one after another.
+"""
+
+import json
 import os
 import subprocess
 import sys
+import time
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from hc_bringup.cli import main
+from hc_bringup.commands.simulate import _write_bag
+from hc_sim_rig.rig import Rig
+from hc_sim_rig.scenario import load_scenario
 
 HC = [sys.executable, "-m", "hc_bringup"]
 
@@ -61,3 +73,74 @@ def command_line(ros_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
         if process.poll() is None:
             process.kill()
         process.communicate()
+
+
+SECONDS_A_FILE = 20.0
+
+
+def numbers_are_results(status: int, out: str) -> bool:
+    """Whether a summary is all numbers where it says that it is one."""
+    if status:
+        return True
+    summary = json.loads(out)
+    results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
+    results += [summary[n] for n in ("force_predicted_rmse_n", "nis_mean")]
+    return all(isinstance(value, (int, float)) for value in results)
+
+
+class Shell:
+    """Runs hc in this process and judges how it ended; failures are counted, not raised."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self._capsys = capsys
+        self.failures: list[str] = []
+
+    def __call__(self, *words: object) -> tuple[int, str, str]:
+        begin = time.process_time()  # a busy machine is not the file's fault
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            try:
+                status = main([str(word) for word in words])
+            except SystemExit as end:
+                status = int(end.code or 0)
+        seconds = time.process_time() - begin
+        out, err = self._capsys.readouterr()
+        last = err.splitlines()[-1] if err else ""
+        good = (
+            status in (0, 1, 2)
+            and "internal error" not in err
+            and "Traceback" not in err + out
+            and (status == 0 or last.startswith(f"hc {words[0]}: ") or "recomputed, " in out)
+            and seconds < SECONDS_A_FILE
+        )
+        if "--json" in words and words[0] == "estimate":
+            good = good and numbers_are_results(status, out)
+        if not good:
+            self.failures.append(f"hc {words[0]}: {status} in {seconds:.1f} s: {err[-400:]!r}")
+        return status, out, err
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    shell = Shell(capsys)
+    yield shell
+    assert shell.failures == []
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a sound bag, its CSV and its files, to be damaged in copies."""
+    folder = tmp_path_factory.mktemp("good")
+    series = Rig(load_scenario("multisine"), 1).run(1.5)
+    _write_bag(folder / "bag", series, "multisine")
+    table = np.column_stack([series.time_s, series.displacement_mm, series.force_n])
+    np.savetxt(
+        folder / "good.csv",
+        table,
+        delimiter=",",
+        header="time_s,displacement_mm,force_N",
+        comments="",
+        fmt="%.6f",
+    )
+    return folder

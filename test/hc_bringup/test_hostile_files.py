@@ -7,90 +7,27 @@ is a failure. The ordinary run takes a few hundred files, `-m slow` 2,000 of eac
 
 from __future__ import annotations
 
-import json
 import random
 import resource
 import shutil
 import struct
 import time
-import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import lz4.frame
-import numpy as np
 import pytest
 import yaml
 import zstandard
 
-from hc_bringup.cli import main
-from hc_bringup.commands.simulate import _write_bag
 from hc_logger.mcap_file import MAGIC
 from hc_logger.recording import read_recording
-from hc_sim_rig.rig import Rig
-from hc_sim_rig.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
-SECONDS_A_FILE = 20.0
 FEW, MANY = 40, 2000
 COUNTS = [FEW, pytest.param(MANY, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
-
-
-class Shell:
-    """Runs hc in this process and judges how it ended; failures are counted, not raised."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self._capsys = capsys
-        self.failures: list[str] = []
-
-    def __call__(self, *words: object) -> tuple[int, str, str]:
-        begin = time.process_time()  # a busy machine is not the file's fault
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)
-            try:
-                status = main([str(word) for word in words])
-            except SystemExit as end:
-                status = int(end.code or 0)
-        seconds = time.process_time() - begin
-        out, err = self._capsys.readouterr()
-        last = err.splitlines()[-1] if err else ""
-        good = (
-            status in (0, 1, 2)
-            and "internal error" not in err
-            and "Traceback" not in err + out
-            and (status == 0 or last.startswith(f"hc {words[0]}: ") or "recomputed, " in out)
-            and seconds < SECONDS_A_FILE
-        )
-        if not good:
-            self.failures.append(f"hc {words[0]}: {status} in {seconds:.1f} s: {err[-400:]!r}")
-        return status, out, err
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    shell = Shell(capsys)
-    yield shell
-    assert shell.failures == []
-
-
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a sound bag, its CSV and its files, to be damaged in copies."""
-    folder = tmp_path_factory.mktemp("good")
-    series = Rig(load_scenario("multisine"), 1).run(1.5)
-    _write_bag(folder / "bag", series, "multisine")
-    table = np.column_stack([series.time_s, series.displacement_mm, series.force_n])
-    np.savetxt(
-        folder / "good.csv",
-        table,
-        delimiter=",",
-        header="time_s,displacement_mm,force_N",
-        comments="",
-        fmt="%.6f",
-    )
-    return folder
 
 
 def mutate(data: bytes, rng: random.Random, pieces: list[bytes]) -> bytes:
@@ -114,16 +51,6 @@ def mutate(data: bytes, rng: random.Random, pieces: list[bytes]) -> bytes:
         else:
             data[at:at] = rng.choice(pieces)
     return bytes(data)
-
-
-def numbers_are_results(status: int, out: str) -> bool:
-    """Whether a summary is all numbers where it says that it is one."""
-    if status:
-        return True
-    summary = json.loads(out)
-    results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
-    results += [summary[n] for n in ("force_predicted_rmse_n", "nis_mean")]
-    return all(isinstance(value, (int, float)) for value in results)
 
 
 CELLS = ["nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "", "x", '"', "1,2", "0x10", "1_0", "٣"]
@@ -174,16 +101,14 @@ def hostile_table(text: str, rng: random.Random) -> bytes:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_csv(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
+def test_csv(shell: Any, good: Path, tmp_path: Path, count: int) -> None:
     rng = random.Random(11)
     text = (good / "good.csv").read_text()
     path = tmp_path / "hostile.csv"
     succeeded = 0
     for number in range(count):
         path.write_bytes(hostile_table(text, rng))
-        status, out, _ = shell("estimate", path, "--json", "--filter", "ukf")
-        assert numbers_are_results(status, out), (number, out)
-        succeeded += not status
+        succeeded += not shell("estimate", path, "--json", "--filter", "ukf")[0]
         if number % 10 == 0:
             shell("bag", "convert", path, tmp_path / "bag")
             shutil.rmtree(tmp_path / "bag", ignore_errors=True)
@@ -194,7 +119,7 @@ def test_csv(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_mcap(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
+def test_mcap(shell: Any, good: Path, tmp_path: Path, count: int) -> None:
     rng = random.Random(12)
     data = (good / "bag" / "bag_0.mcap").read_bytes()
     huge = [struct.pack("<Q", n) for n in (2**63, 2**40, 2**31, 100 * 2**30, 0)]
@@ -205,8 +130,7 @@ def test_mcap(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
         shell("bag", "info", path)
         kind = number % 4
         if kind == 0:
-            status, out, _ = shell("estimate", path, "--json", "--filter", "ukf")
-            assert numbers_are_results(status, out), (number, out)
+            shell("estimate", path, "--json", "--filter", "ukf")
         elif kind == 1:
             shell("bag", "recover", path, tmp_path / "clean")
             shutil.rmtree(tmp_path / "clean", ignore_errors=True)
@@ -216,7 +140,7 @@ def test_mcap(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_mcap_with_estimates(shell: Shell, tmp_path: Path, count: int) -> None:
+def test_mcap_with_estimates(shell: Any, tmp_path: Path, count: int) -> None:
     """The example: what was recorded beside the samples is read as well."""
     rng = random.Random(16)
     data = (ROOT / "bags" / "example" / "example_0.mcap").read_bytes()
@@ -232,7 +156,7 @@ def test_mcap_with_estimates(shell: Shell, tmp_path: Path, count: int) -> None:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_message_definitions(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
+def test_message_definitions(shell: Any, good: Path, tmp_path: Path, count: int) -> None:
     """The texts of types in a bag without checksums: bits flipped, words replaced."""
     rng = random.Random(13)
     path = tmp_path / "hostile.mcap"
@@ -306,7 +230,7 @@ YAML_PIECES += [
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_metadata(shell: Shell, good: Path, tmp_path: Path, count: int) -> None:
+def test_metadata(shell: Any, good: Path, tmp_path: Path, count: int) -> None:
     rng = random.Random(14)
     bag = tmp_path / "bag"
     shutil.copytree(good / "bag", bag)
@@ -337,7 +261,7 @@ def replaced(tree: object, rng: random.Random) -> object:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_configurations(shell: Shell, tmp_path: Path, count: int) -> None:
+def test_configurations(shell: Any, tmp_path: Path, count: int) -> None:
     """Plans and parameter files of `hc run`; nothing is started: there is no such module."""
     rng = random.Random(15)
     root = ROOT / "config"
@@ -401,7 +325,7 @@ def little_memory() -> Iterator[None]:
 
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_bomb_is_named_and_the_rest_is_read(
-    shell: Shell, good: Path, tmp_path: Path, name: str, little_memory: None
+    shell: Any, good: Path, tmp_path: Path, name: str, little_memory: None
 ) -> None:
     data = (good / "bag" / "bag_0.mcap").read_bytes()
     path = tmp_path / "bomb.mcap"
@@ -416,7 +340,7 @@ def test_a_bomb_is_named_and_the_rest_is_read(
     assert len(read_recording(path).time_s) == 1500
 
 
-def test_a_tiny_file_that_claims_much(shell: Shell, tmp_path: Path, little_memory: None) -> None:
+def test_a_tiny_file_that_claims_much(shell: Any, tmp_path: Path, little_memory: None) -> None:
     path = tmp_path / "tiny.mcap"
     path.write_bytes(MAGIC + BOMBS["zstd frame claims 100 GiB"]())
     assert path.stat().st_size < 120
@@ -425,7 +349,7 @@ def test_a_tiny_file_that_claims_much(shell: Shell, tmp_path: Path, little_memor
     assert "its frame states 107374182400 instead of 1000 bytes" in err
 
 
-def test_a_bomb_in_the_metadata(shell: Shell, good: Path, tmp_path: Path) -> None:
+def test_a_bomb_in_the_metadata(shell: Any, good: Path, tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     shutil.copytree(good / "bag", bag)
     laughs = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(

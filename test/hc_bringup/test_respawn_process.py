@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
+from hc_bringup.soak import endless
 from hc_logger.recording import read_recording
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -25,6 +26,8 @@ def plan_with_respawn(folder: Path) -> Path:
         files = node["parameter_files"]
         node["parameter_files"] = [str(ROOT / "config" / file) for file in files]
         node["respawn"] = True
+        if node["name"] == "indenter":  # of one tissue, however long a busy machine takes
+            node["parameters"]["scenario"] = str(endless(folder))
         if node["name"] == "estimator":
             node["parameters"]["state.folder"] = str(folder / "state")
             node["parameters"]["state.autosave_period"] = 0.1

@@ -194,3 +194,61 @@ def test_a_press_that_shows_too_little_raises_nothing():
     time_s, displacement, force = press(lift=6.0)
     for end in range(100, 5000, 237):
         assert check_samples(time_s[:end], displacement[:end], force[:end]) == []
+
+
+def hostile_channel(rng, size):
+    """Readings of any kind: still, moving in a part, missing in a part, of any size."""
+    kind = rng.integers(6)
+    values = np.full(size, rng.choice([0.0, -1.0, 1e11, 5e-324]))
+    if kind == 1:
+        values = rng.standard_normal(size) * 10.0 ** rng.uniform(-320, 11)
+    elif kind == 2:
+        values = np.where(np.arange(size) < rng.integers(size), 1.5, np.sin(0.01 * np.arange(size)))
+    elif kind == 3:
+        values = rng.choice([-1.0, 1.0], size) * 10.0 ** rng.uniform(-300, 11, size)
+    elif kind == 4:
+        values = np.maximum(0.0, np.sin(0.01 * np.arange(size))) ** 1.5
+    elif kind == 5:
+        values = np.round(rng.standard_cauchy(size))
+    missing = rng.integers(3)
+    if missing == 1:
+        values[: rng.integers(size)] = np.nan
+    elif missing == 2:
+        values[rng.random(size) < rng.random()] = np.nan
+    return values
+
+
+@pytest.mark.filterwarnings("error")
+def test_nothing_that_comes_in_ends_the_checks():
+    """Regression: a channel that stood still where the other one had readings divided by zero."""
+    time_s = np.arange(8000) * 1e-3
+    moving = np.where(time_s < 4, 1.0 + np.sin(6.0 * time_s), 1.5)
+    relaxing = np.where(time_s < 4, np.nan, 1.0 + np.exp(4.0 - time_s))
+    assert {s.check for s in check_samples(time_s, moving, relaxing)} == {Check.STUCK}
+    rng = np.random.default_rng(4)
+    for _ in range(400):
+        size = int(rng.choice([1, 99, 150, 600]))
+        time_s = np.arange(size) * 10.0 ** rng.uniform(-6, 2)
+        if rng.random() < 0.3:
+            time_s = rng.choice([rng.permutation(time_s), np.zeros(size), 1e-300 * time_s])
+        found = check_samples(time_s, hostile_channel(rng, size), hostile_channel(rng, size))
+        assert not any("nan" in s.sentence for s in found)
+
+
+def test_a_look_that_fails_says_so_and_the_next_one_works(monkeypatch):
+    """Regression: an error of these checks, which only advise, ended the estimator node."""
+    from hc_estimator.online import suspicion_watch
+
+    watch = SuspicionWatch()
+    watch.add(0, 1.0, 1.0)
+    check = suspicion_watch.check_channels
+    monkeypatch.setattr(suspicion_watch, "check_channels", lambda *_: 1 / 0)
+    for now_s, failure in ((0.0, "ZeroDivisionError: division by zero"), (10.0, "")):
+        watch.add(1, 1.0, 1.0)
+        assert watch.look(now_s) == []
+        deadline = time.monotonic() + 10.0
+        while watch._looking is not None and time.monotonic() < deadline:
+            watch.look(now_s)
+            time.sleep(0.001)
+        assert watch.failure == failure
+        monkeypatch.setattr(suspicion_watch, "check_channels", check)

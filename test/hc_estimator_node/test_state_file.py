@@ -82,6 +82,36 @@ def test_a_state_with_damaged_numbers_is_refused_and_changes_nothing(tmp_path, s
     assert session.estimator.state() == before
 
 
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"revision": 2**32},  # no message holds it: every start ended there
+        {"revision": -1},
+        {"revision": 1.5},
+        {"time_origin_ns": 2**62},
+        {"time_origin_ns": -1},
+        {"saved_at_s": float("nan")},
+        {"configuration": [1]},  # an error of its own kind, which ended the start
+        {"memory": None},
+        {"filter": ["ukf"]},
+    ],
+    ids=str,
+)
+def test_what_no_message_holds_is_refused_and_set_aside(tmp_path, session, damage):
+    folder = StateFolder(tmp_path)
+    path = folder.save(RUNNING, session)
+    state = json.loads(path.read_text())
+    for name, value in damage.items():
+        (state if name in state else state["estimator"])[name] = value
+    path.write_text(json.dumps(state))
+    said = []
+    assert StateKeeper(str(tmp_path)).resume(1e9, lambda _state: None, said.append) is None
+    (line,) = said
+    assert next(iter(damage)) in line
+    assert folder.exists(SET_ASIDE)
+    assert not folder.exists(RUNNING)
+
+
 def test_no_other_name_than_the_two_is_a_state_file(tmp_path, session):
     with pytest.raises(ValueError, match="no state file"):
         StateFolder(tmp_path).save("../elsewhere.json", session)

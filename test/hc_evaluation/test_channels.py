@@ -8,7 +8,7 @@ import pytest
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder, load
 from hc_evaluation.accuracy.scenarios import simulate
-from hc_evaluation.channels import diagnose_channels
+from hc_evaluation.channels import diagnose_channels, evenly_spaced
 
 needs_recordings = pytest.mark.skipif(
     data_folder() is None, reason="the recordings in ../shared/data are absent"
@@ -70,3 +70,16 @@ def test_a_delay_between_two_samples_is_found_in_spite_of_noise_in_the_displacem
     contact = simulate(scenario, seed)
     found = diagnose_channels(contact.time_s, contact.displacement_mm, contact.force_n)
     assert found.delay_s == pytest.approx(delay, abs=1.5e-3)
+
+
+def test_gaps_are_not_filled_up_until_the_memory_is_full():
+    """Regression: a night between two recordings in one file took gigabytes in `hc doctor`."""
+    time_s = np.arange(2000) * 1e-3
+    values = np.sin(time_s)
+    some = evenly_spaced(np.where(time_s < 1.0, time_s, time_s + 5.0), values, values)
+    assert len(some[0]) == pytest.approx(7000, abs=1)
+    night = np.where(time_s < 1.0, time_s, time_s + 40_000.0)
+    with pytest.raises(ValueError, match="mostly gaps"):
+        evenly_spaced(night, values, values)
+    with pytest.raises(ValueError, match="no times of measurement"):
+        evenly_spaced(time_s * 1e-310, values, values)

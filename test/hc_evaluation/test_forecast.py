@@ -89,3 +89,24 @@ def test_without_a_start_there_is_no_forecast():
     nothing = np.full((4, 4), np.nan)
     assert forecast(TISSUE, nothing, force_noise_std=NOISE, depth_mm=3.0, rate_hz=500.0) == []
     assert forecast(TISSUE, covariance(), force_noise_std=NOISE, depth_mm=0.0, rate_hz=500.0) == []
+
+
+def test_stamps_of_nanoseconds_do_not_fill_the_memory():
+    """Regression: `hc doctor` took 5 GB for strokes at the rate that such stamps seem to have."""
+    known = covariance(p=0.5)
+    options = {"force_noise_std": NOISE, "depth_mm": 3.0}
+    (usual,) = forecast(TISSUE, known, rate_hz=500.0, **options)
+    (fast,) = forecast(TISSUE, known, rate_hz=1e12, **options)
+    assert fast.std < usual.std
+    # Ten times the samples say as much as samples of a tenth of the variance.
+    (tenfold,) = forecast(TISSUE, known, rate_hz=1e6, **options)
+    (quiet,) = forecast(TISSUE, known, rate_hz=1e5, force_noise_std=NOISE / 10**0.5, depth_mm=3.0)
+    assert tenfold.std == pytest.approx(quiet.std, rel=1e-3)
+    for rate_hz in (0.0, np.nan, np.inf):
+        assert forecast(TISSUE, known, rate_hz=rate_hz, **options) == []
+
+
+def test_what_is_no_covariance_gives_no_forecast():
+    """Regression: a singular matrix was an internal error of `hc doctor`."""
+    known = np.outer([0.5, 0.05, 1.0, 1.0], [0.5, 0.05, 1.0, 1.0]) * 1e200
+    assert forecast(TISSUE, known, force_noise_std=NOISE, depth_mm=3.0, rate_hz=500.0) == []

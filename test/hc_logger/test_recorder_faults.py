@@ -361,6 +361,57 @@ def test_a_clock_that_is_set_while_a_batch_is_taken(jump_s: float, late: bool) -
     assert clock.jumps_ns == [round(jump_s * 1e9)]
 
 
+@pytest.mark.parametrize("jump_s", [3600.0, -3600.0])
+def test_a_clock_that_is_set_and_set_back_while_the_recorder_stands_still(jump_s: float) -> None:
+    """Regression: on a busy machine a bag ended in seconds that lay an hour ahead."""
+    source = SetClock()
+    clock = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    received = []
+    for k in range(3000):
+        source.pass_ms(1.0)
+        source.wall += round(jump_s * 1e9) * ((k == 1000) - (k == 2000))
+        received.append(source.wall)
+    clock.update()
+    taken = [clock.steady(time) for time in received]
+    assert min(np.diff(taken[:1000])) == min(np.diff(taken[2000:])) == 1_000_000
+    assert all(source.wall - 3_000_000_000 <= time <= source.wall for time in taken)
+    assert clock.jumps_ns == []
+
+
+@pytest.mark.parametrize("jump_s", [3600.0, -3600.0])
+def test_what_still_waits_after_a_jump_was_noticed(jump_s: float) -> None:
+    """More messages than one batch takes: those of the next one came before the jump, too."""
+    source = SetClock()
+    clock = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    received = []
+    for _ in range(1000):
+        source.pass_ms(1.0)
+        received.append(source.wall)
+    source.wall += round(jump_s * 1e9)
+    taken = []
+    for k in range(0, 1000, 250):
+        clock.update()
+        taken += [clock.steady(time) for time in received[k : k + 250]]
+        source.pass_ms(10.0)
+    np.testing.assert_array_equal(taken, received)
+
+
+def test_a_process_that_is_held_up_between_two_clocks_sees_no_jump() -> None:
+    source = SetClock()
+    held = iter((0.0, 0.0, *(25.0, 0.0, 0.0, 0.0) * 40))
+
+    def wall() -> int:
+        now = source.wall
+        source.pass_ms(next(held))
+        return now
+
+    clock = ReceptionClock(wall, lambda: source.steady)
+    for _ in range(20):
+        source.pass_ms(10.0)
+        clock.update()
+    assert clock.jumps_ns == []
+
+
 def test_a_steady_clock_is_left_alone() -> None:
     source = SetClock()
     clock = ReceptionClock(lambda: source.wall, lambda: source.steady)

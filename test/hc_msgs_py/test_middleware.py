@@ -144,6 +144,48 @@ def test_nothing_answers_on_a_second_interface(join_hosts, ros_domain: int) -> N
     assert (process.returncode, errors) == (0, "")
 
 
+@pytest.mark.slow
+@pytest.mark.process
+def test_two_hosts_over_addresses_of_their_own(join_hosts, ros_domain: int, tmp_path: Path) -> None:
+    """What docs/security.md offers for a tunnel: they see each other, and no other interface."""
+    link = join_hosts(0.0)
+    text = THIS_MACHINE.read_text(encoding="utf-8")
+    environments = []
+    for own, other in (link.addresses, link.addresses[::-1]):
+        profile = tmp_path / f"{own}.xml"
+        listed = "<interfaceWhiteList>"
+        mine = text.replace(listed, f"{listed}<address>{own}</address>")
+        listed = "<initialPeersList>"
+        peer = f"<locator><udpv4><address>{other}</address></udpv4></locator>"
+        profile.write_text(mine.replace(listed, listed + peer), encoding="utf-8")
+        kept = {k: v for k, v in os.environ.items() if k not in VARIABLES}
+        chosen = {PROFILE: str(profile), RANGE: "SYSTEM_DEFAULT", "ROS_DOMAIN_ID": str(ros_domain)}
+        environments.append(kept | chosen)
+    process = subprocess.Popen(
+        ["ip", "netns", "exec", link.namespaces[0], sys.executable, "-c", NODE],
+        env=environments[0],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout.readline() == "up\n"
+        listing = [sys.executable, "-m", "hc_bringup", "node", "list"]
+        seen = subprocess.run(
+            ["ip", "netns", "exec", link.namespaces[1], *listing],
+            env=environments[1],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=True,
+        )
+        assert seen.stdout == "/example\n"
+        bound = bound_addresses(process.pid, link.namespaces[0])
+        assert {address for address, _ in bound} == {"127.0.0.1", link.addresses[0]}
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+
+
 @pytest.mark.process
 def test_a_node_of_others_is_heard_and_heard_by(
     ros_domain: int, monkeypatch: pytest.MonkeyPatch

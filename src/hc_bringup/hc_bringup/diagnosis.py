@@ -165,12 +165,13 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
     plans: list[Forecast] = []
     if after is not None:
         steps = np.diff(samples.time_s[~np.isnan(samples.force_n)])
+        forward = steps[steps > 0.0]
         plans = forecast(
             after.parameters,
             after.covariance,
             force_noise_std=after.force_noise_std,
             depth_mm=depth,
-            rate_hz=1.0 / float(np.median(steps[steps > 0.0])),
+            rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
     return Diagnosis(tuple(findings), after, tuple(plans), depth)
 

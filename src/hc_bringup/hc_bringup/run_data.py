@@ -203,7 +203,6 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         estimates=_filled(table),
         settings=settings,
         versions=versions,
-        findings=tuple(recording.findings.lines()),
         **beside,
     )
 
@@ -240,7 +239,7 @@ def of_series(
     Raises:
         UserError: if a position of the tip is asked for that is not there.
     """
-    beside: dict[str, Any] = {}
+    beside: dict[str, Any] = {"findings": tuple(recording.findings.lines())}
     if recording.is_bag:
         with open_bag(recording.path) as bag:
             beside = _beside(bag, recording, recording.sequence, tip) | {"events": None}
@@ -259,7 +258,6 @@ def of_series(
         estimates=records_of_series(series, recording.force_n, recording.sequence),
         settings={"contact_model": estimator.contact_model, **estimator.configuration},
         versions={"this software": __version__},
-        findings=tuple(recording.findings.lines()),
         **beside,
     )
 
@@ -327,12 +325,29 @@ def _filled(table: NDArray[Any]) -> NDArray[Any]:
 def _beside(
     bag: Bag, recording: Recording, sequence: NDArray[Any], tip: TipSource | None
 ) -> dict[str, Any]:
-    """Return what a bag holds beside samples and estimates: truth, tip and events."""
-    return {
-        "truth": _truth(bag, sequence),
-        "tip": _tip(bag, int(recording.stamps[0]), tip),
-        "events": _events(bag, int(recording.stamps[0])),
-    }
+    """Return what a bag holds beside samples and estimates: truth, tip and events.
+
+    What of it is damaged is left out and named among the findings.
+
+    Raises:
+        UserError: if a position of the tip was asked for that is not there, or is damaged.
+    """
+    start_ns = int(recording.stamps[0])
+    result: dict[str, Any] = {}
+    damaged = []
+    for name, read in (
+        ("truth", lambda: _truth(bag, sequence)),
+        ("tip", lambda: _tip(bag, start_ns, tip)),
+        ("events", lambda: _events(bag, start_ns)),
+    ):
+        try:
+            result[name] = read()
+        except BagError as error:
+            if name == "tip" and tip is not None:
+                raise UserError(str(error)) from error
+            result[name] = None
+            damaged.append(f"the {name} cannot be read: {error}")
+    return result | {"findings": (*recording.findings.lines(), *damaged)}
 
 
 def _truth(bag: Bag, sequence: NDArray[Any]) -> Array | None:

@@ -388,15 +388,15 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._silent = self._session.silent
         for suspicion in self._suspicions.look(time.monotonic()):
             self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
+        if failure := self._suspicions.failure:
+            self.get_logger().error(f"checks failed: {failure}", throttle_duration_sec=10.0)
         self._zeros.look()
         self._watch_publishers(self._session, self._input)
         period_s = self._settings.values["state.autosave_period"]
         try:
             self._keeper.keep(self._session, time.monotonic(), period_s)
         except OSError as error:
-            self.get_logger().error(
-                f"the state cannot be kept: {error}", throttle_duration_sec=10.0
-            )
+            self.get_logger().error(f"state cannot be kept: {error}", throttle_duration_sec=10.0)
 
     def _watch_publishers(self, session: EstimationSession, source: Input) -> None:
         """Tell of a second publisher on a topic once it is there."""

@@ -31,6 +31,9 @@ EXPONENT_PRIOR = 0.1
 DELAY_STARTS_S = (0.0, 0.01, -0.01, 0.03, -0.03, 0.06, -0.06)
 SCREENED_SAMPLES = 1000
 SCREENING_STEPS = 30
+SHORTEST_STEP_S = 1e-7
+MOST_BETWEEN = 20.0
+"""Rows made for each row there is: recordings of two days in one file are filled up by no more."""
 CLEAR = 3.0  # a fault beyond so many standard deviations is called one
 
 
@@ -199,7 +202,7 @@ def evenly_spaced(
         The three at the median step, by linear interpolation where they are not there already.
 
     Raises:
-        ValueError: fewer than two usable rows.
+        ValueError: fewer than two usable rows, stamps next to equal, or mostly gaps.
     """
     rows = np.column_stack(together(time_s, displacement_mm, force_n))
     rows = rows[np.isfinite(rows).all(axis=1)]
@@ -211,9 +214,16 @@ def evenly_spaced(
     times = rows[:, 0]
     steps = np.diff(times)
     step = float(np.median(steps))
+    if step < SHORTEST_STEP_S:
+        raise ValueError(f"most rows are {step:g} s apart: these are no times of measurement")
     if float(np.max(np.abs(steps - step))) <= 1e-3 * step:
         return times, rows[:, 1], rows[:, 2]
-    even = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)
+    span = float(times[-1] - times[0])
+    if not span < MOST_BETWEEN * step * len(times):
+        raise ValueError(
+            f"{len(times)} rows mostly {step:g} s apart lie within {span:g} s: mostly gaps"
+        )
+    even = times[0] + step * np.arange(int(span / step) + 1)
     return even, np.interp(even, times, rows[:, 1]), np.interp(even, times, rows[:, 2])
 
 

@@ -20,6 +20,8 @@ STROKES = (1, 3, 10)
 NAMES = ("K", "B", "n", "p")
 WANTED = (0.05, 0.10, 0.05, 0.10)
 """Deviations that are good enough: K and B relative, n and p absolute."""
+MOST_POINTS = 20_000
+"""Of a stroke: a rate that stamps of nanoseconds apart seem to have must not fill the memory."""
 
 
 class Forecast(NamedTuple):
@@ -109,18 +111,23 @@ def forecast(
     """
     if not (np.isfinite(parameters).all() and np.isfinite(covariance).all() and depth_mm > 0.0):
         return []
+    if not 0.0 < rate_hz < np.inf:
+        return []
     scale = np.array([max(parameters[0], 1e-12), max(parameters[1], 1e-12), 1.0, 1.0])
     known = covariance / np.outer(scale, scale)
     deviations = np.sqrt(np.diagonal(known))
     # A parameter that the data said nothing about may have any deviation: a wide prior instead.
-    prior = np.asarray(np.linalg.inv(known + 1e-12 * np.eye(4)), np.float64)
+    prior = _inverse(known + 1e-12 * np.eye(4))
+    if prior is None:
+        return []
     speeds = [speed for speed in SPEEDS_MM_S if speed <= fastest_mm_s]
     plans: list[tuple[float, ...]] = [(speed,) for speed in speeds]
     plans += [(slow, fast) for fast in speeds for slow in speeds if 4.0 * slow <= fast]
     information = {}
     for speed in speeds:
-        rows = sensitivities(*stroke(depth_mm, speed, rate_hz), parameters) / force_noise_std
-        information[speed] = rows.T @ rows
+        taken_hz = min(rate_hz, 0.5 * MOST_POINTS * speed / depth_mm)
+        rows = sensitivities(*stroke(depth_mm, speed, taken_hz), parameters) / force_noise_std
+        information[speed] = rate_hz / taken_hz * (rows.T @ rows)
     result = []
     for index, wanted in enumerate(WANTED):
         if deviations[index] <= wanted:
@@ -145,8 +152,18 @@ def _least(
             if len(plan) > strokes:
                 continue
             added = sum((information[speed] for speed in plan), np.zeros((4, 4)))
-            bound = np.linalg.inv(prior + strokes / len(plan) * added)
+            bound = _inverse(prior + strokes / len(plan) * added)
+            if bound is None:
+                continue
             deviation = float(np.sqrt(bound[index, index]))
             if deviation <= wanted:
                 return Forecast(NAMES[index], strokes, depth_mm, plan, deviation)
     return None
+
+
+def _inverse(matrix: FloatArray) -> FloatArray | None:
+    """Return the inverse; None if the numbers are so far apart that there is none."""
+    try:
+        return np.asarray(np.linalg.inv(matrix), np.float64)
+    except np.linalg.LinAlgError:
+        return None

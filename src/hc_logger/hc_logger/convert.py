@@ -295,7 +295,7 @@ def _columns(times: list[int], published: list[int], data: list[bytes]) -> list[
             Columns(
                 np.array(times, np.int64)[order],
                 np.array(published, np.int64)[order],
-                np.frombuffer(joined, np.uint8).reshape(-1, length),
+                np.frombuffer(joined, np.uint8).reshape(len(order), length),
                 order,
             )
         )

@@ -128,6 +128,8 @@ class ForeignBag(Bag):
             if message is None:
                 return
             connection, time, data = message
+            if not isinstance(time, int) or not isinstance(data, (bytes, memoryview)):
+                raise BagError(f"{self.path} cannot be read: a message is of another kind")
             yield Message(connection.topic, time, time, bytes(data))
 
     def chunks(self) -> Iterator[tuple[Messages, dict[int, str]]]:

@@ -211,9 +211,11 @@ class McapFile:
         start, _, checksum = _FOOTER.unpack_from(content)
         if not checksum or not start:
             return True
+        if start >= footer:
+            return False
         self._stream.seek(start)
         end = footer + RECORD_HEAD.size + _FOOTER.size - 4
-        return bool(start < footer and zlib.crc32(self._stream.read(end - start)) == checksum)
+        return bool(zlib.crc32(self._stream.read(end - start)) == checksum)
 
     def _scan_loose(self, position: int, after: int) -> int:
         """Add a message outside chunks to the run of such messages before it."""

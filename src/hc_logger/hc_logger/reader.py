@@ -174,7 +174,8 @@ class BagReader(Bag):
         places = self._places()
         first = -(2**63) if start_ns is None else start_ns
         last = 2**63 - 1 if end_ns is None else end_ns
-        places = [(p, i) for p, i in places if p.end_ns >= first and p.start_ns <= last]
+        if start_ns is not None or end_ns is not None:  # else what a damaged head says hides none
+            places = [(p, i) for p, i in places if p.end_ns >= first and p.start_ns <= last]
         carried: list[Message] = []
         for k, (place, number) in enumerate(places):
             messages = self.files[number].read_chunk(place)

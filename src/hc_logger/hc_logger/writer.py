@@ -33,6 +33,7 @@ from hc_logger.new_file import RawFile, sync
 
 CHUNK_BYTES = 256 * 1024
 LIBRARY = "hc_logger"
+_TIME_BITS = 2**64 - 1
 
 
 class BagWriter:
@@ -186,9 +187,9 @@ class BagWriter:
             record, position = self._file, self._stream.tell()
         self._writer.add_message(
             topic,
-            log_time_ns,
+            log_time_ns & _TIME_BITS,  # what a damaged bag had beyond 2^63 reads as negative
             data,
-            log_time_ns if publish_time_ns is None else publish_time_ns,
+            (log_time_ns if publish_time_ns is None else publish_time_ns) & _TIME_BITS,
             sequence,
         )
         if not record.message_count:

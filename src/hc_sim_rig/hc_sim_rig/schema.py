@@ -90,11 +90,18 @@ class Section:
                 raise ScenarioError(f"{field.name} is {value!r}, must be a text")
 
 
+def _is_finite(value: Any) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of more digits than any range has
+        return False
+
+
 def _check_number(field: dataclasses.Field[Any], value: Any) -> None:
     """Check one number against its range."""
     whole = field.type in ("int", int)
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    if isinstance(value, bool) or not isinstance(value, kinds) or not math.isfinite(float(value)):
+    if isinstance(value, bool) or not isinstance(value, kinds) or not _is_finite(value):
         raise ScenarioError(
             f"{field.name} is {value!r}, must be a {'whole' if whole else 'finite'} number"
         )

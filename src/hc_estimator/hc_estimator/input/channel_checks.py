@@ -81,7 +81,8 @@ def irregular(readings: Readings) -> str:
         return f"most samples of the {name} repeat the stamp of the one before"
     typical = float(np.quantile(steps, 0.95))
     together = float(np.mean(steps < 0.1 * typical))
-    mean = float(np.mean(steps[(steps > 0.0) & (steps < 20.0 * usual)]))
+    forward = steps[(steps > 0.0) & (steps < 20.0 * usual)]
+    mean = float(np.mean(forward)) if len(forward) else usual  # none where stamps go to and fro
     if together > 0.2:
         return (
             f"the {name} comes in bursts, {100 * together:.0f} % of the readings at the time of "

@@ -76,6 +76,11 @@ def check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
     Returns:
         As `check_samples`.
     """
+    with np.errstate(all="ignore"):  # steps of 1e-300 beside steps of 1e12
+        return _check_channels(displacement, force)
+
+
+def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
     result: list[Suspicion] = []
     for readings, other in ((displacement, force), (force, displacement)):
         if len(readings.values) >= LEAST_SAMPLES:
@@ -119,9 +124,13 @@ def _check_together(displacement: Readings, force: Readings, *, fine: bool) -> l
     )
     newtons = force.values[inside]
     depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
-    if len(newtons) < LEAST_SAMPLES:
-        return []
+    sound = np.isfinite(depth)  # not between stamps that are next to equal
+    depth, newtons = depth[sound], newtons[sound]
+    if len(newtons) < LEAST_SAMPLES or not (moves(depth) and moves(newtons)):
+        return []  # both move, but not where both have readings
     related = float(np.corrcoef(depth, newtons)[0, 1])
+    if math.isnan(related):  # motions whose squares are too small for a number
+        return []
     result: list[Suspicion] = []
     result += _units(depth, newtons, related)
     result += _sign(depth, newtons, related)

@@ -12,6 +12,7 @@ renamed: at any moment there is the old state or the new one, whole.
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
 import time
@@ -28,6 +29,14 @@ _NAMES = (SAVED, RUNNING, ON_TRIAL, SET_ASIDE)
 _FORMAT = 1
 LARGEST_BYTES = 100_000_000
 """A state has some 100 kB; reading one stops here."""
+
+
+LATEST_NS = (2**31 - 1) * 1_000_000_000
+"""What the stamp of a message holds."""
+LAST_REVISION = 2**32 - 2
+"""What a message holds, with room for the next one."""
+_KINDS: dict[str, type] = {"filter": str, "state_space": str, "contact_model": str}
+_KINDS |= {"configuration": dict, "memory": dict}
 
 
 class SavedState(NamedTuple):
@@ -118,13 +127,14 @@ class StateFolder:
             if data["format"] != _FORMAT:
                 raise ValueError(f"format {data['format']!r} instead of {_FORMAT}")
             estimator = dict(data["estimator"])
-            for name in ("filter", "state_space", "contact_model", "configuration"):
-                estimator[name]  # KeyError where it lacks
+            for name, kind in _KINDS.items():
+                if not isinstance(estimator[name], kind):
+                    raise ValueError(f"{name} is {estimator[name]!r:.40}")
             return SavedState(
                 estimator,
-                int(data["time_origin_ns"]),
-                int(data["revision"]),
-                time.time() - float(data["saved_at_s"]),
+                _whole(data, "time_origin_ns", LATEST_NS),
+                _whole(data, "revision", LAST_REVISION),
+                time.time() - _finite(data, "saved_at_s"),
             )
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path} is no state of an estimator: {error}") from error
@@ -181,3 +191,18 @@ class StateFolder:
         if name not in _NAMES:  # names are ours alone: no path comes from a client
             raise ValueError(f"{name!r} is no state file")
         return self._folder / name
+
+
+def _whole(data: dict[str, Any], name: str, largest: int) -> int:
+    """Return a whole number of a state file, which a message must be able to hold."""
+    value = data[name]
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= largest:
+        raise ValueError(f"{name} is {value!r:.40} instead of a number from 0 to {largest}")
+    return value
+
+
+def _finite(data: dict[str, Any], name: str) -> float:
+    value = float(data[name])
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {value}")
+    return value

@@ -49,10 +49,13 @@ class SuspicionWatch:
 
     Attributes:
         suspicions: what is suspicious now.
+        failure: why the last look came to nothing, empty if it did not: estimates do not depend on
+            looking, so it ends nothing.
     """
 
     def __init__(self) -> None:
         self.suspicions: list[Suspicion] = []
+        self.failure = ""
         self._worker = ThreadPoolExecutor(1, "sanity")
         self._looking: Future[list[Suspicion]] | None = None
         self._next_s = 0.0
@@ -86,8 +89,11 @@ class SuspicionWatch:
         """
         new: list[Suspicion] = []
         if self._looking is not None and self._looking.done():
-            found, self._looking = self._looking.result(), None
-            new = self._weigh(found)
+            looked, self._looking = self._looking, None
+            error = looked.exception()
+            self.failure = "" if error is None else f"{type(error).__name__}: {error}"
+            if error is None:
+                new = self._weigh(looked.result())
         count = self._displacement.count + self._force.count
         if self._looking is None and now_s >= self._next_s and count > self._looked_at:
             self._looked_at = count
