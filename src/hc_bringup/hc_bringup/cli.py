@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import importlib
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from types import FrameType
@@ -24,6 +26,8 @@ COMMANDS: Final = (
     "topic",
     "param",
     "service",
+    "lifecycle",
+    "record",
     "tare",
     "find-surface",
     "reset",
@@ -47,8 +51,30 @@ class _Parser(argparse.ArgumentParser):
     """argparse, with wrong use told in one line."""
 
     def error(self, message: str) -> NoReturn:
-        line = message[:1].lower() + message[1:]
+        line = _nearer(message[:1].lower() + message[1:], self)
         self.exit(WRONG_USE, f"{self.prog}: {line} (see {self.prog} --help)\n")
+
+
+def _nearer(line: str, parser: argparse.ArgumentParser) -> str:
+    """Return what argparse says with the word that was probably meant."""
+    wrong = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)$", line, re.DOTALL)
+    if wrong is not None:
+        known = [word.strip(" '") for word in wrong[2].split(",")]
+        close = difflib.get_close_matches(wrong[1], known, n=1)
+        if not close:
+            return line
+        return f"{line[: wrong.start()]}there is no {wrong[1]!r}; did you mean {close[0]!r}?"
+    if line.startswith("unrecognized arguments: "):
+        word = line.split()[2]
+        options = [o for o in parser._option_string_actions if o.startswith("--")]
+        for action in parser._actions:  # those of the command that was named
+            if isinstance(action, argparse._SubParsersAction):
+                for sub in action.choices.values():
+                    options += [o for o in sub._option_string_actions if o.startswith("--")]
+        close = difflib.get_close_matches(word.partition("=")[0], options, n=1)
+        if close and word.startswith("-"):
+            return f"{line}; did you mean {close[0]}?"
+    return line
 
 
 def _parser(command: str | None) -> argparse.ArgumentParser:
