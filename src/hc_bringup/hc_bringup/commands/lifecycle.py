@@ -28,7 +28,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 for a transition that was not made."""
-    from lifecycle_msgs.srv import ChangeState, GetAvailableTransitions, GetState
+    from lifecycle_msgs.srv import (  # type: ignore[import-untyped]
+        ChangeState,
+        GetAvailableTransitions,
+        GetState,
+    )
 
     from hc_bringup.graph import Graph
     from hc_bringup.service_calls import Client
