@@ -13,6 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/hc_bringup"]),
         ("share/hc_bringup", ["package.xml"]),
         ("share/hc_bringup/config", glob("../../config/*.yaml")),
+        ("share/hc_bringup/launch", glob("launch/*.launch.py")),
         ("share/hc_bringup/config/robots", glob("../../config/robots/*.yaml")),
         ("share/hc_bringup/config/layouts", glob("../../config/layouts/*")),
     ],

@@ -115,6 +115,8 @@ def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_
             print(f"   costs: {finding.cost}")
         for name, value in apply(settings, finding.settings).items():
             print(f"   type:  {type_it(name, value)}")
+    if findings:
+        print("docs/robots.md says what each means")
     if diagnosis is not None and diagnosis.estimated is not None:
         print("with what could be put right put right:" if findings else "estimated:")
         print("\n".join(estimate_lines(diagnosis)))
