@@ -20,7 +20,9 @@ _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
     "stiffness_std,damping_std,displacement_exponent_std,velocity_exponent_std,"
-    "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected"
+    "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected,"
+    "stiffness_identifiability,damping_identifiability,displacement_exponent_identifiability,"
+    "velocity_exponent_identifiability,model_mismatch,channel_delay_s"
 )
 
 
@@ -247,7 +249,10 @@ def _text(summary: dict[str, Any]) -> str:
 
 
 def _write(path: Path, recording: Any, series: Any) -> None:
-    """Write one line a sample; the column rejected is empty for a sample that was used."""
+    """Write one line a sample; the column rejected is empty for a sample that was used.
+
+    K, B, n, p are in N/mm^n, N (s/mm)^p / mm^n, 1 and 1; the other units stand in the names.
+    """
     import numpy as np
 
     from hc_estimator import Rejection
@@ -267,10 +272,15 @@ def _write(path: Path, recording: Any, series: Any) -> None:
             series.nis,
         ]
     ).tolist()
-    flags = np.column_stack([series.contact, series.change_detected]).astype(int).tolist()
+    flags = np.column_stack([series.contact, series.change_detected, series.model_mismatch])
+    known = np.column_stack([series.identifiability, series.channel_delay]).tolist()
+    codes = series.rejected.tolist()
     lines = (
-        ",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n"
-        for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True)
+        f"{','.join(map(repr, row))},{flag[0]},{flag[1]},{names[code]},"
+        f"{','.join(map(repr, more[:4]))},{flag[2]},{more[4]!r}\n"
+        for row, flag, code, more in zip(
+            numbers, flags.astype(int).tolist(), codes, known, strict=True
+        )
     )
     try:
         write_new_text(path, itertools.chain([COLUMNS + "\n"], _joined(lines)))
