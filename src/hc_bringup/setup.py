@@ -8,7 +8,15 @@ setup(
     name="hc_bringup",
     version="0.1.0",
     packages=find_packages(include=["hc_bringup", "hc_bringup.*"]),
-    package_data={"hc_bringup": ["py.typed", "dashboard/page/*", "report/page/*"]},
+    package_data={
+        "hc_bringup": [
+            "py.typed",
+            "dashboard/page/*",
+            "report/page/*",
+            "templates/filter/*",
+            "templates/filter/*/*",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/hc_bringup"]),
         ("share/hc_bringup", ["package.xml"]),

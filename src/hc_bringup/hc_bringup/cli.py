@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import difflib
 import importlib
+import importlib.metadata
 import io
 import os
 import re
@@ -42,9 +43,13 @@ COMMANDS: Final = (
     "compare",
     "contacts",
     "dashboard",
+    "new",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
+
+
+ENTRY_POINTS: Final = "hc.commands"
 
 
 class _Parser(argparse.ArgumentParser):
@@ -89,10 +94,39 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
         if command is None or name == command:
             module.configure(sub)
+    if command in COMMANDS:
+        return parser
+    for name in _commands_of_others():
+        if name == command:
+            module = _module(name)
+            module.configure(commands.add_parser(name, help=module.HELP, description=module.HELP))
+        else:
+            commands.add_parser(name, help=_help_of_other(name))
     return parser
 
 
+def _commands_of_others() -> dict[str, importlib.metadata.EntryPoint]:
+    """Return the commands of other packages: entry points of the group `hc.commands`."""
+    found = importlib.metadata.entry_points(group=ENTRY_POINTS)
+    return {point.name: point for point in found if point.name not in COMMANDS}
+
+
+def _help_of_other(command: str) -> str:
+    try:
+        return str(_module(command).HELP)
+    except (UserError, AttributeError) as error:
+        return f"[{error}]"
+
+
 def _module(command: str) -> Any:
+    if command not in COMMANDS:
+        point = _commands_of_others()[command]
+        try:
+            return point.load()
+        except Exception as error:
+            raise UserError(
+                f"the command {command} of {point.value} cannot be loaded: {error}"
+            ) from error
     return importlib.import_module(f"hc_bringup.commands.{command.replace('-', '_')}")
 
 

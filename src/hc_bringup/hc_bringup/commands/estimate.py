@@ -134,6 +134,7 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
         UserError: if a name or value is wrong; the message says what is allowed.
     """
     from hc_estimator import DEFAULT_FILTER, create_estimator
+    from hc_estimator.filters.registry import PROBLEMS
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
@@ -145,7 +146,9 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
     try:
         return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
     except ValueError as error:
-        raise UserError(str(error), WRONG_USE) from error
+        because = PROBLEMS.get(arguments.filter, "")
+        told = f"filter {arguments.filter} cannot be used: {because}" if because else str(error)
+        raise UserError(told, WRONG_USE) from error
 
 
 def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> dict[str, Any]:
