@@ -101,7 +101,8 @@ def test_a_preset_reads_its_robot(bench, name):
     assert summary["estimates"] > 1000
     found, deviation = summary["parameters"], summary["parameters_std"]
     assert found["stiffness"] == pytest.approx(0.8, abs=max(0.08, 5 * deviation["stiffness"]))
-    assert found["displacement_exponent"] == pytest.approx(1.4, abs=0.1)
+    spread = max(0.1, 4.0 * deviation["displacement_exponent"])
+    assert found["displacement_exponent"] == pytest.approx(1.4, abs=spread), summary
     assert summary["identifiability"]["stiffness"] > 0.9
     bag = Path(summary["bag"])
     assert (bench.folder / bag).is_dir()
