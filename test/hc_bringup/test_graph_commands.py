@@ -228,3 +228,61 @@ def test_the_estimators_services_in_plain_words(estimator, command_line) -> None
     done = estimator.run("find-surface", "--node", "nobody")
     assert done.returncode == 1
     assert "there is no node /nobody" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_the_other_words_of_ros2cli_on_a_running_node(rig, command_line) -> None:
+    told = rig.run_until("Publisher count: 1\n", "topic", "info", "indenter/sample", "-v")
+    assert told.startswith("Type: hc_msgs/msg/IndenterSample\n")
+    assert "/indenter: BEST_EFFORT, VOLATILE" in told
+    assert "there is no topic /nix" in rig.run("topic", "info", "nix").stderr
+    measured = rig.run("topic", "bw", "indenter/sample", "--timeout", "3").stdout.splitlines()[-1]
+    assert float(measured.split()[0]) == pytest.approx(60_000.0, rel=0.3)
+
+    shown = rig.run_until(
+        "/indenter/sample: hc_msgs/msg/IndenterSample", "node", "info", "indenter"
+    )
+    assert shown.startswith("/indenter\n")
+    assert shown.index("  Publishers:\n") < shown.index("    /indenter/sample:")
+    assert "  Service Servers:\n" in shown
+
+    speed = rig.run("param", "describe", "indenter", "spee*").stdout
+    assert "Parameter name: speed\n  Type: double\n  Description: " in speed
+    assert "    Min value: " in speed
+    wrong = rig.run("param", "describe", "indenter", "sped")
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (1, 1)
+    assert "did you mean speed" in wrong.stderr
+    assert "is no managed node" in rig.run("lifecycle", "get", "indenter").stderr
+
+    done = rig.run("topic", "pub", "/x", "std_msgs/msg/Float64", "{data: 2}", "-t", "2", "-w", "0")
+    assert done.stdout.splitlines()[-1] == "published 2: {data: 2.0}"
+    wrong = rig.run("topic", "pub", "/x", "std_msgs/msg/Float64", "{dta: 2}", "--once")
+    assert (wrong.returncode, "no field dta" in wrong.stderr) == (2, True)
+
+    recorder = command_line.start("record", "/indenter/sam*", "-o", "recorded")
+    assert "recording into" in recorder.stdout.readline()
+    time.sleep(12.0)
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(20) == 0
+    info = rig.run("bag", "info", "recorded").stdout
+    row = next(line for line in info.splitlines() if line.startswith("/indenter/sample"))
+    assert int(row.split()[2]) > 1000
+    assert "/indenter/truth" not in info
+    assert command_line.run("record", "x", "-a").returncode == 2
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_the_lifecycle_of_the_estimator(command_line) -> None:
+    command_line.start(module="hc_estimator.node")
+    patient = Patient(command_line)
+    patient.run_until("active [3]\n", "lifecycle", "get", "estimator")
+    assert "- deactivate [4]: active" in patient.run("lifecycle", "list", "estimator").stdout
+    wrong = patient.run("lifecycle", "set", "estimator", "deactivat")
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+    assert "did you mean deactivate?" in wrong.stderr
+    for transition, state in (("deactivate", "inactive [2]\n"), ("activate", "active [3]\n")):
+        done = patient.run("lifecycle", "set", "estimator", transition)
+        assert (done.returncode, done.stdout) == (0, "Transitioning successful\n"), done.stderr
+        assert patient.run("lifecycle", "get", "estimator").stdout == state

@@ -1,5 +1,6 @@
 """Sensors of one's own in a recording: --input with the names of the node's parameters."""
 
+import argparse
 import json
 import math
 from pathlib import Path
@@ -9,6 +10,7 @@ import pytest
 from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 
+from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_logger.writer import BagWriter
 
@@ -87,6 +89,79 @@ def test_the_zeros_of_a_csv_are_taken_off(tmp_path: Path, capsys) -> None:
         found.append(json.loads(capsys.readouterr().out)["parameters"])
     for name, value in found[0].items():
         assert found[1][name] == pytest.approx(value, rel=1e-3)
+
+
+def write_table(path: Path, change) -> Path:
+    """Two seconds of presses; `change` turns time, depth and force into what stands in the file."""
+    true = [(k * 1e-3, *reading(k * 1e-3)) for k in range(2000)]
+    rows = "".join(",".join(map(repr, change(*row))) + "\n" for row in true)
+    path.write_text(f"time_s,displacement_mm,force_N\n{rows}")
+    return path
+
+
+def loaded(path: Path, *settings: str):
+    parser = argparse.ArgumentParser()
+    recording_input.add_options(parser)
+    return recording_input.load(parser.parse_args([str(path), *options(*settings)]))
+
+
+def test_a_table_is_turned_scaled_and_zeroed_as_the_node_does_it(tmp_path: Path) -> None:
+    true = loaded(write_table(tmp_path / "true.csv", lambda t, d, f: (t, d, f)))
+    path = write_table(tmp_path / "raw.csv", lambda t, d, f: (t, -(d + 3.0) / 1e3, 2.0 - f))
+    found = loaded(
+        path,
+        "position.sign=-1",
+        "position.scale=1000",
+        "position.zero=3",
+        "force.sign=-1",
+        "force.zero=-2",
+    )
+    np.testing.assert_allclose(found.displacement_mm, true.displacement_mm, atol=1e-12)
+    np.testing.assert_allclose(found.force_n, true.force_n, atol=1e-12)
+
+
+def test_a_time_offset_of_a_table_puts_every_reading_at_its_own_stamp(tmp_path: Path) -> None:
+    path = write_table(tmp_path / "late.csv", lambda t, d, f: (t, d, f))
+    found = loaded(path, "force.time_offset=-0.0205")
+    there = ~np.isnan(found.force_n)
+    assert there.sum() == 2000
+    assert np.isnan(found.displacement_mm[there]).all()
+    assert found.time_s[there][0] == pytest.approx(-0.0205)
+    assert (np.diff(found.time_s) >= 0.0).all()
+    np.testing.assert_allclose(np.diff(found.time_s), np.diff(found.stamps) * 1e-9, atol=1e-9)
+    assert found.displacement_mm[~there][0] == pytest.approx(reading(0.0)[0])
+
+
+@pytest.mark.parametrize(
+    ("setting", "expected"),
+    [
+        ("force.axis=z", "force.axis is for a bag: of a CSV say force.sign, "),
+        ("force.sign=2", "force.sign=2 is not 1 or -1"),
+    ],
+)
+def test_what_a_table_does_not_have_is_refused(tmp_path: Path, capsys, setting, expected) -> None:
+    path = write_table(tmp_path / "table.csv", lambda t, d, f: (t, d, f))
+    assert main(["estimate", str(path), "--input", setting]) == 2
+    assert expected in capsys.readouterr().err
+
+
+def test_what_doctor_says_to_type_puts_a_table_right(tmp_path: Path, capsys) -> None:
+    path = write_table(tmp_path / "pull.csv", lambda t, d, f: (t, d - 2.0, -f))
+    assert main(["doctor", str(path), "--json"]) == 1
+    (command,) = json.loads(capsys.readouterr().out)["findings"][0]["type"]
+    assert command == f"hc estimate {path} --input force.sign=-1"
+    assert main([*command.split()[1:], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["suspicions"] == []
+
+
+def test_how_a_recording_was_read_is_no_finding_of_the_doctor(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "named.csv"
+    rows = "".join(f"{k},{reading(k * 1e-3)[0]!r},{reading(k * 1e-3)[1]!r}\n" for k in range(2000))
+    path.write_text(f"Time [ms];Weg [mm];Kraft [N]\n{rows}".replace(",", ";"))
+    main(["doctor", str(path), "--json"])
+    verdict = json.loads(capsys.readouterr().out)
+    assert "time is 'Time [ms]' in ms" in verdict["notes"][0]
+    assert not any("Time [ms]" in finding["what"] for finding in verdict["findings"])
 
 
 @pytest.mark.parametrize(

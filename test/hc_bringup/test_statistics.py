@@ -21,6 +21,7 @@ def estimate(sequence: int, **fields: Any) -> Any:
     values |= {f"{name}_identifiability": 0.5 for name in PARAMETERS}
     flags = {"contact": True, "change_detected": False, "model_mismatch": False, "rejected": 0}
     numbers = {"latency": 1e-3, "innovation_force": 0.0, "displacement": 0.0, "force_measured": 0.0}
+    numbers |= {"force_predicted": 0.0}
     numbers |= {"channel_delay": 0.002, "channel_delay_std": 0.0001}
     stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
     header = SimpleNamespace(stamp=stamp)
@@ -93,20 +94,28 @@ def test_one_jump_of_a_counter_is_a_restart() -> None:
 
 def test_force_error_counts_used_samples_in_contact_after_the_first_second() -> None:
     statistics = EstimateStatistics()
-    statistics.add(estimate(0, innovation_force=99.0))
+    statistics.add(estimate(0, force_measured=99.0))
     errors = np.array([0.3, -0.4])
     for sequence, error in enumerate(errors, 1):
-        statistics.add(estimate(sequence, innovation_force=error))
-    statistics.add(estimate(3, innovation_force=50.0, contact=False))
-    statistics.add(estimate(4, innovation_force=math.nan, rejected=1))
+        statistics.add(
+            estimate(
+                sequence,
+                force_measured=2.0 + error,
+                force_predicted=2.0,
+                innovation_force=0.5 * error,  # of a reading that was held back
+            )
+        )
+    statistics.add(estimate(3, force_measured=50.0, contact=False))
+    statistics.add(estimate(4, force_measured=math.nan, rejected=1))
     assert statistics.force_rmse_n == pytest.approx(np.sqrt(np.mean(errors**2)))
+    assert statistics.force_aligned_rmse_n == pytest.approx(0.5 * statistics.force_rmse_n)
     assert statistics.rejected == {"not_finite": 1}
 
 
 def state_after(sequences: list[int], samples: int | None) -> RunState:
     statistics = EstimateStatistics()
     for sequence in sequences:
-        statistics.add(estimate(sequence, innovation_force=0.01))
+        statistics.add(estimate(sequence, force_measured=0.01, innovation_force=0.01))
     return RunState(statistics, 0.0, elapsed_s=2.0, samples=samples, cpu_percent={"estimator": 9.0})
 
 

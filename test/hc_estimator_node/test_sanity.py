@@ -107,6 +107,16 @@ FAULTS = {
     "too deep": (lambda t, d, f: (t, d - 2.9, f), {(Check.POSITION_ZERO, "displacement")}),
     "too high": (lambda t, d, f: (t, d + 6.0, f), {(Check.POSITION_ZERO, "displacement")}),
     "saturated": (lambda t, d, f: (t, d, np.minimum(f, 2.0)), {(Check.SATURATION, "force")}),
+    "saturated amplifier": (
+        lambda t, d, f: (t, d, np.minimum(f, 2.0) + 0.004 * np.sin(1e4 * t)),
+        {(Check.SATURATION, "force")},
+    ),
+    "saturated pull": (
+        lambda t, d, f: (t, d, np.maximum(-f, -2.0) + 0.004 * np.sin(1e4 * t)),
+        {(Check.SATURATION, "force"), (Check.SIGN, "force")},
+    ),
+    "stamps in milliseconds": (lambda t, d, f: (1e3 * t, d, f), {(Check.RATE, "displacement")}),
+    "stamps in microseconds": (lambda t, d, f: (1e6 * t, d, f), {(Check.RATE, "displacement")}),
     "coarse force": (lambda t, d, f: (t, d, np.round(f * 5) / 5), {(Check.QUANTISATION, "force")}),
     "coarse position": (
         lambda t, d, f: (t, np.round(d * 4) / 4, f),
@@ -148,6 +158,9 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     assert zero.startswith("the force reads 1.7 N free of contact: tare")
     held = sentence(time_s, hold(displacement, 4), force)
     assert "every 4th sample: it comes at 125 Hz, not at 500 Hz" in held
+    assert "come at 0.5 Hz, but would be 500 Hz if the times were in milliseconds" in sentence(
+        1e3 * time_s, displacement, force
+    )
     assert "force and displacement go down together" in sentence(
         *press(lift=-1.0)[:1], -press(lift=-1.0)[1], -press(lift=-1.0)[2]
     )

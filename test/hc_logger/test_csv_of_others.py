@@ -55,6 +55,11 @@ def logger_with_spaces() -> bytes:
     return (head + rows("{:8.3f} {:12.8f} {:10.2f}", TIME, FORCE / (1e3 * G), DEPTH * 1e3)).encode()
 
 
+def universal_tester() -> bytes:
+    head = "Specimen: liver 3\nTime,Extension,Load\n(s),(um),(mN)\n"
+    return (head + rows("{:.3f},{:.1f},{:.2f}", TIME, DEPTH * 1e3, FORCE * 1e3)).encode()
+
+
 def quoted() -> bytes:
     head = '"Time, s";"Indentation depth, mm";"Force, N"\n'
     return (head + rows('"{:.3f}";"{:.4f}";"{:.5f}"', TIME, DEPTH, FORCE, decimal=",")).encode()
@@ -73,6 +78,7 @@ def with_byte_order_mark() -> bytes:
         (unicode_export(), ["'Load [mN]' in mN", "by tab", "encoding utf-16"]),
         (logger_with_spaces(), ["'Fz[kgf]' in kgf", "by space"]),
         (quoted(), ["'Indentation depth, mm' in mm", "by semicolon", "decimal comma"]),
+        (universal_tester(), ["'Extension' in um", "'Load' in mN"]),
         (with_byte_order_mark(), []),
     ],
 )
@@ -100,6 +106,8 @@ def test_what_machines_write_is_read_and_said(
         ("0,1,2\n0.1,1,2\n", "the columns have no names; say it with --columns"),
         ("a,b,c\n0,1,2\n", "no column is known to be the time"),
         ("Zeit,Weg,Kraft\n0,1, 2,5, 3,7\n0,2, 2,6, 3,8\n", "no names; say it with --columns"),
+        ("time,d,f\n2024-03-01 12:00:00.1,1,2\n", "as on a clock (12:00:00): write it as seconds"),
+        ("[t, pos, force]\n[0.0, 1, 2],\n", "written as JSON, with brackets"),
         ("nothing of numbers\nat all\n", "no rows of three numbers are to be seen"),
     ],
 )

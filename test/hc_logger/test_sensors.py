@@ -104,7 +104,33 @@ def test_a_time_offset_moves_the_force_against_the_position(tmp_path: Path) -> N
     np.testing.assert_allclose(depth[has_depth], 2.0 * t[has_depth], atol=1e-9)
     np.testing.assert_allclose(force[has_force], 3.0 * (t[has_force] + 0.03) + 0.5, atol=1e-12)
     assert (np.count_nonzero(has_depth), np.count_nonzero(has_force)) == (101, 971)
-    assert recording.findings.problems == ("30 readings left out of a sensor that was alone",)
+    assert recording.findings.problems == ()
+    told = "30 readings left out before the other sensor began or after it ended"
+    assert recording.findings.notes[1] == told
+
+
+@pytest.mark.parametrize(("first", "told"), [(3, []), (400, ["400 readings left out befo"])])
+def test_a_sensor_that_begins_before_the_other_is_no_problem(
+    tmp_path: Path, first: int, told: list[str]
+) -> None:
+    """One of two always begins first; only a long time alone is worth a note."""
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(tmp_path / "bag") as writer:
+        force = writer.add_topic("/wrench", "geometry_msgs/msg/WrenchStamped")
+        pose = writer.add_topic("/pose", "geometry_msgs/msg/PoseStamped")
+        for k in range(1000):
+            stamp = 10**12 + k * 10**6
+            wrench, position = WrenchStamped(), PoseStamped()
+            for message in (wrench, position):
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            writer.write(force, stamp, serialize_message(wrench))
+            if k >= first:
+                writer.write(pose, stamp, serialize_message(position))
+    recording = read_recording(tmp_path / "bag")
+    assert recording.findings.problems == ()
+    assert [line[:26] for line in recording.findings.notes[1:]] == told
 
 
 def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:

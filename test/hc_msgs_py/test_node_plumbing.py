@@ -187,3 +187,20 @@ def test_diagnostics_come_by_themselves_even_while_simulated_time_stands_still(n
     values = {v.key: v.value for v in told.values}
     assert float(values.pop("cpu_percent")) >= 0.0
     assert values == {"rate_hz": "999.123", "count": "3"}
+
+
+def test_a_whole_number_is_a_number(node):
+    """`zero: 5` in a parameter file is what people write."""
+    given = rclpy.create_node(
+        "given",
+        context=node.context,
+        enable_rosout=False,
+        parameter_overrides=[Parameter("gain", value=-2), Parameter("high", value=9)],
+    )
+    try:
+        value = declare(given, "gain", 0.5, "how much", minimum=-3.0, maximum=1.0)
+        assert (value, type(value)) == (-2.0, float)
+        with pytest.raises(ValueError, match=r"high = 9\.0 is not a number"):
+            declare(given, "high", 0.5, "how much", minimum=-3.0, maximum=1.0)
+    finally:
+        given.destroy_node()

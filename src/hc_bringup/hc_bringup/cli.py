@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import importlib
+import importlib.metadata
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from types import FrameType
@@ -24,6 +27,8 @@ COMMANDS: Final = (
     "topic",
     "param",
     "service",
+    "lifecycle",
+    "record",
     "tare",
     "find-surface",
     "reset",
@@ -39,9 +44,13 @@ COMMANDS: Final = (
     "contacts",
     "batch",
     "dashboard",
+    "new",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
+
+
+ENTRY_POINTS: Final = "hc.commands"
 
 
 class _Version(argparse.Action):
@@ -58,8 +67,30 @@ class _Parser(argparse.ArgumentParser):
     """argparse, with wrong use told in one line."""
 
     def error(self, message: str) -> NoReturn:
-        line = message[:1].lower() + message[1:]
+        line = _nearer(message[:1].lower() + message[1:], self)
         self.exit(WRONG_USE, f"{self.prog}: {line} (see {self.prog} --help)\n")
+
+
+def _nearer(line: str, parser: argparse.ArgumentParser) -> str:
+    """Return what argparse says with the word that was probably meant."""
+    wrong = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)$", line, re.DOTALL)
+    if wrong is not None:
+        known = [word.strip(" '") for word in wrong[2].split(",")]
+        close = difflib.get_close_matches(wrong[1], known, n=1)
+        if not close:
+            return line
+        return f"{line[: wrong.start()]}there is no {wrong[1]!r}; did you mean {close[0]!r}?"
+    if line.startswith("unrecognized arguments: "):
+        word = line.split()[2]
+        options = [o for o in parser._option_string_actions if o.startswith("--")]
+        for action in parser._actions:  # those of the command that was named
+            if isinstance(action, argparse._SubParsersAction):
+                for sub in action.choices.values():
+                    options += [o for o in sub._option_string_actions if o.startswith("--")]
+        close = difflib.get_close_matches(word.partition("=")[0], options, n=1)
+        if close and word.startswith("-"):
+            return f"{line}; did you mean {close[0]}?"
+    return line
 
 
 def _parser(command: str | None) -> argparse.ArgumentParser:
@@ -75,6 +106,14 @@ def _parser(command: str | None) -> argparse.ArgumentParser:
         sub = commands.add_parser(name, help=module.HELP, description=module.HELP)
         if command is None or name == command:
             module.configure(sub)
+    if command in COMMANDS:
+        return parser
+    for name in _commands_of_others():
+        if name == command:
+            module = _module(name)
+            module.configure(commands.add_parser(name, help=module.HELP, description=module.HELP))
+        else:
+            commands.add_parser(name, help=_help_of_other(name))
     return parser
 
 
@@ -86,7 +125,28 @@ def command_parser(command: str) -> argparse.ArgumentParser:
     return parser
 
 
+def _commands_of_others() -> dict[str, importlib.metadata.EntryPoint]:
+    """Return the commands of other packages: entry points of the group `hc.commands`."""
+    found = importlib.metadata.entry_points(group=ENTRY_POINTS)
+    return {point.name: point for point in found if point.name not in COMMANDS}
+
+
+def _help_of_other(command: str) -> str:
+    try:
+        return str(_module(command).HELP)
+    except (UserError, AttributeError) as error:
+        return f"[{error}]"
+
+
 def _module(command: str) -> Any:
+    if command not in COMMANDS:
+        point = _commands_of_others()[command]
+        try:
+            return point.load()
+        except Exception as error:
+            raise UserError(
+                f"the command {command} of {point.value} cannot be loaded: {error}"
+            ) from error
     return importlib.import_module(f"hc_bringup.commands.{command.replace('-', '_')}")
 
 

@@ -45,6 +45,7 @@ def find_config(name: str) -> Path:
         if candidate.is_file():
             return candidate.resolve()
     known = sorted(p.stem for p in config_folder().glob("*.yaml"))
+    known += sorted(f"robots/{p.stem}" for p in config_folder().glob("robots/*.yaml"))
     raise UserError(
         f"no configuration {name!r}: give a YAML file, or one of {', '.join(known)}", WRONG_USE
     )

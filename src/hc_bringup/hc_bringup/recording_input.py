@@ -10,13 +10,21 @@ import argparse
 import dataclasses
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural
+from hc_msgs_py.units import NANOSECONDS
 
 ZEROS = ("force.zero", "position.zero")
-"""What can be said of any recording; the rest is for a bag with two sensors' topics."""
+"""What can be said of any recording."""
+OF_A_TABLE = tuple(
+    f"{channel}.{name}"
+    for channel in ("force", "position")
+    for name in ("sign", "scale", "zero", "time_offset")
+)
+"""What can be said of a CSV file as well; the rest is for a bag with two sensors' topics."""
 
 _TEXT, _NUMBER, _WHOLE, _NUMBERS = "a word", "a number", "a whole number", "a list of numbers"
 _SENSOR = {
@@ -58,8 +66,9 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
-        "position.zero (mm) of any recording; of a bag with a wrench and a position topic also "
-        "force.topic, force.axis, force.sign, position.joint, pairing.maximum_gap and so on",
+        "position.zero (mm) of any recording; sign, scale and time_offset of either also of a CSV; "
+        "of a bag with a wrench and a position topic also force.topic, force.axis, position.joint, "
+        "pairing.maximum_gap and so on",
     )
     parser.add_argument(
         "--find-surface",
@@ -143,14 +152,24 @@ def load(arguments: argparse.Namespace) -> Any:
         UserError: if it cannot be read, or an option is not allowed; the message says why.
     """
     from hc_logger.errors import BagError
-    from hc_logger.recording import read_recording
+    from hc_logger.recording import is_text, read_recording
 
     check(arguments)
     sensors = dict(arguments.sensors)
+    table = is_text(Path(arguments.input))
+    for name, value in sensors.items():
+        if table and name not in OF_A_TABLE:
+            raise UserError(
+                f"--input {name} is for a bag: of a CSV say {', '.join(OF_A_TABLE)}, and --columns",
+                WRONG_USE,
+            )
+        if table and name.endswith(".sign") and value not in (1, -1):
+            raise UserError(f"--input {name}={value} is not 1 or -1", WRONG_USE)
     try:
-        if set(sensors) <= set(ZEROS):
+        if table or set(sensors) <= set(ZEROS):
             options = csv_options(arguments)
-            recording = _less_zeros(read_recording(arguments.input, csv_options=options), sensors)
+            recording = read_recording(arguments.input, csv_options=options)
+            recording = _read_as(recording, sensors) if table else _less_zeros(recording, sensors)
         else:
             recording = _read_sensors(arguments.input, sensors)
     except ValueError as error:
@@ -201,6 +220,44 @@ def _less_zeros(recording: Any, zeros: Mapping[str, float]) -> Any:
         recording,
         displacement_mm=recording.displacement_mm - zeros.get("position.zero", 0.0),
         force_n=recording.force_n - zeros.get("force.zero", 0.0),
+    )
+
+
+def _read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a table with its channels turned, scaled, zeroed and stamped as the settings say."""
+    import numpy as np
+
+    def factor(channel: str) -> float:
+        return float(settings.get(f"{channel}.sign", 1) * settings.get(f"{channel}.scale", 1.0))
+
+    read = _less_zeros(
+        dataclasses.replace(
+            recording,
+            displacement_mm=recording.displacement_mm * factor("position"),
+            force_n=recording.force_n * factor("force"),
+        ),
+        settings,
+    )
+    offsets = [settings.get(f"{name}.time_offset", 0.0) for name in ("position", "force")]
+    if offsets[0] == offsets[1] == 0.0:
+        return read
+    # Every reading at its own stamp, as the node has them.
+    channels = (read.displacement_mm, read.force_n)
+    there = [np.flatnonzero(~np.isnan(values)) for values in channels]
+    shifted = [round(offset * NANOSECONDS) for offset in offsets]
+    stamps = np.concatenate([read.stamps[i] + s for i, s in zip(there, shifted, strict=True)])
+    times = np.concatenate([read.time_s[i] + s for i, s in zip(there, offsets, strict=True)])
+    rows = np.full((len(stamps), 2), np.nan)
+    rows[: len(there[0]), 0] = channels[0][there[0]]
+    rows[len(there[0]) :, 1] = channels[1][there[1]]
+    order = np.argsort(stamps, kind="stable")
+    return dataclasses.replace(
+        read,
+        time_s=times[order],
+        stamps=stamps[order],
+        sequence=np.arange(len(order), dtype=np.uint64),
+        displacement_mm=np.ascontiguousarray(rows[order, 0]),
+        force_n=np.ascontiguousarray(rows[order, 1]),
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from hc_bringup.explanation import RecentMotion
+from hc_bringup.force_error import SETTLING_S, one_step_error
 from hc_msgs_py.units import METRE_IN_MM
 
 REJECTION_NAMES: Final = {
@@ -22,8 +23,6 @@ REJECTION_NAMES: Final = {
 
 PARAMETERS: Final = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
-SETTLING_S = 1.0
-"""From the first contact on, left out of the force error: the estimator knows nothing yet."""
 _RECENT = 1000
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of the sequence beyond this is no loss: somebody counts otherwise, or not at all."""
@@ -98,6 +97,8 @@ class EstimateStatistics:
     _first_contact_s: float = math.nan
     _last_sequence: int = -1
     _force_error_square_sum: float = 0.0
+    _aligned_square_sum: float = 0.0
+    _aligned_errors: int = 0
     _force_errors: int = 0
     _recent_square_errors: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
 
@@ -131,12 +132,15 @@ class EstimateStatistics:
         if message.contact:
             if math.isnan(self._first_contact_s):
                 self._first_contact_s = stamp_s
-            square = message.innovation_force**2
+            square = one_step_error(message.force_measured, message.force_predicted) ** 2
             if math.isnan(square):
                 return  # a sample without a force
             if stamp_s - self._first_contact_s >= SETTLING_S:
                 self._force_error_square_sum += square
                 self._force_errors += 1
+                if not math.isnan(message.innovation_force):
+                    self._aligned_square_sum += message.innovation_force**2
+                    self._aligned_errors += 1
             self._recent_square_errors.append(square)
 
     @property
@@ -150,6 +154,13 @@ class EstimateStatistics:
         if not self._force_errors:
             return math.nan
         return math.sqrt(self._force_error_square_sum / self._force_errors)
+
+    @property
+    def force_aligned_rmse_n(self) -> float:
+        """RMS of the innovation of the force over the same samples [N]; see `force_error`."""
+        if not self._aligned_errors:
+            return math.nan
+        return math.sqrt(self._aligned_square_sum / self._aligned_errors)
 
     @property
     def recent_force_rmse_n(self) -> float:

@@ -23,7 +23,8 @@ def run_summary(
     """Return what docs/design.md lists for hc run --json, and a little more.
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
-    used against the measured one, without the first second of contact. lost counts samples
+    used against the measured one, without the first second of contact (see `force_error`);
+    force_aligned_rmse_n is that of readings brought to the same time. lost counts samples
     that were published and for which no estimate came; None where that cannot be told. failures
     says why the run counts as failed although it went on to its end.
 
@@ -57,6 +58,7 @@ def run_summary(
         "channel_delay": statistics.channel_delay[0],
         "channel_delay_std": statistics.channel_delay[1],
         "force_rmse_n": statistics.force_rmse_n,
+        "force_aligned_rmse_n": statistics.force_aligned_rmse_n,
         "bag": bag,
         "further_bags": list(further_bags),
         "failures": list(state.failures),
@@ -102,6 +104,15 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     return [f"the {late} is late by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"]
 
 
+def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
+    """Return a line where a delay sets the readings of one moment apart from those of one stamp."""
+    if not (math.isfinite(aligned_n) and abs(aligned_n - one_step_n) > 0.01 * one_step_n):
+        return []
+    return [
+        f"with the readings of both channels brought to the same time: {_millinewton(aligned_n)}"
+    ]
+
+
 def _millinewton(force_n: float) -> str:
     return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
 
@@ -135,6 +146,7 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += [
             "force one step ahead, after the first second of contact: RMS error "
             + _millinewton(summary["force_rmse_n"]),
+            *aligned_lines(summary["force_rmse_n"], summary["force_aligned_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
         ]

@@ -7,6 +7,7 @@ for the kernels and for the readers.
 from __future__ import annotations
 
 import enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,6 +67,30 @@ class Hypothesis(enum.IntEnum):
 
 _REJECTIONS = tuple(Rejection)  # a look into a tuple is ten times faster than Rejection(code)
 _HYPOTHESES = tuple(Hypothesis)
+
+
+_OF_A_TABLE = {
+    **{f"{name}": PARAMETERS + i for i, name in enumerate(PARAMETER_NAMES)},
+    **{f"{name}_identifiability": IDENTIFIABILITY + i for i, name in enumerate(PARAMETER_NAMES)},
+    "force_predicted_N": FORCE_PREDICTED,
+    "force_reconstructed_N": FORCE_RECONSTRUCTED,
+    "innovation_displacement_mm": INNOVATION,
+    "innovation_force_N": INNOVATION + 1,
+    "nis": NIS,
+    "displacement_filtered_mm": DISPLACEMENT,
+    "velocity_mm_s": VELOCITY,
+    "force_noise_std_N": FORCE_NOISE_STD,
+    "displacement_noise_std_mm": DISPLACEMENT_NOISE_STD,
+    "channel_delay_s": CHANNEL_DELAY,
+    "channel_delay_std_s": CHANNEL_DELAY_STD,
+    "contact_position_mm": CONTACT_POSITION,
+    "force_zero_N": FORCE_ZERO,
+}
+_FLAGS_OF_A_TABLE = {
+    "contact": CONTACT,
+    "change_detected": CHANGE_DETECTED,
+    "model_mismatch": MODEL_MISMATCH,
+}
 
 
 class _Rows:
@@ -237,6 +262,45 @@ class EstimateSeries(_Rows):
     """
 
     __slots__ = ()
+
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return everything as arrays of shape (samples,) by name, with the unit in the name.
+
+        K, B, n, p under their own names are in N/mm^n, N (s/mm)^p / mm^n, 1 and 1; `rejected` holds
+        the names of `Rejection` in lower case, empty for a sample that was used.
+        """
+        table: dict[str, NDArray[Any]] = {n: self._rows[:, i] for n, i in _OF_A_TABLE.items()}
+        deviations = self.parameters_std
+        table |= {f"{name}_std": deviations[:, i] for i, name in enumerate(PARAMETER_NAMES)}
+        table |= {name: self._rows[:, i] != 0.0 for name, i in _FLAGS_OF_A_TABLE.items()}
+        names = np.array([code.name.lower() if code else "" for code in Rejection])
+        table["rejected"] = names[self._rows[:, REJECTED].astype(int)]
+        return table
+
+    def to_dataframe(self, time_s: NDArray[np.float64] | None = None) -> Any:
+        """Return `columns` as a pandas DataFrame, by time if it is given.
+
+        Args:
+            time_s: the samples' times [s], shape (samples,), for the index.
+
+        Raises:
+            ImportError: if pandas is not installed; the suite itself does not need it.
+        """
+        try:
+            import pandas  # type: ignore[import-not-found,import-untyped,unused-ignore]
+        except ImportError as error:
+            raise ImportError("to_dataframe() needs pandas: pip install pandas") from error
+        frame = pandas.DataFrame(self.columns())
+        return frame if time_s is None else frame.set_index(pandas.Index(time_s, name="time_s"))
+
+    def __repr__(self) -> str:
+        count = len(self._rows)
+        if not count:
+            return "EstimateSeries(0 samples)"
+        used = int(np.count_nonzero(self._rows[:, REJECTED] == 0.0))
+        pairs = zip(PARAMETER_NAMES, self.parameters[-1], self.parameters_std[-1], strict=True)
+        last = ", ".join(f"{name}={value:.6g}±{std:.2g}" for name, value, std in pairs)
+        return f"EstimateSeries({count} samples, {used} used; last {last})"
 
     @property
     def force_predicted(self) -> NDArray[np.float64]:

@@ -26,6 +26,7 @@ LONGEST_SECONDS: Final = 0.5
 """Median step of a time without a unit: below it, it is taken for seconds."""
 _NUMERIC_SHARE: Final = 0.9
 SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
+_CLOCK: Final = re.compile(r"\d{1,2}:\d{2}:\d{2}")
 _ASSIGNMENT = re.compile(r"(?:^|,)\s*(time|displacement|force)\s*=", re.ASCII)
 
 
@@ -217,9 +218,7 @@ class _Finder:
             if (table := self._cut(separator, decimal)) is not None
         ]
         if not tables:
-            raise self._refusal(
-                "no rows of three numbers are to be seen", "--separator, --decimal, --header-lines"
-            )
+            raise self._no_rows()
         # Whole numbers look the same with either decimal sign, and white space beside a separator
         # is no separator: the first of those that give the same columns is the plain one.
         best = tables[0]
@@ -235,6 +234,25 @@ class _Finder:
                     "--separator and --decimal",
                 )
         return best
+
+    def _no_rows(self) -> BagError:
+        """Say what stands there instead of rows of three numbers."""
+        last = next(line for line in reversed(self._lines) if line.strip()).strip()
+        if last[0] in "{[":
+            return BagError(
+                f"{self._path} is written as JSON, with brackets: write its three columns as a "
+                "table with the header time_s,displacement_mm,force_N"
+            )
+        clock = _CLOCK.search(last)
+        if clock is not None:
+            return BagError(
+                f"{self._path}: the time is written as on a clock ({clock[0]}): write it as "
+                "seconds from the start"
+            )
+        return self._refusal(
+            "no rows of three numbers are to be seen (time, displacement, force)",
+            "--separator, --decimal, --header-lines",
+        )
 
     def _cut(self, separator: str, decimal: str) -> _Table | None:
         """Cut the lines; None if that gives no rows of three numbers."""

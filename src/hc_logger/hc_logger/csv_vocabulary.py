@@ -65,9 +65,12 @@ NAMES: Final[dict[str, tuple[str, ...]]] = {
              "prüfzeit", "messzeit", "temps", "tiempo", "tempo"),
     "displacement": ("displacement", "disp", "distance", "position", "pos", "depth", "indentation",
                      "indentation depth", "penetration", "penetration depth", "deformation",
-                     "compression", "travel", "stroke", "crosshead", "d", "z", "weg", "standardweg",
+                     "compression", "extension", "compressive extension", "crosshead position",
+                     "compressive displacement", "travel", "stroke", "crosshead", "d", "z", "weg",
+                     "standardweg", "prüfweg", "eindringtiefe", "tiefe", "course",
                      "traversenweg", "déplacement", "desplazamiento", "spostamento"),
-    "force": ("force", "load", "f", "fz", "normal force", "compressive force", "compressive load",
+    "force": ("force", "load", "f", "fz", "normal force", "normal load", "contact force",
+              "standard force", "compressive force", "compressive load",
               "kraft", "standardkraft", "charge", "fuerza", "forza"),
 }  # fmt: skip
 """Names in lower case, without units; the first one is ours."""

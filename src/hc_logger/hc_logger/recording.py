@@ -31,6 +31,7 @@ __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
 SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
 """Of hc_msgs/IndenterSample."""
 _FARTHEST_S = 2.0**62 / NANOSECONDS
+_JSON_SUFFIXES = (".json", ".jsonl", ".ndjson")
 TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc")
 
 
@@ -52,6 +53,11 @@ def read_recording(
         return _read_bag(path, topic)
     if not path.exists():
         raise BagError(f"{path} does not exist")
+    if path.suffix.lower() in _JSON_SUFFIXES:
+        raise BagError(
+            f"{path} is JSON, in which every logger calls its channels otherwise: write a table "
+            "with the header time_s,displacement_mm,force_N"
+        )
     if not is_text(path):
         raise BagError(f"{path} is neither a CSV file (.csv) nor a bag (a folder, or .mcap)")
     layout = find_layout(path, csv_options)

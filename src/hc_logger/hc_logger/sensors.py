@@ -26,6 +26,9 @@ from hc_logger.selection import full_name
 from hc_logger.type_names import FORCE_TYPE, JOINT_TYPE, POSE_TYPE, POSITION_TYPES
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
+_FEW_OUTSIDE = 10
+"""One sensor always begins before the other: nobody needs to hear of so few readings."""
+
 
 @dataclass(frozen=True)
 class Sensor:
@@ -93,18 +96,22 @@ def read_sensors(
         take_force = _force_reader(bag, force_topic, force)
         take_position = _position_reader(bag, position_topic, position)
         samples: list[Merged] = []
+        stamps_of: tuple[list[int], list[int]] = ([], [])  # of the forces, of the positions
         for message in bag.messages({force_topic, position_topic}):
             if message.topic == force_topic:
                 for stamp, value in take_force(message.data):
+                    stamps_of[0].append(stamp)
                     samples += merger.add_force(stamp, value, message.log_time)
             else:
                 for stamp, value in take_position(message.data):
+                    stamps_of[1].append(stamp)
                     samples += merger.add_displacement(stamp, value, message.log_time)
         samples += merger.flush()
         problems = list(bag.problems)
     counters = merger.counters
+    outside = min(_outside(*stamps_of), counters.unpaired)
     for count, text in (
-        (counters.unpaired, "of a sensor that was alone"),
+        (counters.unpaired - outside, "of a sensor that was alone"),
         (counters.late, "that came too late, or repeated a stamp"),
     ):
         if count:
@@ -113,10 +120,12 @@ def read_sensors(
         raise BagError(
             f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"
         )
-    note = (
+    notes = [
         f"force along {force.axis} of {force_topic}, displacement of {position_topic}: "
         "mind their signs and zeros"
-    )
+    ]
+    if outside > _FEW_OUTSIDE:
+        notes.append(f"{outside} readings left out before the other sensor began or after it ended")
     stamps = np.array([s.stamp_ns for s in samples], np.int64)
     rows = np.array([(s.displacement_mm, s.force_n) for s in samples])
     return Recording(
@@ -127,8 +136,16 @@ def read_sensors(
         np.array([s.sequence for s in samples], np.uint64),
         np.ascontiguousarray(rows[:, 0]),
         np.ascontiguousarray(rows[:, 1]),
-        findings_of(rows, np.diff(stamps), tuple(problems))._replace(notes=(note,)),
+        findings_of(rows, np.diff(stamps), tuple(problems))._replace(notes=tuple(notes)),
     )
+
+
+def _outside(force: list[int], position: list[int]) -> int:
+    """Count the readings before the other sensor's first one, or after its last one."""
+    if not (force and position):
+        return len(force) + len(position)
+    begin, end = max(min(force), min(position)), min(max(force), max(position))
+    return sum(not begin <= stamp <= end for stamp in (*force, *position))
 
 
 def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 
 def declare(
@@ -72,6 +73,8 @@ def declare(
                     step=0.0,
                 )
             ]
+    if isinstance(default, float) and not number_or_word:
+        _whole_number_too(node, name)
     try:
         value = node.declare_parameter(name, default, descriptor).value
     except (InvalidParameterTypeException, InvalidParameterValueException) as error:
@@ -81,6 +84,13 @@ def declare(
     if choices and value not in choices:
         raise ValueError(f"parameter {name} = {value!r} is not one of {', '.join(choices)}")
     return value
+
+
+def _whole_number_too(node: Node, name: str) -> None:
+    """Take a whole number from a parameter file as the number it is: `zero: 5` for `zero: 5.0`."""
+    given = node._parameter_overrides.get(name)
+    if given is not None and given.type_ == Parameter.Type.INTEGER:
+        node._parameter_overrides[name] = Parameter(name, value=float(given.value))
 
 
 def _allowed(default: Any, minimum: float | None, maximum: float | None) -> str:

@@ -1,16 +1,18 @@
-"""hc bag: look into a bag, repair one that was cut off, convert CSV and bag."""
+"""hc bag: look into a bag, repair one that was cut off, convert, filter, merge and split."""
 
 from __future__ import annotations
 
 import argparse
+import math
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.options import positive, seconds
 
-HELP = "look into a bag, repair one that was cut off, convert CSV and bag"
+HELP = "look into a bag, repair one that was cut off, convert, filter, merge and split bags"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +28,22 @@ def configure(parser: argparse.ArgumentParser) -> None:
     convert.add_argument("target", metavar="TARGET", help="bag folder, or a file that ends in .csv")
     convert.add_argument("--topic", default="", metavar="T", help="sample topic, if several")
     recording_input.add_csv_options(convert)
+    part = commands.add_parser("filter", help="copy some topics or seconds of a bag")
+    part.add_argument("source", metavar="SOURCE", help="bag")
+    part.add_argument("target", metavar="TARGET", help="folder of the new bag")
+    part.add_argument(
+        "--topics", nargs="+", default=["*"], metavar="TOPIC", help="names, or patterns with *"
+    )
+    part.add_argument("--exclude", nargs="+", default=[], metavar="TOPIC", help="leave these out")
+    part.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin S s into it")
+    part.add_argument("--duration", type=positive, default=math.inf, metavar="S", help="take S s")
+    merge = commands.add_parser("merge", help="several bags into one, in the order of time")
+    merge.add_argument("sources", nargs="+", metavar="SOURCE", help="bags")
+    merge.add_argument("-o", "--output", required=True, metavar="TARGET", help="the new bag")
+    split = commands.add_parser("split", help="cut a bag into parts of some seconds")
+    split.add_argument("source", metavar="SOURCE", help="bag")
+    split.add_argument("target", metavar="TARGET", help="the parts are TARGET_0, TARGET_1 ...")
+    split.add_argument("--every", type=positive, required=True, metavar="S", help="S s each")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -33,7 +51,14 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_logger.errors import BagError, BagExistsError
 
     try:
-        actions = {"info": _info, "recover": _recover, "convert": _convert}
+        actions = {
+            "info": _info,
+            "recover": _recover,
+            "convert": _convert,
+            "filter": _filter,
+            "merge": _merge,
+            "split": _split,
+        }
         return actions[arguments.action](arguments)
     except BagExistsError as error:
         raise UserError(str(error), WRONG_USE) from error
@@ -134,4 +159,45 @@ def _convert(arguments: argparse.Namespace) -> int:
     for problem in problems:
         print(f"{source}: {problem}")
     print(f"{count} {what} written to {target}")
+    return 0
+
+
+def _filter(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_logger.edit import filter_bag
+    from hc_logger.selection import TopicSelection
+
+    with progress_bar("filtering") as progress:
+        count = filter_bag(
+            arguments.source,
+            arguments.target,
+            selection=TopicSelection(arguments.topics, arguments.exclude),
+            start_s=arguments.start,
+            duration_s=arguments.duration,
+            progress=progress,
+        )
+    print(f"{count} messages written to {arguments.target}")
+    return 0
+
+
+def _merge(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_logger.edit import merge_bags
+
+    if len(arguments.sources) < 2:
+        raise UserError("give two bags at least", WRONG_USE)
+    with progress_bar("merging") as progress:
+        count = merge_bags(arguments.sources, arguments.output, progress=progress)
+    print(f"{count} messages of {len(arguments.sources)} bags written to {arguments.output}")
+    return 0
+
+
+def _split(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_logger.edit import split_bag
+
+    with progress_bar("splitting") as progress:
+        parts = split_bag(arguments.source, arguments.target, arguments.every, progress=progress)
+    for path, count in parts:
+        print(f"{count} messages written to {path}")
     return 0

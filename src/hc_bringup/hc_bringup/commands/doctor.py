@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from typing import Any
 
 from hc_bringup import recording_input
@@ -31,6 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
     from hc_bringup.diagnosis import Finding, diagnose
 
+    notes: tuple[str, ...] = ()
     if arguments.input in (None, "live"):
         if recording_input.is_given(arguments):
             raise UserError("--input and --find-surface are for a recording", WRONG_USE)
@@ -42,8 +44,11 @@ def run(arguments: argparse.Namespace) -> int:
         where = f"node {arguments.node}, {arguments.seconds:g} s"
     else:
         recording = recording_input.load(arguments)
-        told = recording.findings._replace(force_alone=0, displacement_alone=0)  # nothing wrong
-        findings = [Finding(line) for line in told.lines()]
+        told = recording.findings
+        notes = told.notes
+        # Rows with one reading are nothing wrong, and notes say how the recording was read.
+        wrong = told._replace(force_alone=0, displacement_alone=0, notes=())
+        findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         settings, type_it = dict(arguments.sensors), _for_recording(arguments.input, recording)
         where = f"{arguments.input}, {len(recording.time_s)} samples"
@@ -52,8 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
         diagnosis = diagnose(*rows)
         findings += diagnosis.findings
     if arguments.json:
-        _print_json(findings, diagnosis, settings, type_it)
+        _print_json(findings, diagnosis, settings, type_it, notes)
     else:
+        for note in notes:
+            print(f"{arguments.input}: {note}")
         _print(where, findings, diagnosis, settings, type_it)
     return FAILURE if findings else 0
 
@@ -63,11 +70,12 @@ def _for_node(node: str) -> Any:
 
 
 def _for_recording(path: str, recording: Any) -> Any:
-    """Say how a recording is read with a setting; a CSV takes zeros only."""
+    """Say how a recording is read with a setting."""
+    quoted = shlex.quote(path)
 
     def type_it(name: str, value: Any) -> str:
-        if recording.is_bag or name in recording_input.ZEROS:
-            return f"hc estimate {path} --input {name}={value}"
+        if recording.is_bag or name in recording_input.OF_A_TABLE:
+            return f"hc estimate {quoted} --input {name}={value}"
         return f"in the robot's parameter file: input.{name}: {value}"
 
     return type_it
@@ -107,12 +115,16 @@ def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_
             print(f"   costs: {finding.cost}")
         for name, value in apply(settings, finding.settings).items():
             print(f"   type:  {type_it(name, value)}")
+    if findings:
+        print("docs/robots.md says what each means")
     if diagnosis is not None and diagnosis.estimated is not None:
         print("with what could be put right put right:" if findings else "estimated:")
         print("\n".join(estimate_lines(diagnosis)))
 
 
-def _print_json(findings: list[Any], diagnosis: Any, settings: Any, type_it: Any) -> None:
+def _print_json(
+    findings: list[Any], diagnosis: Any, settings: Any, type_it: Any, notes: tuple[str, ...]
+) -> None:
     from hc_bringup.summary import to_json
     from hc_estimator import PARAMETER_NAMES
 
@@ -130,6 +142,7 @@ def _print_json(findings: list[Any], diagnosis: Any, settings: Any, type_it: Any
         )
     summary: dict[str, Any] = {
         "findings": told,
+        "notes": list(notes),
         "forecasts": [] if diagnosis is None else [f.sentence for f in diagnosis.forecasts],
     }
     if estimated is not None:

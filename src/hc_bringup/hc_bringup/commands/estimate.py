@@ -14,15 +14,15 @@ from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import assignment
 
-SETTLING_S = 1.0
-"""From the first contact on, left out of force errors: the estimator knows nothing yet."""
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 _LINES_AT_ONCE = 4096
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
     "stiffness_std,damping_std,displacement_exponent_std,velocity_exponent_std,"
-    "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected"
+    "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected,"
+    "stiffness_identifiability,damping_identifiability,displacement_exponent_identifiability,"
+    "velocity_exponent_identifiability,model_mismatch,channel_delay_s"
 )
 
 
@@ -134,6 +134,7 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
         UserError: if a name or value is wrong; the message says what is allowed.
     """
     from hc_estimator import DEFAULT_FILTER, create_estimator
+    from hc_estimator.filters.registry import PROBLEMS
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
@@ -145,7 +146,9 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
     try:
         return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
     except ValueError as error:
-        raise UserError(str(error), WRONG_USE) from error
+        because = PROBLEMS.get(arguments.filter, "")
+        told = f"filter {arguments.filter} cannot be used: {because}" if because else str(error)
+        raise UserError(told, WRONG_USE) from error
 
 
 def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> dict[str, Any]:
@@ -156,26 +159,19 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     """
     import numpy as np
 
+    from hc_bringup.force_error import one_step_error, root_mean_square, settled
     from hc_estimator import PARAMETER_NAMES, Rejection
     from hc_estimator.input.together import of_two_readings
 
     rejected = series.rejected
     used = rejected == 0
     touching = used & series.contact
-    time_s = recording.time_s[touching]
-    since_contact = time_s - time_s[:1]
-    counted = np.flatnonzero(touching)
-    counted = counted[since_contact >= min(SETTLING_S, 0.5 * since_contact.max(initial=0.0))]
+    counted = np.flatnonzero(settled(recording.time_s, touching))
     force = recording.force_n
     last = series[len(series) - 1]
 
     def named(values: Any) -> dict[str, float]:
         return dict(zip(PARAMETER_NAMES, map(float, values), strict=True))
-
-    def rms(values: Any) -> float:
-        values = values[~np.isnan(values)]  # a sample may have no force
-        with np.errstate(over="ignore"):  # what is infinite then is told
-            return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
     nis = of_two_readings(series.nis, series.innovation)
     return {
@@ -198,8 +194,13 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "channel_delay_std": float(last.channel_delay_std),
         "changes_detected": int(np.count_nonzero(series.change_detected)),
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
-        "force_predicted_rmse_n": rms((series.force_predicted - force)[counted]),
-        "force_reconstructed_rmse_n": rms((series.force_reconstructed - force)[counted]),
+        "force_predicted_rmse_n": root_mean_square(
+            one_step_error(force, series.force_predicted)[counted]
+        ),
+        "force_aligned_rmse_n": root_mean_square(series.innovation[counted, 1]),
+        "force_reconstructed_rmse_n": root_mean_square(
+            (series.force_reconstructed - force)[counted]
+        ),
         "nis_mean": float(np.mean(nis[counted])) if len(counted) else float("nan"),
         "microseconds_per_step": 1e6 * seconds / len(series),
     }
@@ -227,7 +228,7 @@ def why_no_result(summary: dict[str, Any]) -> str:
 
 
 def _text(summary: dict[str, Any]) -> str:
-    from hc_bringup.summary import delay_lines, parameter_lines
+    from hc_bringup.summary import aligned_lines, delay_lines, parameter_lines
 
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     return "\n".join(
@@ -243,6 +244,7 @@ def _text(summary: dict[str, Any]) -> str:
             f"{1e3 * summary['force_predicted_rmse_n']:.1f} mN one step ahead, "
             f"{1e3 * summary['force_reconstructed_rmse_n']:.1f} mN after the update; "
             f"mean NIS {summary['nis_mean']:.2f} (ideal 2)",
+            *aligned_lines(summary["force_predicted_rmse_n"], summary["force_aligned_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the samples",
         ]
@@ -261,7 +263,10 @@ def _write(path: Path, recording: Any, series: Any) -> None:
 
 
 def estimate_lines(recording: Any, series: Any) -> Iterator[str]:
-    """Yield one line a sample, many at once; rejected is empty for a sample that was used."""
+    """Yield one line a sample, many at once; rejected is empty for a sample that was used.
+
+    K, B, n, p are in N/mm^n, N (s/mm)^p / mm^n, 1 and 1; the other units stand in the names.
+    """
     import numpy as np
 
     from hc_estimator import Rejection
@@ -279,10 +284,15 @@ def estimate_lines(recording: Any, series: Any) -> Iterator[str]:
             series.nis,
         ]
     ).tolist()
-    flags = np.column_stack([series.contact, series.change_detected]).astype(int).tolist()
+    flags = np.column_stack([series.contact, series.change_detected, series.model_mismatch])
+    known = np.column_stack([series.identifiability, series.channel_delay]).tolist()
+    codes = series.rejected.tolist()
     lines = (
-        ",".join(map(repr, row)) + f",{flag[0]},{flag[1]},{names[code]}\n"
-        for row, flag, code in zip(numbers, flags, series.rejected.tolist(), strict=True)
+        f"{','.join(map(repr, row))},{flag[0]},{flag[1]},{names[code]},"
+        f"{','.join(map(repr, more[:4]))},{flag[2]},{more[4]!r}\n"
+        for row, flag, code, more in zip(
+            numbers, flags.astype(int).tolist(), codes, known, strict=True
+        )
     )
     yield COLUMNS + "\n"
     yield from _joined(lines)

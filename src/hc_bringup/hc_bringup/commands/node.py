@@ -1,10 +1,11 @@
-"""hc node list: what `ros2 node list` would print."""
+"""hc node list, info: what ros2cli would print, which the wheels lack."""
 
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
-HELP = "list the running nodes"
+HELP = "list the running nodes, and what one publishes and offers"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -13,6 +14,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     listing = commands.add_parser("list", help="names of all running nodes")
     listing.add_argument("-a", "--all", action="store_true", help="hidden nodes too")
     listing.add_argument("-c", "--count-nodes", action="store_true", help="print the number only")
+    info = commands.add_parser("info", help="topics and services of a node")
+    info.add_argument("node", metavar="NODE")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -20,7 +23,27 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.graph import Graph
 
     with Graph() as graph:
+        if arguments.action == "info":
+            return _info(graph, arguments.node)
         graph.settle()
         names = graph.node_names(hidden=arguments.all)
     print(len(names) if arguments.count_nodes else "\n".join(names) or "no node is running")
+    return 0
+
+
+def _info(graph: Any, wanted: str) -> int:
+    full = graph.require_node(wanted)
+    graph.settle()
+    namespace, _, name = full.rpartition("/")
+    where = (name, namespace or "/")
+    print(full)
+    for title, found in (
+        ("Subscribers", graph.node.get_subscriber_names_and_types_by_node(*where)),
+        ("Publishers", graph.node.get_publisher_names_and_types_by_node(*where)),
+        ("Service Servers", graph.node.get_service_names_and_types_by_node(*where)),
+        ("Service Clients", graph.node.get_client_names_and_types_by_node(*where)),
+    ):
+        print(f"  {title}:")
+        for topic, types in sorted(found):
+            print(f"    {topic}: {', '.join(types)}")
     return 0

@@ -1,8 +1,9 @@
-"""hc param list, get, set, dump, load: what ros2cli would offer, which the wheels lack."""
+"""hc param list, get, set, describe, dump, load: what ros2cli offers, which the wheels lack."""
 
 from __future__ import annotations
 
 import argparse
+import difflib
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     change.add_argument("node", metavar="NODE")
     change.add_argument("name", metavar="NAME")
     change.add_argument("value", metavar="VALUE")
+    describe = commands.add_parser("describe", help="type, meaning and range of parameters")
+    describe.add_argument("node", metavar="NODE")
+    describe.add_argument("names", nargs="+", metavar="NAME", help="names, or patterns with *")
     dump = commands.add_parser("dump", help="print all parameters of a node as a parameter file")
     dump.add_argument("node", metavar="NODE")
     load = commands.add_parser("load", help="set the parameters in a parameter file, all or none")
@@ -39,7 +43,14 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.graph import Graph
 
-    action = {"list": _list, "get": _get, "set": _set, "dump": _dump, "load": _load}
+    action = {
+        "list": _list,
+        "get": _get,
+        "set": _set,
+        "describe": _describe,
+        "dump": _dump,
+        "load": _load,
+    }
     with Graph() as graph:
         return action[arguments.action](graph, arguments)
 
@@ -83,6 +94,42 @@ def _set(graph: Any, arguments: argparse.Namespace) -> int:
     _set_atomically(graph, client, [parameter])
     print("Set parameter successful")
     return 0
+
+
+def _describe(graph: Any, arguments: argparse.Namespace) -> int:
+    from fnmatch import fnmatchcase
+
+    from rclpy.parameter import Parameter
+
+    node_name, client = _connect(graph, arguments.node)
+    names = sorted(_names(graph, client, node_name))
+    chosen: list[str] = []
+    for wanted in arguments.names:
+        fitting = [n for n in names if fnmatchcase(n, wanted)]
+        if not fitting:
+            raise _no_parameter(node_name, wanted, names)
+        chosen += [n for n in fitting if n not in chosen]
+    answer = graph.call(lambda: client.describe_parameters(chosen), "description")
+    for told in answer.descriptors:
+        kind = str(Parameter.Type(told.type).name).lower().replace("_", " ")
+        print(f"Parameter name: {told.name}")
+        print(f"  Type: {'any' if told.dynamic_typing else kind}")
+        if told.description:
+            print(f"  Description: {told.description}")
+        print("  Constraints:")
+        print(f"    Read only: {str(told.read_only).lower()}")
+        for limits in (*told.integer_range, *told.floating_point_range):
+            print(f"    Min value: {limits.from_value}")
+            print(f"    Max value: {limits.to_value}")
+        if told.additional_constraints:
+            print(f"    {told.additional_constraints}")
+    return 0
+
+
+def _no_parameter(node_name: str, name: str, names: list[str]) -> UserError:
+    close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    hint = f"did you mean {' or '.join(close)}?" if close else f"it has: {', '.join(names)}"
+    return UserError(f"node {node_name} has no parameter {name}; {hint}", FAILURE)
 
 
 def _dump(graph: Any, arguments: argparse.Namespace) -> int:
@@ -160,8 +207,7 @@ def _values(graph: Any, client: Any, names: list[str]) -> list[Any]:
 def _value(graph: Any, client: Any, node_name: str, name: str) -> Any:
     values = _values(graph, client, [name])
     if not values or values[0].type == 0:
-        close = ", ".join(sorted(_names(graph, client, node_name)))
-        raise UserError(f"node {node_name} has no parameter {name}; it has: {close}", FAILURE)
+        raise _no_parameter(node_name, name, sorted(_names(graph, client, node_name)))
     return values[0]
 
 

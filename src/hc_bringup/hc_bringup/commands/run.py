@@ -14,7 +14,7 @@ from typing import Any
 
 from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import seconds
+from hc_bringup.options import assignment, natural, positive, seconds
 from hc_bringup.parameter_file import read_yaml
 
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
@@ -39,6 +39,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--bag", metavar="DIR", help="folder of the bag (default: bags/run_DATE_TIME here)"
     )
     parser.add_argument("--scenario", metavar="NAME", help="scenario of the rig")
+    parser.add_argument("--seed", type=natural, metavar="N", help="seed of the rig's random draws")
+    parser.add_argument(
+        "--rate", type=positive, metavar="R", help="simulated seconds per second (default: 1)"
+    )
+    parser.add_argument("--filter", metavar="F", help="filter of the estimator")
+    parser.add_argument("--state-space", metavar="S", help="state space of the estimator")
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="[NODE.]NAME=VALUE",
+        help="a parameter of a node, of the estimator without NODE; may be given several times",
+    )
     parser.add_argument("--headless", action="store_true", help="no live display")
     parser.add_argument(
         "--dashboard",
@@ -62,10 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
     plan = load_plan(find_config(arguments.config))
     if arguments.duration is not None:
         plan = dataclasses.replace(plan, duration_s=arguments.duration)
-    if arguments.scenario is not None:
-        if plan.node("indenter") is None:
-            raise UserError("--scenario given, but the configuration starts no rig", WRONG_USE)
-        plan = with_parameters(plan, "indenter", {"scenario": arguments.scenario})
+    for node, parameters in given_parameters(plan, arguments).items():
+        plan = with_parameters(plan, node, parameters)
     bag = None
     if plan.node("recorder") is not None:
         bag = new_bag_folder(arguments.bag)
@@ -86,6 +98,45 @@ def run(arguments: argparse.Namespace) -> int:
     if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
         show_ending(bag)
     return 0
+
+
+def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Return what the options say of the nodes' parameters, by node.
+
+    Raises:
+        UserError: if the run has no such node, or something is given twice.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    options = {
+        ("indenter", "scenario"): arguments.scenario,
+        ("indenter", "seed"): arguments.seed,
+        ("indenter", "rate"): arguments.rate,
+        ("estimator", "filter"): arguments.filter,
+        ("estimator", "state_space"): arguments.state_space,
+    }
+    kinds = {"indenter": "rig", "estimator": "estimator"}
+    for (node, name), value in options.items():
+        if value is None:
+            continue
+        if plan.node(node) is None:
+            option = name.replace("_", "-")
+            raise UserError(
+                f"--{option} given, but the configuration starts no {kinds[node]}", WRONG_USE
+            )
+        found.setdefault(node, {})[name] = value
+    names = [node.name for node in plan.nodes]
+    for text, value in arguments.param:
+        node, separator, name = text.partition(".")
+        if not (separator and node in names):
+            node, name = "estimator", text
+        if node not in names:
+            raise UserError(
+                f"--param {text}: the configuration starts {', '.join(names)}", WRONG_USE
+            )
+        if name in found.setdefault(node, {}):
+            raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
+        found[node][name] = value
+    return found
 
 
 def show_ending(bag: Path) -> None:

@@ -1,4 +1,4 @@
-"""hc topic list, echo, hz: what ros2cli would print, which the wheels lack."""
+"""hc topic list, echo, hz, and the actions of topic_tools: as ros2cli, which the wheels lack."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ import time
 from collections import deque
 from typing import Any
 
+from hc_bringup import topic_tools
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.options import natural, positive
 
-HELP = "list topics, print their messages, measure their rate"
+HELP = "list topics, print and publish messages, measure rates"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -38,11 +39,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "-w", "--window", type=natural, default=10_000, metavar="N", help="messages to average over"
     )
     rate.add_argument("--timeout", type=positive, metavar="S", help="end after S seconds")
+    topic_tools.configure(commands)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    return {"list": _list, "echo": _echo, "hz": _hz}[arguments.action](arguments)
+    actions = {
+        "list": _list,
+        "echo": _echo,
+        "hz": _hz,
+        "info": topic_tools.info,
+        "bw": topic_tools.bandwidth,
+        "pub": topic_tools.publish,
+    }
+    return actions[arguments.action](arguments)
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -73,7 +83,7 @@ def _echo(arguments: argparse.Namespace) -> int:
             message_class(type_name),
             topic,
             lambda message: received.append(message),
-            _matching_qos(graph, topic),
+            matching_qos(graph, topic),
         )
         end = None if arguments.timeout is None else time.monotonic() + arguments.timeout
         while graph.spin(0.02):
@@ -104,7 +114,7 @@ def _hz(arguments: argparse.Namespace) -> int:
             message_class(type_name),
             topic,
             lambda _: arrivals.append(time.monotonic()),
-            _matching_qos(graph, topic),
+            matching_qos(graph, topic),
             raw=True,
         )
         end = None if arguments.timeout is None else time.monotonic() + arguments.timeout
@@ -129,7 +139,7 @@ def _print_rate(topic: str, arrivals: list[float]) -> None:
     )
 
 
-def _matching_qos(graph: Any, topic: str) -> Any:
+def matching_qos(graph: Any, topic: str) -> Any:
     """Return a profile that matches every publisher of the topic, deep enough for 1 kHz."""
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_bringup import force_error
 from hc_bringup.explanation import explain
 from hc_bringup.report.contacts import Contact
 from hc_bringup.report.palpation_map import StiffnessMap
@@ -18,7 +19,6 @@ from hc_evaluation.metrics import chi_square_band
 
 Array = NDArray[np.float64]
 
-SETTLING_S: Final = 1.0
 MISMATCH_SHARE: Final = 0.05
 UNKNOWN: Final = 0.5
 """Identifiability below which a parameter cannot be seen, and relative deviation above which."""
@@ -75,12 +75,7 @@ def verdict(
 
 def settled(data: RunData) -> NDArray[np.bool_]:
     """Mark the samples in contact that were used, without the first second of contact."""
-    touching = data.contact & data.used
-    if not touching.any():
-        return touching
-    elapsed = data.time_s - data.time_s[touching][0]
-    late: NDArray[np.bool_] = elapsed >= min(SETTLING_S, 0.5 * float(np.nanmax(elapsed)))
-    return touching & late
+    return force_error.settled(data.time_s, data.contact & data.used)
 
 
 def _felt(data: RunData, *, scanned: bool) -> list[Sentence]:

@@ -1,8 +1,13 @@
-"""The filters by name. To add one: write its file, then add it to FILTERS here."""
+"""The filters by name. To add one: write its file, then add it to FILTERS here.
+
+Filters of other packages are found by their entry points in the group `hc.filters`, whose objects
+are `FilterEntry`; `hc new filter NAME` makes such a package.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib.metadata
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -222,3 +227,32 @@ FIELDS: tuple[Field, ...] = (
 # Settings that kernels read and no user sees.
 HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
 SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH
+
+ENTRY_POINTS = "hc.filters"
+
+
+def _add_filters_of_others() -> dict[str, str]:
+    """Add the filters of other packages to FILTERS.
+
+    Returns:
+        Why, by name, for those that could not be added: the others work without them.
+    """
+    problems: dict[str, str] = {}
+    for point in importlib.metadata.entry_points(group=ENTRY_POINTS):
+        if point.name in FILTERS:
+            problems[point.name] = f"a filter of that name is there already, not {point.value}"
+            continue
+        try:
+            entry = point.load()
+        except Exception as error:  # noqa: BLE001 - whatever somebody else's module does
+            problems[point.name] = f"{point.value}: {type(error).__name__}: {error}"
+            continue
+        if isinstance(entry, FilterEntry):
+            FILTERS[point.name] = entry
+        else:
+            problems[point.name] = f"{point.value} is a {type(entry).__name__}, no FilterEntry"
+    return problems
+
+
+PROBLEMS: dict[str, str] = _add_filters_of_others()
+"""Filters of other packages that cannot be used, and why."""

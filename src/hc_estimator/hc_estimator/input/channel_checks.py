@@ -96,6 +96,26 @@ def irregular(readings: Readings) -> str:
     return ""
 
 
+def mistimed(readings: Readings) -> str:
+    """Stamps so far apart, or so close, that they can hardly be seconds."""
+    _name, _unit, time_s, values = readings
+    rate = _rate(time_s)
+    if len(values) < LEAST_TIMED or _SLOWEST_HZ <= rate <= _FASTEST_HZ or math.isnan(rate):
+        return ""
+    guess = next(
+        (
+            f", but would be {rate * factor:.4g} Hz if the times were in {unit}"
+            for unit, factor in (("milliseconds", 1e3), ("microseconds", 1e6), ("minutes", 1 / 60))
+            if _USUAL_HZ[0] <= rate * factor <= _USUAL_HZ[1]
+        ),
+        "",
+    )
+    return (
+        f"the readings come at {rate:.3g} Hz{guess}: check the unit of the stamps (--units time=ms "
+        "of a CSV), for B is wrong by the same factor"
+    )
+
+
 def _step(values: FloatArray) -> float:
     """Return the step in which values come; 0 if they come in none."""
     distinct = np.unique(values)
@@ -119,6 +139,51 @@ def coarse(readings: Readings) -> str:
         f"the {name} comes in steps of {step:.3g} {unit}, a {(high - low) / step:.0f}th of its "
         "range: choose a finer range or a better resolution"
     )
+
+
+LEAST_TIMED = 500
+_SLOWEST_HZ, _FASTEST_HZ = 4.5, 1e5
+_USUAL_HZ = (20.0, 2e4)
+"""Rates of force sensors and poses; and those beyond which nobody measures a tissue."""
+
+_TOP, _NEXT = 0.03, 0.2
+"""Shares of the force's range: its end, and what comes before."""
+_TOP_SHARE, _TOP_STROKE, _CROWDED = 0.08, 0.15, 8.0
+"""More of the samples, over more of the stroke, so many times as crowded as before the end."""
+
+
+def flattened(depth: Readings, force: Readings) -> str:
+    """A force that goes no further while the tool goes on: an amplifier at its end, with noise.
+
+    Soft tissue stiffens: what lies in the last percents of the force lies in the last percents of
+    the depth as well, but for the damping.
+    """
+    inside = (force.time_s >= depth.time_s.min()) & (force.time_s <= depth.time_s.max())
+    newtons = force.values[inside]
+    if len(newtons) < LEAST_SAMPLES or not (moves(newtons) and moves(depth.values)):
+        return ""
+    order = np.argsort(depth.time_s, kind="stable")
+    at = np.interp(force.time_s[inside], depth.time_s[order], depth.values[order])
+    low, high = robust_range(newtons)
+    shallow, deep = robust_range(at)
+    for limit, word, side in ((high, "largest", 1.0), (low, "smallest", -1.0)):
+        room = side * (limit - newtons) / (high - low)
+        top, before = room < _TOP, (room >= _TOP) & (room < _TOP + _NEXT)
+        share = float(np.mean(top))
+        if share < _TOP_SHARE or abs(limit) < 0.5 * (high - low):
+            continue  # the flat part of free motion is about zero
+        spread = float(np.diff(np.quantile(at[top], (0.05, 0.95)))[0])
+        crowded = share / _TOP > _CROWDED * float(np.mean(before)) / _NEXT
+        if float(np.median(at[top])) < float(np.median(at[~top])):
+            continue  # flat where the tool is out: free motion, whatever its zero
+        if crowded and spread > _TOP_STROKE * (deep - shallow):
+            return (
+                f"the force goes no further than {limit:.4g} {force.unit}, its {word} value, in "
+                f"{100 * share:.0f} % of the samples while the depth goes on for {spread:.2g} "
+                f"{depth.unit}: the sensor or its amplifier is at the end of its range; set "
+                "force_limit just below"
+            )
+    return ""
 
 
 def saturated(force: Readings) -> str:

@@ -96,12 +96,18 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
                 result,
                 Check.RATE,
                 readings,
-                channel_checks.irregular(readings) or channel_checks.held(readings),
+                (channel_checks.mistimed(readings) if readings is displacement else "")
+                or channel_checks.irregular(readings)
+                or channel_checks.held(readings),
             )
             _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
     if min(len(displacement.values), len(force.values)) >= LEAST_SAMPLES:
         coarse = any(suspicion.check is Check.QUANTISATION for suspicion in result)
         result += _check_together(displacement, force, fine=not coarse)
+        seen = {(s.check, s.channel) for s in result}
+        turned = seen & {(Check.SIGN, "displacement"), (Check.SIGN, "both")}
+        if not (turned or (Check.SATURATION, "force") in seen):
+            _add(result, Check.SATURATION, force, channel_checks.flattened(displacement, force))
     order = list(Check)
     return sorted(result, key=lambda s: order.index(s.check))
 

@@ -1,0 +1,159 @@
+"""hc bag filter, merge and split; did you mean; the options of hc run."""
+
+import argparse
+from pathlib import Path
+
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64, Int32
+
+from hc_bringup.cli import main
+from hc_bringup.commands import run as run_command
+from hc_bringup.errors import UserError
+from hc_bringup.paths import find_config
+from hc_bringup.plan import load_plan
+from hc_logger.foreign import open_bag
+from hc_logger.writer import BagWriter
+
+START = 10**18
+LATCHED = [{"durability": "transient_local", "reliability": "reliable", "depth": 1}]
+
+
+def make_bag(path: Path, *, begin_s: float = 0.0, names=("/a", "/b"), kind=Float64) -> Path:
+    """Ten messages a second for two seconds on each topic, and one setting at the beginning."""
+    type_name = f"std_msgs/msg/{kind.__name__}"
+    with BagWriter(path, custom_data={"seed": "3", "run": path.name}) as writer:
+        numbers = [writer.add_topic(name, type_name) for name in names]
+        setting = writer.add_topic("/setting", "std_msgs/msg/Float64", qos_profiles=LATCHED)
+        at = START + round(begin_s * 1e9)
+        writer.write(setting, at, serialize_message(Float64(data=7.0)))
+        for k in range(20):
+            for number in numbers:
+                value = kind(data=kind().data.__class__(k))
+                writer.write(number, at + k * 10**8, serialize_message(value), sequence=k)
+    return path
+
+
+def contents(path: Path) -> list[tuple[str, int, bytes]]:
+    with open_bag(path) as bag:
+        assert not bag.problems
+        return [(m.topic, m.log_time - START, m.data) for m in bag.messages(list(bag.topics))]
+
+
+def test_a_part_of_a_bag_keeps_bytes_times_and_what_was_latched(tmp_path: Path, capsys) -> None:
+    whole = contents(make_bag(tmp_path / "whole"))
+    words = ["bag", "filter", str(tmp_path / "whole"), str(tmp_path / "part")]
+    assert main([*words, "--topics", "/a", "/set*", "--start", "0.55", "--duration", "0.5"]) == 0
+    assert "6 messages written" in capsys.readouterr().out
+    part = contents(tmp_path / "part")
+    assert part[0] == ("/setting", 550_000_000, whole[0][2] if whole[0][0] == "/setting" else None)
+    wanted = [m for m in whole if m[0] == "/a" and 550_000_000 <= m[1] <= 1_050_000_000]
+    assert part[1:] == wanted
+    with open_bag(tmp_path / "part") as bag:
+        assert bag.custom_data["seed"] == "3"
+        assert bag.topics["/setting"].qos_profiles[0]["durability"] == "transient_local"
+
+
+def test_bags_are_merged_in_the_order_of_time(tmp_path: Path) -> None:
+    first = make_bag(tmp_path / "first")
+    second = make_bag(tmp_path / "second", begin_s=0.05, names=("/b", "/c"))
+    assert main(["bag", "merge", str(first), str(second), "-o", str(tmp_path / "all")]) == 0
+    merged = contents(tmp_path / "all")
+    assert [m[1] for m in merged] == sorted(m[1] for m in merged)
+    assert sorted(merged) == sorted(contents(first) + contents(second))
+    with open_bag(tmp_path / "all") as bag:  # what both bags say of themselves, and no more
+        assert bag.custom_data["seed"] == "3"
+        assert "run" not in bag.custom_data
+
+
+def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:
+    whole = contents(make_bag(tmp_path / "whole"))
+    words = ["bag", "split", str(tmp_path / "whole"), str(tmp_path / "part"), "--every", "0.75"]
+    assert main(words) == 0
+    parts = [contents(tmp_path / f"part_{i}") for i in range(3)]
+    assert capsys.readouterr().out.count(" messages written to ") == 3
+    assert parts[0] + parts[1][1:] + parts[2][1:] == whole
+    assert [part[0][:2] for part in parts[1:]] == [
+        ("/setting", 750_000_000),
+        ("/setting", 1500000000),
+    ]
+    assert main(words) == 2
+    assert "part_0 exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["filter", "whole", "part", "--topics", "/no"], "no such topic; it has /a, /b"),
+        (["filter", "whole", "part", "--start", "9"], "is 1.900 s long: nothing is left"),
+        (["filter", "whole", "whole"], "exists already"),
+        (["merge", "whole", "-o", "all"], "give two bags at least"),
+        (["merge", "whole", "other", "-o", "all"], "in one bag and std_msgs/msg/Int32 in other"),
+        (["split", "none", "part", "--every", "1"], "none"),
+        (["split", "whole", "part", "--every", "0"], "'0' is not a number > 0"),
+        (["splt", "whole"], "there is no 'splt'; did you mean 'split'?"),
+    ],
+)
+def test_what_is_wrong_with_bags_is_one_line(
+    tmp_path: Path, monkeypatch, capsys, words, expected
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    make_bag(Path("whole"))
+    make_bag(Path("other"), kind=Int32)
+    try:
+        status = main(["bag", *words])
+    except SystemExit as end:
+        status = end.code
+    told = capsys.readouterr()
+    assert status in (1, 2)
+    assert (told.out, told.err.count("\n")) == ("", 1)
+    assert expected in told.err
+    assert not Path("part").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["estimte", "x"], "hc: argument COMMAND: there is no 'estimte'; did you mean 'estimate'?"),
+        (["run", "--scenarjo", "lump"], "--scenarjo; did you mean --scenario?"),
+        (["estimate", "a.csv", "--fliter=ukf"], "did you mean --filter?"),
+        (["qqqqqq"], "(choose from "),
+    ],
+)
+def test_did_you_mean(capsys, words, expected) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    told = capsys.readouterr().err
+    assert end.value.code == 2
+    assert told.count("\n") == 1
+    assert expected in told
+
+
+def options(*words: str) -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    run_command.configure(parser)
+    return parser.parse_args(words)
+
+
+def test_a_run_takes_scenario_seed_rate_filter_and_parameters() -> None:
+    plan = load_plan(find_config("run"))
+    words = "--scenario lump --seed 4 --rate 2 --filter ukf --param initial_stiffness=0.3"
+    words += " --param indenter.stiffness=0.4 --param estimator.input.force.zero=1"
+    found = run_command.given_parameters(plan, options(*words.split()))
+    assert found == {
+        "indenter": {"scenario": "lump", "seed": 4, "rate": 2.0, "stiffness": 0.4},
+        "estimator": {"filter": "ukf", "initial_stiffness": 0.3, "input.force.zero": 1},
+    }
+
+
+@pytest.mark.parametrize(
+    ("config", "words", "expected"),
+    [
+        ("robot_run", "--seed 3", "--seed given, but the configuration starts no rig"),
+        ("robot_run", "--rate 3", "--rate given, but the configuration starts no rig"),
+        ("run", "--filter ukf --param filter=ekf", "filter is given twice"),
+    ],
+)
+def test_options_that_fit_no_node_are_refused(config, words, expected) -> None:
+    with pytest.raises(UserError, match=expected):
+        run_command.given_parameters(load_plan(find_config(config)), options(*words.split()))

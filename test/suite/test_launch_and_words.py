@@ -1,0 +1,106 @@
+"""The launch file with stand-ins of launch; the warnings and words that docs/robots.md explains."""
+
+import ast
+import re
+import runpy
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from hc_bringup.cli import COMMANDS
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
+SOURCES = (
+    "hc_estimator/hc_estimator/input/sanity.py",
+    "hc_estimator/hc_estimator/input/channel_checks.py",
+    "hc_bringup/hc_bringup/live_check.py",
+    "hc_bringup/hc_bringup/diagnosis.py",
+    "hc_logger/hc_logger/sensors.py",
+)
+
+
+@pytest.fixture
+def launch_stand_ins(monkeypatch):
+    """The few names of launch and launch_ros that the file uses; no wheel has them."""
+    names = {
+        "launch": ("LaunchDescription",),
+        "launch.actions": ("DeclareLaunchArgument",),
+        "launch.substitutions": ("LaunchConfiguration",),
+        "launch_ros": (),
+        "launch_ros.actions": ("Node",),
+    }
+    for module_name, classes in names.items():
+        module = ModuleType(module_name)
+        for name in classes:
+            setattr(
+                module,
+                name,
+                lambda *words, _name=name, **values: SimpleNamespace(
+                    kind=_name, words=words, **values
+                ),
+            )
+        monkeypatch.setitem(sys.modules, module_name, module)
+
+
+def test_the_launch_file_starts_what_the_packages_install(launch_stand_ins):
+    path = ROOT / "src/hc_bringup/launch/robot.launch.py"
+    described = runpy.run_path(str(path))["generate_launch_description"]()
+    (entities,) = described.words
+    nodes = [entity for entity in entities if entity.kind == "Node"]
+    assert [node.name for node in nodes] == ["estimator", "recorder"]
+    for node in nodes:
+        setup = (ROOT / "src" / node.package / "setup.py").read_text(encoding="utf-8")
+        assert re.search(rf'"{node.executable} = {node.package}\.', setup)
+    arguments = {e.words[0] for e in entities if e.kind == "DeclareLaunchArgument"}
+    assert arguments == {"params_file", "bag"}
+    assert "launch/*.launch.py" in (ROOT / "src/hc_bringup/setup.py").read_text(encoding="utf-8")
+
+
+def sentences() -> str:
+    """All texts of the modules that warn, one after the other."""
+    parts = []
+    for source in SOURCES:
+        tree = ast.parse((ROOT / "src" / source).read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.JoinedStr):
+                values = (v.value if isinstance(v, ast.Constant) else "\0" for v in node.values)
+                parts.append("".join(map(str, values)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                parts.append(node.value)
+    return "\n".join(parts)
+
+
+def test_what_the_page_explains_is_what_the_programs_say():
+    table = PAGE.split("## What a warning means")[1].split("## Words")[0]
+    rows = [line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ")]
+    told = " ".join(sentences().split())
+    assert len(rows) > 15
+    for row in rows[1:]:
+        if row.startswith("two publishers"):  # SOURCE_CONFLICT of docs/node.md
+            continue
+        for phrase in row.split(";"):
+            # Numbers and units stand for what is filled in.
+            pieces = re.split(r"\.\.\.|\b[0-9.]+(?: [a-zA-Z]+| %)?|largest|metres|seconds", phrase)
+            pieces = [piece.strip(" ,") for piece in pieces]
+            said = [piece for piece in pieces if len(piece) >= 8 and piece in told]
+            assert said, (row, phrase)
+
+
+def test_the_words_of_ros2_that_the_page_promises_exist(capsys):
+    from hc_bringup.cli import main
+
+    table = PAGE.split("| ros2 | hc |")[1]
+    for line in table.splitlines()[2:]:
+        ours = line.split("|")[2]
+        for command in re.findall(r"hc ([a-z]+)", ours):
+            assert command in COMMANDS
+    for command, actions in re.findall(r"\| ros2 (\w+) ([a-z, ]+) \|", table):
+        if command == "bag":
+            continue
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        shown = capsys.readouterr().out
+        assert all(re.search(rf"^    {action}\b", shown, re.M) for action in actions.split(", "))

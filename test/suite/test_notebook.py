@@ -1,0 +1,35 @@
+"""The notebook of docs/notebooks runs from top to bottom, and is kept without output."""
+
+import json
+import os
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOK = json.loads((ROOT / "docs/notebooks/recording.ipynb").read_text(encoding="utf-8"))
+SHARED = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
+CODE = ["".join(c["source"]) for c in NOTEBOOK["cells"] if c["cell_type"] == "code"]
+
+
+def test_it_is_kept_without_output():
+    for cell in NOTEBOOK["cells"]:
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            assert cell["execution_count"] is None
+
+
+def test_its_cells_run(capsys, monkeypatch):
+    if not SHARED.is_dir():
+        pytest.skip(f"no {SHARED}: set HC_SHARED_DATA")
+    monkeypatch.setenv("HC_SHARED_DATA", str(SHARED))
+    mpl.use("Agg")
+    names: dict = {}
+    for number, source in enumerate(CODE):
+        exec(compile(source, f"cell {number}", "exec"), names)
+    told = capsys.readouterr().out
+    assert told.startswith("5001 samples, nothing unusual")
+    assert "the displacement is 31.2 ms late" in told
+    assert 2.0 * names["aligned_rms"] < names["ahead_rms"]
+    assert "force_predicted_N" in told
