@@ -218,6 +218,32 @@ DELAY = record_type(
     )
 )
 
+# Where, and at which reading, does the force begin?
+ONSET = record_type(
+    (
+        Field("zero", np.float64, (2,)),  # found, beyond those given: displacement [mm], force [N]
+        # Of the force's zero [N]; NaN: not found.
+        Field("force_deviation", np.float64, (), 0.0, finite=False),
+        Field("shift", np.float64, (2,)),  # of the zeros at this sample
+        Field("decided", np.int64, (), 0, 1),  # 1 after the first contact
+        Field("free", np.int64, (), 0, 1),  # 1 once the tool was seen without force
+        Field("free_at", np.float64),  # displacement there, the last one [mm]
+        Field("free_time", np.float64),  # [s]
+        Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
+        Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
+        # The window in which the force stays the same:
+        Field("count", np.int64, (), 0),  # readings in it
+        Field("outside", np.int64, (), 0),  # readings in a row outside of it
+        Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
+        Field("lowest", np.float64),  # displacement [mm]
+        Field("highest", np.float64),
+        Field("inside_at", np.float64),  # displacement of the last reading inside [mm]
+        Field("inside_time", np.float64),  # [s]
+        Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
+    )
+)
+
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
@@ -249,4 +275,5 @@ BANK: tuple[Field, ...] = (
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
     Field("given", GIVEN),
+    Field("onset", ONSET),
 )

@@ -37,6 +37,7 @@ CONTACT, CHANGE_DETECTED = columns.CONTACT, columns.CHANGE_DETECTED
 MODEL_MISMATCH = columns.MODEL_MISMATCH
 PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
 CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTACT_POSITION_STD
+FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
@@ -71,12 +72,12 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             out[COVARIANCE + 4 * j + i] = element
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
-        out[FORCE_PREDICTED] = given.predicted_force
+        out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
         out[NIS] = given.nis
         for i in range(2):
             out[INNOVATION + i] = given.innovation[i]
-    out[FORCE_RECONSTRUCTED] = given.reconstructed_force
-    out[DISPLACEMENT_COLUMN] = state[DEPTH]
+    out[FORCE_RECONSTRUCTED] = given.reconstructed_force + bank.onset.zero[1]
+    out[DISPLACEMENT_COLUMN] = state[DEPTH] + bank.onset.zero[0]
     out[VELOCITY_COLUMN] = state[VELOCITY]
     out[DISPLACEMENT_NOISE_STD] = math.sqrt(bank.sensor_noise[0])
     out[FORCE_NOISE_STD] = math.sqrt(bank.sensor_noise[1] + row.model_error)
@@ -88,7 +89,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     out[PROCESS_NOISE_SCALE] = density / settings.jerk_density
     out[CHANNEL_DELAY] = bank.delay.delay
     out[CHANNEL_DELAY_STD] = bank.delay.deviation
-    _write_surface(bank, row, out)
+    _write_zeros(bank, row, out)
     out[HYPOTHESIS] = float(CODES[row.index])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
@@ -96,11 +97,14 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
 
 
 @compiled
-def _write_surface(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
-    """Where the contact begins, and how well that is known, by the row that asks for it."""
+def _write_zeros(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
+    """Where the contact begins and what the force reads in the air, and how well that is known."""
+    out[CONTACT_POSITION] = bank.onset.zero[0]
+    out[FORCE_ZERO] = bank.onset.zero[1]
+    out[FORCE_ZERO_STD] = bank.onset.force_deviation
     surface = bank.rows[SURFACE_ROW]
     if surface.active == 0:
         return
     if row.index == SURFACE_ROW:
-        out[CONTACT_POSITION] = surface.state[OWN]
+        out[CONTACT_POSITION] += surface.state[OWN]
     out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
