@@ -9,10 +9,10 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import contact_onset, plausible, tempering
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
-from hc_estimator.multiple_model import contact_onset, plausible, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
@@ -57,7 +57,7 @@ def start(settings: Any, bank: Any) -> None:
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
     histories.reset(bank.history)
-    contact_onset.restart(bank.onset)
+    contact_onset.restart(bank.onset, 0)
 
 
 @compiled
@@ -128,7 +128,7 @@ def recover(settings: Any, bank: Any, time: float, decision: int) -> None:
         clock.refused_count = 0
         if bank.tool.worthless_time > WORTHLESS_TIME:  # a law that explains nothing
             _forget_tissue(settings, bank)
-            contact_onset.restart(bank.onset)
+            contact_onset.restart(bank.onset, 1)
             bank.change.detected = 1
         return
     if decision == NUMERICAL:

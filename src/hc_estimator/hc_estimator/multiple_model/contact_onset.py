@@ -20,6 +20,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model.hypotheses import DEPTH, VELOCITY
+from hc_estimator.multiple_model.records import RAW
 
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
 IN_A_ROW = 3  # readings that must say so
@@ -34,6 +35,11 @@ STEEPEST = 3.0  # exponent of a tissue
 SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 LEAST_DISTANCE = 0.1  # of the contact position from the zero [mm]
+FEWEST_RISING = 8  # readings of a force before the zero that was never seen free
+LEAST_RISE = 0.15  # of such a force, as a share of its mean
+CLEAR = 8.0  # deviations of its slope
+SPHERE = 1.5  # exponent (Hertz 1881)
+SPAN = 8  # readings over which the speed is taken in looking back
 LATEST = 3.0  # time from the last reading without force within which it must come [s]
 
 
@@ -43,23 +49,25 @@ def reset(onset: Any) -> None:
     for i in range(2):
         onset.zero[i] = 0.0
     onset.force_deviation = math.nan
-    restart(onset)
+    restart(onset, 0)
 
 
 @compiled
-def restart(onset: Any) -> None:
-    """Look for the first touch anew; what was found of the zeros stays in use."""
+def restart(onset: Any, looked_back: int) -> None:
+    """Look for the first touch anew; what was found of the zeros stays in use.
+
+    Args:
+        onset: changed.
+        looked_back: 0 if the readings before the sensors' noise is known count as well.
+    """
     onset.decided = 0
+    onset.looked_back = looked_back
     onset.free = 0
     onset.in_air = 0
     onset.contradictions = 0
-    _begin_window(onset)
-
-
-@compiled
-def _begin_window(onset: Any) -> None:
     onset.count = 0
     onset.outside = 0
+    onset.rise_count = 0
 
 
 @compiled
@@ -71,19 +79,56 @@ def learn(settings: Any, bank: Any, time: float) -> bool:
         bank: its record `onset` is changed.
         time: of the reading [s].
     """
-    onset, noise = bank.onset, bank.sensor_noise
-    if onset.decided != 0 or bank.clock.present[1] == 0:
+    onset = bank.onset
+    if onset.decided != 0 or bank.calibrated == 0:
         return False
-    row, force = bank.rows[bank.judge.chosen], bank.clock.measurement[1]
-    displacement = row.state[DEPTH]
-    sure = SURE * math.sqrt(noise[1])
     onset.shift[0] = 0.0
     onset.shift[1] = 0.0
-    known = bank.calibrated != 0
-    if known and _leaves_window(onset, displacement, force, time, sure):
+    if onset.looked_back == 0:
+        onset.looked_back = 1
+        return _look_back(settings, bank)
+    if bank.clock.present[1] == 0:
+        return False
+    state = bank.rows[bank.judge.chosen].state
+    return _take(settings, bank, state[DEPTH], state[VELOCITY], bank.clock.measurement[1], time)
+
+
+@compiled
+def _look_back(settings: Any, bank: Any) -> bool:
+    """Take the readings that came before the noise of the sensors was known."""
+    finder = bank.delay
+    count = finder.raw_count
+    first = max(count[0] - RAW, 0)
+    place = first
+    for k in range(max(count[1] - RAW, 0), count[1]):
+        time = finder.raw_time[1, k % RAW]
+        while place + 1 < count[0] and finder.raw_time[0, (place + 1) % RAW] <= time:
+            place += 1
+        before = max(place - SPAN, first)
+        after = min(before + SPAN, count[0] - 1)
+        if before >= after or finder.raw_time[0, place % RAW] > time:
+            continue
+        way = finder.raw_value[0, after % RAW] - finder.raw_value[0, before % RAW]
+        elapsed = finder.raw_time[0, after % RAW] - finder.raw_time[0, before % RAW]
+        displacement = finder.raw_value[0, place % RAW]
+        force = finder.raw_value[1, k % RAW]
+        if _take(settings, bank, displacement, way / elapsed, force, time):
+            return True
+    return False
+
+
+@compiled
+def _take(
+    settings: Any, bank: Any, displacement: float, velocity: float, force: float, time: float
+) -> bool:
+    """Take a reading of the force, and where the tool was; True if a zero is to move."""
+    onset, noise = bank.onset, bank.sensor_noise
+    sure = SURE * math.sqrt(noise[1])
+    if _leaves_window(onset, displacement, force, time, sure):
         level = onset.mean[1]
         is_air = _is_air(onset, noise) and force > level
-        _begin_window(onset)
+        onset.count = 0
+        onset.outside = 0
         if is_air:
             onset.in_air = 1
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
@@ -99,30 +144,89 @@ def learn(settings: Any, bank: Any, time: float) -> bool:
         onset.free_time = time
         onset.contradictions = 0
         return False
-    if onset.free == 0 or not known:
-        return False
-    if time - onset.free_time > LATEST:
-        onset.free = 0
-        return False
     if force < SURELY * sure:
         return False
     distance = LEAST_DISTANCE + SURE * math.sqrt(noise[0])
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
-        distance += LARGEST_DELAY * abs(row.state[VELOCITY])
-    begun = onset.free_at
-    if displacement > begun and displacement < -distance:
-        onset.contradictions += 1
-    elif onset.in_air != 0 and begun > distance and _is_too_steep(displacement, force, begun, sure):
+        distance += LARGEST_DELAY * abs(velocity)
+    if onset.free == 0:
+        if displacement < -distance and _rises(onset, displacement, force):
+            onset.decided = 1
+            onset.shift[0] = _extrapolated(onset)
+            return True
+        return False
+    if time - onset.free_time > LATEST:
+        return False
+    if _contradicts(onset, displacement, force, sure, distance):
         onset.contradictions += 1
     else:
         onset.contradictions = 0
-        if displacement > max(STEEPEST * begun, distance):
+        # Where it was free far before the zero, it may have begun anywhere in between.
+        agrees = onset.free_at > -distance
+        if agrees and displacement > max(STEEPEST * onset.free_at, distance):
             onset.decided = 1
     if onset.contradictions < IN_A_ROW:
         return False
     onset.decided = 1
-    onset.shift[0] = begun
+    onset.shift[0] = onset.free_at
     return True
+
+
+@compiled
+def _contradicts(
+    onset: Any, displacement: float, force: float, sure: float, distance: float
+) -> bool:
+    """True if a force cannot be here if the contact begins at the zero, give or take a distance."""
+    begun = onset.free_at
+    if displacement <= begun:
+        return False
+    if displacement < -distance:
+        return True
+    if onset.in_air == 0 or begun < distance:
+        return False
+    # No law through the zero that stays unfelt up to there rises so until here.
+    return bool(force > SURELY * sure * (displacement / begun) ** STEEPEST)
+
+
+@compiled
+def _rises(onset: Any, displacement: float, force: float) -> bool:
+    """Take a force before the zero, never seen free so far; True if it clearly grows with depth."""
+    mean, moment = onset.rise_mean, onset.rise_moment
+    if onset.rise_count == 0:
+        onset.rise_lowest = force
+        onset.rise_highest = force
+        for i in range(2):
+            mean[i] = 0.0
+        for i in range(3):
+            moment[i] = 0.0
+    onset.rise_lowest = min(onset.rise_lowest, force)
+    onset.rise_highest = max(onset.rise_highest, force)
+    onset.rise_count += 1
+    _add(onset.rise_count, mean, moment, displacement, force)
+    if onset.rise_count < FEWEST_RISING or moment[1] <= 0.0:
+        return False
+    if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
+        return False
+    left = max(moment[2] - moment[1] * moment[1] / moment[0], 0.0) / (onset.rise_count - 2)
+    return bool(moment[1] * moment[1] > CLEAR**2 * left * moment[0])
+
+
+@compiled
+def _extrapolated(onset: Any) -> float:
+    """Where a force that rises so begins, for the exponent of a sphere on an elastic half space."""
+    slope = onset.rise_moment[1] / onset.rise_moment[0]
+    return onset.rise_mean[0] - SPHERE * onset.rise_mean[1] / slope  # type: ignore[no-any-return]
+
+
+@compiled
+def _add(count: int, mean: Any, moment: Any, displacement: float, force: float) -> None:
+    """Take a reading into means and sums of squares about them (Welford, Technometrics 4, 1962)."""
+    way, change = displacement - mean[0], force - mean[1]
+    mean[0] += way / count
+    mean[1] += change / count
+    moment[0] += way * (displacement - mean[0])
+    moment[1] += way * (force - mean[1])
+    moment[2] += change * (force - mean[1])
 
 
 @compiled
@@ -136,23 +240,16 @@ def _leaves_window(onset: Any, displacement: float, force: float, time: float, s
     if onset.count == 0:
         onset.lowest = displacement
         onset.highest = displacement
-        mean[0] = displacement
-        mean[1] = force
+        for i in range(2):
+            mean[i] = 0.0
         for i in range(3):
             moment[i] = 0.0
-        onset.count = 1
-        return False
     onset.lowest = min(onset.lowest, displacement)
     onset.highest = max(onset.highest, displacement)
     onset.inside_at = displacement
     onset.inside_time = time
     onset.count += 1
-    way, change = displacement - mean[0], force - mean[1]
-    mean[0] += way / onset.count
-    mean[1] += change / onset.count
-    moment[0] += way * (displacement - mean[0])
-    moment[1] += way * (force - mean[1])
-    moment[2] += change * (force - mean[1])
+    _add(onset.count, mean, moment, displacement, force)
     return False
 
 
@@ -180,12 +277,6 @@ def _is_air(onset: Any, noise: Any) -> bool:
         or onset.mean[1] < 0.0
         or onset.mean[1] / middle > 2.0 * SAME * deviation
     )
-
-
-@compiled
-def _is_too_steep(displacement: float, force: float, begun: float, sure: float) -> bool:
-    """True if no law through the zero that stays unfelt up to a depth rises so until now."""
-    return force > SURELY * sure * (displacement / begun) ** STEEPEST and displacement > begun
 
 
 @compiled

@@ -226,6 +226,7 @@ ONSET = record_type(
         Field("force_deviation", np.float64, (), 0.0, finite=False),
         Field("shift", np.float64, (2,)),  # of the zeros at this sample
         Field("decided", np.int64, (), 0, 1),  # 1 after the first contact
+        Field("looked_back", np.int64, (), 0, 1),  # 1 once the readings of the start were taken
         Field("free", np.int64, (), 0, 1),  # 1 once the tool was seen without force
         Field("free_at", np.float64),  # displacement there, the last one [mm]
         Field("free_time", np.float64),  # [s]
@@ -241,6 +242,12 @@ ONSET = record_type(
         Field("inside_at", np.float64),  # displacement of the last reading inside [mm]
         Field("inside_time", np.float64),  # [s]
         Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
+        # Forces before the zero, as long as the tool was never seen free:
+        Field("rise_count", np.int64, (), 0),
+        Field("rise_mean", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("rise_moment", np.float64, (3,)),
+        Field("rise_lowest", np.float64),  # force [N]
+        Field("rise_highest", np.float64),
     )
 )
 
