@@ -150,7 +150,8 @@ def _take(
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
-        if displacement < -distance and _rises(onset, displacement, force):
+        surely = displacement < -distance or onset.rise_count >= IN_A_ROW
+        if surely and _rises(onset, displacement, force):
             onset.decided = 1
             onset.shift[0] = _extrapolated(onset)
             return True
@@ -190,7 +191,7 @@ def _contradicts(
 
 @compiled
 def _rises(onset: Any, displacement: float, force: float) -> bool:
-    """Take a force before the zero, never seen free so far; True if it clearly grows with depth."""
+    """Take a force that was there before the zero; True if it clearly grows with depth."""
     mean, moment = onset.rise_mean, onset.rise_moment
     if onset.rise_count == 0:
         onset.rise_lowest = force
