@@ -67,7 +67,7 @@ FIELDS = BANK
 def initialise(settings_array: Any, memory_array: Any) -> None:
     """State of the bank before any sample."""
     settings, bank = settings_array[0], memory_array[0]
-    contact_onset.reset(bank.onset)
+    contact_onset.reset(bank)
     beginning.start(settings, bank)
     alignment.reset(settings, bank)
 

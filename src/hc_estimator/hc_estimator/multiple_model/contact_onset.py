@@ -19,11 +19,17 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model.hypotheses import DEPTH, VELOCITY
 from hc_estimator.multiple_model.records import RAW
 
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
+# Two-sided cumulative sum of the force about its mean: in the air it passes once in 1e5 readings.
+DRIFT = 0.5  # deviations
+THRESHOLD = 12.0
+LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
+SETTLING = 5  # readings in the mean before one can leave it
 FEWEST = 20  # readings in the air that make a mean
 LEAST_TRAVEL = 0.5  # in the air [mm]
 TRAVEL_DEVIATIONS = 20.0  # the same in deviations of the displacement sensor
@@ -36,7 +42,7 @@ SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
 LEAST_DISTANCE = 0.1  # of the contact position from the zero [mm]
 FEWEST_RISING = 8  # readings of a force before the zero that was never seen free
-LEAST_RISE = 0.15  # of such a force, as a share of its mean
+LEAST_RISE = 0.5  # of such a force, as a share of its mean
 CLEAR = 8.0  # deviations of its slope
 SPHERE = 1.5  # exponent (Hertz 1881)
 SPAN = 8  # readings over which the speed is taken in looking back
@@ -44,12 +50,14 @@ LATEST = 3.0  # time from the last reading without force within which it must co
 
 
 @compiled
-def reset(onset: Any) -> None:
+def reset(bank: Any) -> None:
     """Both zeros are as they were given."""
+    onset = bank.onset
     for i in range(2):
         onset.zero[i] = 0.0
     onset.force_deviation = math.nan
     restart(onset, 0)
+    bank.judge.unknown_zero = 0
 
 
 @compiled
@@ -66,7 +74,6 @@ def restart(onset: Any, looked_back: int) -> None:
     onset.in_air = 0
     onset.contradictions = 0
     onset.count = 0
-    onset.outside = 0
     onset.rise_count = 0
 
 
@@ -124,27 +131,28 @@ def _take(
     """Take a reading of the force, and where the tool was; True if a zero is to move."""
     onset, noise = bank.onset, bank.sensor_noise
     sure = SURE * math.sqrt(noise[1])
-    if _leaves_window(onset, displacement, force, time, sure):
-        level = onset.mean[1]
-        is_air = _is_air(onset, noise) and force > level
+    side = _leaves_window(onset, displacement, force, time, noise[1])
+    if side != 0:
+        is_air = side > 0 and _is_air(onset, noise)
         onset.count = 0
-        onset.outside = 0
         if is_air:
             onset.in_air = 1
+            onset.free = 1
+            onset.free_at = onset.inside_at
+            onset.free_time = onset.inside_time
+            level = onset.air_mean[1]
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
                 onset.shift[1] = level
                 onset.force_deviation = onset.level_deviation
-                onset.free = 1
-                onset.free_at = onset.inside_at
-                onset.free_time = onset.inside_time
                 return True
     if force < sure:
-        onset.free = 1
-        onset.free_at = displacement
-        onset.free_time = time
         onset.contradictions = 0
+        if onset.in_air == 0:  # else the place where the force left its mean is closer
+            onset.free = 1
+            onset.free_at = displacement
+            onset.free_time = time
         return False
-    if force < SURELY * sure:
+    if force < SURELY * sure or settings.follow_surface == 0:
         return False
     distance = LEAST_DISTANCE + SURE * math.sqrt(noise[0])
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
@@ -162,9 +170,9 @@ def _take(
         onset.contradictions += 1
     else:
         onset.contradictions = 0
-        # Where it was free far before the zero, it may have begun anywhere in between.
-        agrees = onset.free_at > -distance
-        if agrees and displacement > max(STEEPEST * onset.free_at, distance):
+        # Elsewhere it may have begun anywhere in between, or the delay is not known yet.
+        agrees = abs(onset.free_at) < LEAST_DISTANCE + SURE * math.sqrt(noise[0])
+        if agrees and displacement > distance:
             onset.decided = 1
     if onset.contradictions < IN_A_ROW:
         return False
@@ -196,10 +204,8 @@ def _rises(onset: Any, displacement: float, force: float) -> bool:
     if onset.rise_count == 0:
         onset.rise_lowest = force
         onset.rise_highest = force
-        for i in range(2):
-            mean[i] = 0.0
-        for i in range(3):
-            moment[i] = 0.0
+        clear_vector(mean)
+        clear_vector(moment)
     onset.rise_lowest = min(onset.rise_lowest, force)
     onset.rise_highest = max(onset.rise_highest, force)
     onset.rise_count += 1
@@ -231,53 +237,64 @@ def _add(count: int, mean: Any, moment: Any, displacement: float, force: float) 
 
 
 @compiled
-def _leaves_window(onset: Any, displacement: float, force: float, time: float, sure: float) -> bool:
-    """Take a reading into the window in which the force stays the same; True if it has left it."""
+def _leaves_window(
+    onset: Any, displacement: float, force: float, time: float, variance: float
+) -> int:
+    """Take a reading into the window in which the force stays the same.
+
+    Returns:
+        1 or -1 if the force has left the window upwards or downwards, else 0.
+    """
     mean, moment = onset.mean, onset.moment
-    if onset.count > 0 and abs(force - mean[1]) > sure:
-        onset.outside += 1
-        return onset.outside >= IN_A_ROW  # type: ignore[no-any-return]
-    onset.outside = 0
     if onset.count == 0:
+        onset.upward = 0.0
+        onset.downward = 0.0
+        onset.air_count = 0
         onset.lowest = displacement
         onset.highest = displacement
-        for i in range(2):
-            mean[i] = 0.0
-        for i in range(3):
-            moment[i] = 0.0
+        clear_vector(mean)
+        clear_vector(moment)
+    onset.count += 1
+    if onset.count > SETTLING:
+        term = (force - mean[1]) / math.sqrt(variance)
+        term = min(max(term, -LARGEST_TERM), LARGEST_TERM)
+        onset.upward = max(onset.upward + term - DRIFT, 0.0)
+        onset.downward = max(onset.downward - term - DRIFT, 0.0)
+    _add(onset.count, mean, moment, displacement, force)
     onset.lowest = min(onset.lowest, displacement)
     onset.highest = max(onset.highest, displacement)
-    onset.inside_at = displacement
-    onset.inside_time = time
-    onset.count += 1
-    _add(onset.count, mean, moment, displacement, force)
-    return False
+    if onset.upward == 0.0:  # what came before an onset
+        onset.air_count = onset.count
+        copy_vector(mean, onset.air_mean)
+        copy_vector(moment, onset.air_moment)
+        onset.air_travel = onset.highest - onset.lowest
+        onset.inside_at = displacement
+        onset.inside_time = time
+    if onset.upward > THRESHOLD:
+        return 1
+    return -1 if onset.downward > THRESHOLD else 0
 
 
 @compiled
 def _is_air(onset: Any, noise: Any) -> bool:
     """True if the tool travelled in the window and nothing pushed; notes the mean's deviation."""
-    travel = onset.highest - onset.lowest
-    if onset.count < FEWEST:
+    count, mean, moment = onset.air_count, onset.air_mean, onset.air_moment
+    if count < FEWEST:
         return False
-    if travel < max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
+    if onset.air_travel < max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
         return False
-    scatter = onset.moment[2] / (onset.count - 1)
+    scatter = moment[2] / (count - 1)
     if scatter < CALMEST * noise[1] or scatter > WILDEST * noise[1]:
         return False
-    onset.level_deviation = math.sqrt(scatter / onset.count)
-    slope = onset.moment[1] / onset.moment[0]
-    deviation = math.sqrt(scatter / onset.moment[0])
+    onset.level_deviation = math.sqrt(scatter / count)
+    slope = moment[1] / moment[0]
+    deviation = math.sqrt(scatter / moment[0])
     if abs(slope) > SAME * deviation:
         return False
+    if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
+        return True
     # A tissue that pushed so would push at least in proportion to the depth.
-    middle = onset.mean[0]
-    return bool(
-        middle <= 0.0
-        or abs(onset.mean[1]) < SURE * onset.level_deviation
-        or onset.mean[1] < 0.0
-        or onset.mean[1] / middle > 2.0 * SAME * deviation
-    )
+    return bool(mean[1] / mean[0] > 2.0 * SAME * deviation)
 
 
 @compiled
@@ -301,5 +318,7 @@ def move_zeros(bank: Any) -> None:
     bank.motion.first -= displacement
     bank.motion.states[:, 0] -= displacement
     onset.free_at -= displacement
+    if displacement != 0.0:
+        bank.judge.unknown_zero = 1
     bank.given.predicted_force -= force
     bank.given.reconstructed_force -= force

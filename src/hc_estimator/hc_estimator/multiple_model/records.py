@@ -82,6 +82,8 @@ JUDGE = record_type(
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
+        # 1 if the contact position is not the one that was given, and known only in part.
+        Field("unknown_zero", np.int64, (), 0, 1),
     )
 )
 
@@ -234,12 +236,18 @@ ONSET = record_type(
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
         # The window in which the force stays the same:
         Field("count", np.int64, (), 0),  # readings in it
-        Field("outside", np.int64, (), 0),  # readings in a row outside of it
+        Field("upward", np.float64, (), 0.0),  # cumulative sums
+        Field("downward", np.float64, (), 0.0),
         Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
         Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
         Field("lowest", np.float64),  # displacement [mm]
         Field("highest", np.float64),
-        Field("inside_at", np.float64),  # displacement of the last reading inside [mm]
+        # The same up to where the force began to leave it upwards:
+        Field("air_count", np.int64, (), 0),
+        Field("air_mean", np.float64, (2,)),
+        Field("air_moment", np.float64, (3,)),
+        Field("air_travel", np.float64, (), 0.0),  # [mm]
+        Field("inside_at", np.float64),  # displacement there [mm]
         Field("inside_time", np.float64),  # [s]
         Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
         # Forces before the zero, as long as the tool was never seen free:
