@@ -46,6 +46,10 @@ LEAST_RISE = 0.5  # of such a force, as a share of its mean
 CLEAR = 8.0  # deviations of its slope
 SPHERE = 1.5  # exponent (Hertz 1881)
 SPAN = 8  # readings over which the speed is taken in looking back
+# Deviation of the contact position, as a share of the way that the tool has gone in since then.
+HALF_WAY = 0.5  # the force became sure in between
+GUESSED = 0.35  # extrapolated with an exponent that is not known
+CLOSEST = 0.2  # smallest [mm]
 LATEST = 3.0  # time from the last reading without force within which it must come [s]
 
 
@@ -56,8 +60,9 @@ def reset(bank: Any) -> None:
     for i in range(2):
         onset.zero[i] = 0.0
     onset.force_deviation = math.nan
+    for m in range(bank.rows.shape[0]):
+        bank.rows[m].position_deviation = 0.0
     restart(onset, 0)
-    bank.judge.unknown_zero = 0
 
 
 @compiled
@@ -162,6 +167,7 @@ def _take(
         if surely and _rises(onset, displacement, force):
             onset.decided = 1
             onset.shift[0] = _extrapolated(onset)
+            onset.position_deviation = GUESSED * (onset.rise_mean[0] - onset.shift[0])
             return True
         return False
     if time - onset.free_time > LATEST:
@@ -178,6 +184,7 @@ def _take(
         return False
     onset.decided = 1
     onset.shift[0] = onset.free_at
+    onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - onset.free_at))
     return True
 
 
@@ -319,6 +326,7 @@ def move_zeros(bank: Any) -> None:
     bank.motion.states[:, 0] -= displacement
     onset.free_at -= displacement
     if displacement != 0.0:
-        bank.judge.unknown_zero = 1
+        for m in range(bank.rows.shape[0]):
+            bank.rows[m].position_deviation = onset.position_deviation
     bank.given.predicted_force -= force
     bank.given.reconstructed_force -= force

@@ -37,7 +37,6 @@ from hc_estimator.multiple_model.kalman import force_of
 from hc_estimator.multiple_model.records import SLOTS
 from hc_estimator.multiple_model.rows import seed
 
-SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 HORIZONS = np.array([0.05, 0.1, 0.2, 0.4])  # [s] in contact
 PERIOD = 0.005  # between two snapshots, at least [s]
 MEMORY = 0.4  # time constant of the scores [s]
@@ -58,15 +57,9 @@ WAIT = 2.0  # time after which a row seeded anew counts again [s]
 
 
 @compiled
-def _first(judge: Any) -> int:
-    """Row that is given out until there are scores."""
-    return SURFACE_ROW if judge.unknown_zero != 0 else 0
-
-
-@compiled
 def reset(judge: Any) -> None:
     """Nobody has said anything."""
-    judge.chosen = _first(judge)
+    judge.chosen = 0
     judge.count = 0
     judge.waited = 0.0
     judge.weight = 0.0
@@ -253,15 +246,6 @@ def _still_learns(row: Any) -> bool:
 
 
 @compiled
-def _takes_zero(judge: Any, m: int) -> bool:
-    """True for constant tissue where the contact position is not known well enough for it.
-
-    Such a row takes the zero for exact, and is surer than it can be.
-    """
-    return bool(judge.unknown_zero != 0 and m in (0, FITTED))
-
-
-@compiled
 def _choose(judge: Any, rows: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = _steadiest(rows)
@@ -274,7 +258,7 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
     best, best_fitting = math.inf, math.inf
     for m in range(FRESH):
         row = rows[m]
-        if _takes_zero(judge, m) or not _is_eligible(row, clock, steadiest, likeliest):
+        if not _is_eligible(row, clock, steadiest, likeliest):
             continue
         best = min(best, row.score)
         if row.model_error == 0.0:
@@ -285,10 +269,9 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     must_fit = best_fitting <= MISFIT_MARGIN * best
     limit = MARGIN * (best_fitting if must_fit else best)
-    for place in range(FRESH):
-        m = SURFACE_ROW if place == 0 and judge.unknown_zero != 0 else place
+    for m in range(FRESH):
         row = rows[m]
-        if _takes_zero(judge, m) or (must_fit and row.model_error > 0.0):
+        if must_fit and row.model_error > 0.0:
             continue
         if row.score <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
@@ -331,5 +314,5 @@ def give_to_all(judge: Any, rows: Any, clock: float) -> None:
         for slot in range(SLOTS):
             for j in range(judge.said.shape[2]):
                 judge.said[slot, m, j] = judge.said[slot, FRESH, j]
-    judge.chosen = _first(judge)
+    judge.chosen = 0
     judge.weight = 0.0

@@ -24,6 +24,8 @@ ROW = record_type(
         Field("active", np.int64, (), 0, 1),
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
+        # Of a contact position that stays, at the row's start [mm]; 0: it moves, or is given.
+        Field("position_deviation", np.float64, (), 0.0),
         # Variance of the force that the law misses [N^2].
         Field("model_error", np.float64, (), 0.0),
         Field("alarm_sum", np.float64, (), 0.0),
@@ -82,8 +84,6 @@ JUDGE = record_type(
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
-        # 1 if the contact position is not the one that was given, and known only in part.
-        Field("unknown_zero", np.int64, (), 0, 1),
     )
 )
 
@@ -226,6 +226,7 @@ ONSET = record_type(
         Field("zero", np.float64, (2,)),  # found, beyond those given: displacement [mm], force [N]
         # Of the force's zero [N]; NaN: not found.
         Field("force_deviation", np.float64, (), 0.0, finite=False),
+        Field("position_deviation", np.float64, (), 0.0),  # of the contact position [mm]
         Field("shift", np.float64, (2,)),  # of the zeros at this sample
         Field("decided", np.int64, (), 0, 1),  # 1 after the first contact
         Field("looked_back", np.int64, (), 0, 1),  # 1 once the readings of the start were taken

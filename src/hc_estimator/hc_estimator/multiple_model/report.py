@@ -14,6 +14,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
+    EXPONENT,
     FRESH,
     LOG_STIFFNESS,
     OWN,
@@ -40,6 +41,7 @@ CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTA
 FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
+SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
 SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 
 
@@ -70,6 +72,8 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
             out[COVARIANCE + 4 * i + j] = element
             out[COVARIANCE + 4 * j + i] = element
+    if bank.onset.zero[0] != 0.0 and not SURFACE[row.index]:
+        _add_position(bank, state[EXPONENT], out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
         out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
@@ -94,6 +98,24 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
             out[HYPOTHESIS_SCORES + CODES[m]] = math.sqrt(max(bank.rows[m].score, 0.0))
+
+
+@compiled
+def _add_position(bank: Any, exponent: float, out: NDArray[np.float64]) -> None:
+    """Add what is not known of a contact position that was found, where a row takes it for exact.
+
+    A position that is off by s changes ln F at the depth x by -n s / x. What of it passes for
+    ln K + n ln x is taken at the largest depth and at half of it.
+    """
+    surface = bank.rows[SURFACE_ROW]
+    variance = surface.covariance[OWN, OWN] + surface.state[OWN] ** 2
+    depth = max(bank.tool.deepest, SHALLOWEST)
+    by_exponent = -exponent / (depth * math.log(2.0))
+    by_stiffness = exponent / depth - by_exponent * math.log(depth)
+    slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
+    for i in range(3):
+        for j in range(3):
+            out[COVARIANCE + 4 * i + j] += variance * slopes[i] * slopes[j]
 
 
 @compiled

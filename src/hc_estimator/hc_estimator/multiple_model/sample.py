@@ -54,6 +54,7 @@ from hc_estimator.multiple_model.kalman import (
 from hc_estimator.multiple_model.rows import (
     begin_motion,
     is_sound,
+    let_surface_move,
     limit,
     seed,
 )
@@ -308,6 +309,8 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             model_error.learn(settings, rows[m], bank.sensor_noise, bank.noise, clock)
+            if rows[m].position_deviation > 0.0 and SURFACE[m] and rows[m].model_error > 0.0:
+                let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     touching = depth_of(chosen) > TOUCHING_DEPTH and chosen.predicted_force > 0.0
     if touching:
