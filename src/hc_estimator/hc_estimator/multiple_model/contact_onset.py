@@ -9,8 +9,8 @@ can be seen without any parameter of the tissue (ours; `hc bench accuracy delay`
   the zero, or so far behind it that no exponent up to `STEEPEST` would have hidden the force until
   there, the contact position is where it began.
 
-Both are looked for until the first contact that agrees with them; later on `surface` hypotheses
-follow what moves. What was remembered in the old zeros is moved to the new ones.
+Both are looked for until the first contact that agrees with them; what moves later on is for the
+hypothesis of a moving surface. What was remembered in the old zeros is moved to the new ones.
 """
 
 from __future__ import annotations
@@ -77,6 +77,8 @@ def restart(onset: Any, looked_back: int) -> None:
     onset.looked_back = looked_back
     onset.free = 0
     onset.in_air = 0
+    onset.felt = 0
+    onset.touched = 0
     onset.contradictions = 0
     onset.count = 0
     onset.rise_count = 0
@@ -152,6 +154,8 @@ def _take(
                 return True
     if force < sure:
         onset.contradictions = 0
+        if onset.felt != 0:
+            onset.touched = 1
         if onset.in_air == 0:  # else the place where the force left its mean is closer
             onset.free = 1
             onset.free_at = displacement
@@ -159,6 +163,7 @@ def _take(
         return False
     if force < SURELY * sure or settings.follow_surface == 0:
         return False
+    onset.felt = 1
     distance = LEAST_DISTANCE + SURE * math.sqrt(noise[0])
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
@@ -198,7 +203,8 @@ def _contradicts(
         return False
     if displacement < -distance:
         return True
-    if onset.in_air == 0 or begun < distance:
+    # Later on a force is absent where the tool leaves faster than the tissue follows.
+    if onset.in_air == 0 or onset.touched != 0 or begun < distance:
         return False
     # No law through the zero that stays unfelt up to there rises so until here.
     return bool(force > SURELY * sure * (displacement / begun) ** STEEPEST)

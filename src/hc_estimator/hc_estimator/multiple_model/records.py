@@ -234,6 +234,8 @@ ONSET = record_type(
         Field("free_at", np.float64),  # displacement there, the last one [mm]
         Field("free_time", np.float64),  # [s]
         Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
+        Field("felt", np.int64, (), 0, 1),  # 1 once there was a force
+        Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
         # The window in which the force stays the same:
         Field("count", np.int64, (), 0),  # readings in it
