@@ -106,7 +106,7 @@ def test_found_zeros_survive_saving(plant):
     whole.run(time[:half], d_read[:half], force[:half])
     assert whole._memory[0]["onset"]["zero"][0] != 0.0
     other = hc.create_estimator("self_tuning_ukf")
-    other.restore(whole.save())
+    other.restore(whole.state())
     first = whole.run(time[half:], d_read[half:], force[half:])
     second = other.run(time[half:], d_read[half:], force[half:])
     np.testing.assert_array_equal(first.parameters, second.parameters)

@@ -45,6 +45,7 @@ FEWEST_RISING = 8  # readings of a force before the zero that was never seen fre
 LEAST_RISE = 0.5  # of such a force, as a share of its mean
 CLEAR = 8.0  # deviations of its slope
 SPHERE = 1.5  # exponent (Hertz 1881)
+NOWHERE = 1e9  # [N]
 SPAN = 8  # readings over which the speed is taken in looking back
 # Deviation of the contact position, as a share of the way that the tool has gone in since then.
 HALF_WAY = 0.5  # the force became sure in between
@@ -82,6 +83,7 @@ def restart(onset: Any, looked_back: int) -> None:
     onset.contradictions = 0
     onset.count = 0
     onset.rise_count = 0
+    onset.highest_level = -NOWHERE
 
 
 @compiled
@@ -151,7 +153,13 @@ def _take(
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
                 onset.shift[1] = level
                 onset.force_deviation = onset.level_deviation
+                # What was taken for a force was this zero, unless there had been more.
+                more = onset.highest_level > level + SURELY * sure
+                onset.felt = 1 if more else 0
+                onset.touched = onset.felt
                 return True
+        else:
+            onset.highest_level = max(onset.highest_level, onset.mean[1])
     if force < sure:
         onset.contradictions = 0
         if onset.felt != 0:

@@ -239,6 +239,7 @@ ONSET = record_type(
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
         # The window in which the force stays the same:
         Field("count", np.int64, (), 0),  # readings in it
+        Field("highest_level", np.float64),  # largest mean of a window that was not in the air [N]
         Field("upward", np.float64, (), 0.0),  # cumulative sums
         Field("downward", np.float64, (), 0.0),
         Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
