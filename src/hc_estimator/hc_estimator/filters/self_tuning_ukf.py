@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import NOISE_ADAPTATION, NOISE_SPECIFICATIONS
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import alignment, batch_fit, beginning, change, maneuver, tempering
+from hc_estimator.multiple_model import (
+    alignment,
+    batch_fit,
+    beginning,
+    change,
+    contact_onset,
+    maneuver,
+    tempering,
+)
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
 from hc_estimator.screening import ACCEPTED, screen
@@ -59,6 +67,7 @@ FIELDS = BANK
 def initialise(settings_array: Any, memory_array: Any) -> None:
     """State of the bank before any sample."""
     settings, bank = settings_array[0], memory_array[0]
+    contact_onset.reset(bank)
     beginning.start(settings, bank)
     alignment.reset(settings, bank)
 

@@ -66,6 +66,7 @@ def use(settings: Any, bank: Any, time: float) -> int:
         grids.restart(bank.delay)
     for i in range(2):
         if clock.present[i] != 0:
+            clock.measurement[i] -= bank.onset.zero[i]
             grids.take(bank.delay, i, time, clock.measurement[i])
     clock.offset = 0.0
     bank.given.latest_force = clock.measurement[1]

@@ -9,10 +9,10 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import contact_onset, plausible, tempering
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
-from hc_estimator.multiple_model import plausible, tempering
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     EXPONENT,
@@ -57,6 +57,7 @@ def start(settings: Any, bank: Any) -> None:
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
     histories.reset(bank.history)
+    contact_onset.restart(bank.onset, 0)
 
 
 @compiled
@@ -95,6 +96,14 @@ def begin_aligned(settings: Any, bank: Any) -> None:
 
 
 @compiled
+def begin_at_onset(settings: Any, bank: Any) -> None:
+    """Begin every row anew, now that the zeros are known better."""
+    contact_onset.move_zeros(bank)
+    _forget_tissue(settings, bank)
+    bank.delay.windows = 0
+
+
+@compiled
 def _forget_tissue(settings: Any, bank: Any) -> None:
     """Begin every row from the prior; what is known of sensors and motion stays."""
     for m in range(bank.rows.shape[0]):
@@ -109,7 +118,6 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
     histories.reset(bank.history)
-    bank.change.detected = 1
 
 
 @compiled
@@ -120,6 +128,8 @@ def recover(settings: Any, bank: Any, time: float, decision: int) -> None:
         clock.refused_count = 0
         if bank.tool.worthless_time > WORTHLESS_TIME:  # a law that explains nothing
             _forget_tissue(settings, bank)
+            contact_onset.restart(bank.onset, 1)
+            bank.change.detected = 1
         return
     if decision == NUMERICAL:
         for m in range(bank.rows.shape[0]):

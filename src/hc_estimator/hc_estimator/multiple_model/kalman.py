@@ -154,7 +154,8 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool) -> None:
                 covariance[target, j] += rate * covariance[source, j]
             for i in range(count):
                 covariance[i, target] += rate * covariance[i, source]
-        covariance[OWN + own, OWN + own] += OWN_WALKS[m, own] * elapsed
+        if covariance[OWN + own, OWN + own] > 0.0:
+            covariance[OWN + own, OWN + own] += OWN_WALKS[m, own] * elapsed
     for i in range(4):
         if covariance[FIRST_PARAMETER + i, FIRST_PARAMETER + i] > 0.0:  # else held fixed
             covariance[FIRST_PARAMETER + i, FIRST_PARAMETER + i] += WALKS[m, i] * elapsed

@@ -24,6 +24,8 @@ ROW = record_type(
         Field("active", np.int64, (), 0, 1),
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
+        # Of a contact position that stays, at the row's start [mm]; 0: it moves, or is given.
+        Field("position_deviation", np.float64, (), 0.0),
         # Variance of the force that the law misses [N^2].
         Field("model_error", np.float64, (), 0.0),
         Field("alarm_sum", np.float64, (), 0.0),
@@ -218,6 +220,49 @@ DELAY = record_type(
     )
 )
 
+# Where, and at which reading, does the force begin?
+ONSET = record_type(
+    (
+        Field("zero", np.float64, (2,)),  # found, beyond those given: displacement [mm], force [N]
+        # Of the force's zero [N]; NaN: not found.
+        Field("force_deviation", np.float64, (), 0.0, finite=False),
+        Field("position_deviation", np.float64, (), 0.0),  # of the contact position [mm]
+        Field("shift", np.float64, (2,)),  # of the zeros at this sample
+        Field("decided", np.int64, (), 0, 1),  # 1 after the first contact
+        Field("looked_back", np.int64, (), 0, 1),  # 1 once the readings of the start were taken
+        Field("free", np.int64, (), 0, 1),  # 1 once the tool was seen without force
+        Field("free_at", np.float64),  # displacement there, the last one [mm]
+        Field("free_time", np.float64),  # [s]
+        Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
+        Field("felt", np.int64, (), 0, 1),  # 1 once there was a force
+        Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
+        Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
+        # The window in which the force stays the same:
+        Field("count", np.int64, (), 0),  # readings in it
+        Field("highest_level", np.float64),  # largest mean of a window that was not in the air [N]
+        Field("upward", np.float64, (), 0.0),  # cumulative sums
+        Field("downward", np.float64, (), 0.0),
+        Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
+        Field("lowest", np.float64),  # displacement [mm]
+        Field("highest", np.float64),
+        # The same up to where the force began to leave it upwards:
+        Field("air_count", np.int64, (), 0),
+        Field("air_mean", np.float64, (2,)),
+        Field("air_moment", np.float64, (3,)),
+        Field("air_travel", np.float64, (), 0.0),  # [mm]
+        Field("inside_at", np.float64),  # displacement there [mm]
+        Field("inside_time", np.float64),  # [s]
+        Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
+        # Forces before the zero, as long as the tool was never seen free:
+        Field("rise_count", np.int64, (), 0),
+        Field("rise_mean", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("rise_moment", np.float64, (3,)),
+        Field("rise_lowest", np.float64),  # force [N]
+        Field("rise_highest", np.float64),
+    )
+)
+
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
@@ -249,4 +294,5 @@ BANK: tuple[Field, ...] = (
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
     Field("given", GIVEN),
+    Field("onset", ONSET),
 )

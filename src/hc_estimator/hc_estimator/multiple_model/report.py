@@ -14,6 +14,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
+    EXPONENT,
     FRESH,
     LOG_STIFFNESS,
     OWN,
@@ -37,8 +38,10 @@ CONTACT, CHANGE_DETECTED = columns.CONTACT, columns.CHANGE_DETECTED
 MODEL_MISMATCH = columns.MODEL_MISMATCH
 PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
 CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTACT_POSITION_STD
+FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
+SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
 SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 
 
@@ -69,14 +72,16 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
             out[COVARIANCE + 4 * i + j] = element
             out[COVARIANCE + 4 * j + i] = element
+    if bank.onset.zero[0] != 0.0 and not SURFACE[row.index]:
+        _add_position(bank, state[EXPONENT], out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
-        out[FORCE_PREDICTED] = given.predicted_force
+        out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
         out[NIS] = given.nis
         for i in range(2):
             out[INNOVATION + i] = given.innovation[i]
-    out[FORCE_RECONSTRUCTED] = given.reconstructed_force
-    out[DISPLACEMENT_COLUMN] = state[DEPTH]
+    out[FORCE_RECONSTRUCTED] = given.reconstructed_force + bank.onset.zero[1]
+    out[DISPLACEMENT_COLUMN] = state[DEPTH] + bank.onset.zero[0]
     out[VELOCITY_COLUMN] = state[VELOCITY]
     out[DISPLACEMENT_NOISE_STD] = math.sqrt(bank.sensor_noise[0])
     out[FORCE_NOISE_STD] = math.sqrt(bank.sensor_noise[1] + row.model_error)
@@ -88,7 +93,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     out[PROCESS_NOISE_SCALE] = density / settings.jerk_density
     out[CHANNEL_DELAY] = bank.delay.delay
     out[CHANNEL_DELAY_STD] = bank.delay.deviation
-    _write_surface(bank, row, out)
+    _write_zeros(bank, row, out)
     out[HYPOTHESIS] = float(CODES[row.index])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
@@ -96,11 +101,32 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
 
 
 @compiled
-def _write_surface(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
-    """Where the contact begins, and how well that is known, by the row that asks for it."""
+def _add_position(bank: Any, exponent: float, out: NDArray[np.float64]) -> None:
+    """Add what is not known of a contact position that was found, where a row takes it for exact.
+
+    A position that is off by s changes ln F at the depth x by -n s / x. What of it passes for
+    ln K + n ln x is taken at the largest depth and at half of it.
+    """
+    surface = bank.rows[SURFACE_ROW]
+    variance = surface.covariance[OWN, OWN] + surface.state[OWN] ** 2
+    depth = max(bank.tool.deepest, SHALLOWEST)
+    by_exponent = -exponent / (depth * math.log(2.0))
+    by_stiffness = exponent / depth - by_exponent * math.log(depth)
+    slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
+    for i in range(3):
+        for j in range(3):
+            out[COVARIANCE + 4 * i + j] += variance * slopes[i] * slopes[j]
+
+
+@compiled
+def _write_zeros(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
+    """Where the contact begins and what the force reads in the air, and how well that is known."""
+    out[CONTACT_POSITION] = bank.onset.zero[0]
+    out[FORCE_ZERO] = bank.onset.zero[1]
+    out[FORCE_ZERO_STD] = bank.onset.force_deviation
     surface = bank.rows[SURFACE_ROW]
     if surface.active == 0:
         return
     if row.index == SURFACE_ROW:
-        out[CONTACT_POSITION] = surface.state[OWN]
+        out[CONTACT_POSITION] += surface.state[OWN]
     out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))

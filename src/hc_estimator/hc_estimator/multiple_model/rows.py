@@ -22,6 +22,7 @@ from hc_estimator.multiple_model.hypotheses import (
     OWN,
     OWN_VARIANCES,
     STATES,
+    SURFACE,
     VELOCITY,
     VELOCITY_EXPONENT,
 )
@@ -82,6 +83,17 @@ def begin_own_states(row: Any) -> None:
             row.covariance[i, j] = 0.0
             row.covariance[j, i] = 0.0
         row.covariance[i, i] = OWN_VARIANCES[row.index, i - OWN]
+    if SURFACE[row.index] and row.position_deviation > 0.0:
+        row.covariance[OWN, OWN] = row.position_deviation**2
+        row.covariance[OWN + 1, OWN + 1] = 0.0
+
+
+@compiled
+def let_surface_move(row: Any) -> None:
+    """What a contact position that stays does not explain may be one that moves."""
+    row.position_deviation = 0.0
+    rate = OWN + 1
+    row.covariance[rate, rate] = OWN_VARIANCES[row.index, rate - OWN]
 
 
 @compiled

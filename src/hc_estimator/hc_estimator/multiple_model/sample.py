@@ -20,7 +20,14 @@ from typing import Any
 from hc_estimator.adaptation import motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import beginning, model_error, plausible, readings, tempering
+from hc_estimator.multiple_model import (
+    beginning,
+    contact_onset,
+    model_error,
+    plausible,
+    readings,
+    tempering,
+)
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
@@ -47,6 +54,7 @@ from hc_estimator.multiple_model.kalman import (
 from hc_estimator.multiple_model.rows import (
     begin_motion,
     is_sound,
+    let_surface_move,
     limit,
     seed,
 )
@@ -104,6 +112,8 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     else:  # the rows stand at the sample's stamp all the same
         clock.last_time = time
         clock.started = 1
+    if decision != NUMERICAL and contact_onset.learn(settings, bank, place):
+        beginning.begin_at_onset(settings, bank)
     beginning.recover(settings, bank, time, decision)
     return decision
 
@@ -215,20 +225,25 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
     """Centre the prior of K and B on the first clear contact; its width stays.
 
     K spans decades between tissues. From a first guess a hundred times too stiff the linearised
-    update needs long to come down, and the first force reading says the order of magnitude.
+    update needs long to come down, and the first force reading says the order of magnitude. As long
+    as nothing is felt, it says what K is at most.
     """
     clock = bank.clock
     depth = bank.rows[bank.judge.chosen].state[DEPTH]
     sure = SURE * math.sqrt(bank.sensor_noise[1])
-    if clock.present[1] == 0 or depth < SMALLEST_DEPTH or clock.measurement[1] < sure:
+    if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
         return
-    bank.guessed = bank.calibrated  # until then each sample says it anew, for no force is used
+    felt = clock.measurement[1] >= sure
+    if felt:  # until calibrated each sample says it anew, for no force is used
+        bank.guessed = bank.calibrated
     if settings.initial_stiffness_log_std == 0.0:
         return
+    log_force = math.log(max(clock.measurement[1], sure))
     for m in range(bank.rows.shape[0]):
         state = bank.rows[m].state
-        shift = math.log(clock.measurement[1]) - state[EXPONENT] * math.log(depth)
-        shift -= state[LOG_STIFFNESS]
+        shift = log_force - state[EXPONENT] * math.log(depth) - state[LOG_STIFFNESS]
+        if not felt and shift > 0.0:
+            continue
         state[LOG_STIFFNESS] += shift
         if settings.initial_damping_log_std > 0.0:
             state[LOG_DAMPING] += shift
@@ -294,6 +309,8 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             model_error.learn(settings, rows[m], bank.sensor_noise, bank.noise, clock)
+            if rows[m].position_deviation > 0.0 and SURFACE[m] and rows[m].model_error > 0.0:
+                let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     touching = depth_of(chosen) > TOUCHING_DEPTH and chosen.predicted_force > 0.0
     if touching:

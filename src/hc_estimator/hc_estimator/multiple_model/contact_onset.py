@@ -1,0 +1,346 @@
+"""Where and at which reading does the force begin? Zeros that the first touch contradicts.
+
+The hypotheses take both zeros as the user gave them. Before the first touch, and in it, two things
+can be seen without any parameter of the tissue (ours; `hc bench accuracy delay` and `possible`):
+
+- While the tool travels and the force stays the same, the tool is in the air, and the mean of the
+  force there is its zero. A tissue that pushed with as much would have pushed more, deeper.
+- A force that comes while the tool goes deeper begins where it was last not felt. If that is before
+  the zero, or so far behind it that no exponent up to `STEEPEST` would have hidden the force until
+  there, the contact position is where it began.
+
+Both are looked for until the first contact that agrees with them; what moves later on is for the
+hypothesis of a moving surface. What was remembered in the old zeros is moved to the new ones.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.multiple_model.hypotheses import DEPTH, VELOCITY
+from hc_estimator.multiple_model.records import RAW
+
+SURE = 5.0  # deviations of the force sensor beyond which there is a force
+# Two-sided cumulative sum of the force about its mean: in the air it passes once in 1e5 readings.
+DRIFT = 0.5  # deviations
+THRESHOLD = 12.0
+LARGEST_TERM = 4.0  # one spike is no onset
+IN_A_ROW = 3  # readings that must say so
+SETTLING = 5  # readings in the mean before one can leave it
+FEWEST = 20  # readings in the air that make a mean
+LEAST_TRAVEL = 0.5  # in the air [mm]
+TRAVEL_DEVIATIONS = 20.0  # the same in deviations of the displacement sensor
+SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
+CALMEST, WILDEST = 0.05, 4.0  # scatter of a working sensor in the air over its noise variance
+SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
+SMALLEST_ZERO = 0.2  # deviations of a reading below which no zero is moved
+STEEPEST = 3.0  # exponent of a tissue
+SURELY = 2.0  # factor on the force that a law through the zero allows
+LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
+LEAST_DISTANCE = 0.1  # of the contact position from the zero [mm]
+FEWEST_RISING = 8  # readings of a force before the zero that was never seen free
+LEAST_RISE = 0.5  # of such a force, as a share of its mean
+CLEAR = 8.0  # deviations of its slope
+SPHERE = 1.5  # exponent (Hertz 1881)
+NOWHERE = 1e9  # [N]
+SPAN = 8  # readings over which the speed is taken in looking back
+# Deviation of the contact position, as a share of the way that the tool has gone in since then.
+HALF_WAY = 0.5  # the force became sure in between
+GUESSED = 0.35  # extrapolated with an exponent that is not known
+CLOSEST = 0.2  # smallest [mm]
+LATEST = 3.0  # time from the last reading without force within which it must come [s]
+
+
+@compiled
+def reset(bank: Any) -> None:
+    """Both zeros are as they were given."""
+    onset = bank.onset
+    for i in range(2):
+        onset.zero[i] = 0.0
+    onset.force_deviation = math.nan
+    for m in range(bank.rows.shape[0]):
+        bank.rows[m].position_deviation = 0.0
+    restart(onset, 0)
+
+
+@compiled
+def restart(onset: Any, looked_back: int) -> None:
+    """Look for the first touch anew; what was found of the zeros stays in use.
+
+    Args:
+        onset: changed.
+        looked_back: 0 if the readings before the sensors' noise is known count as well.
+    """
+    onset.decided = 0
+    onset.looked_back = looked_back
+    onset.free = 0
+    onset.in_air = 0
+    onset.felt = 0
+    onset.touched = 0
+    onset.contradictions = 0
+    onset.count = 0
+    onset.rise_count = 0
+    onset.highest_level = -NOWHERE
+
+
+@compiled
+def learn(settings: Any, bank: Any, time: float) -> bool:
+    """Take the sample's force; True if a zero is to move by onset.shift (see `move_zeros`).
+
+    Args:
+        settings: settings record.
+        bank: its record `onset` is changed.
+        time: of the reading [s].
+    """
+    onset = bank.onset
+    if onset.decided != 0 or bank.calibrated == 0:
+        return False
+    onset.shift[0] = 0.0
+    onset.shift[1] = 0.0
+    if onset.looked_back == 0:
+        onset.looked_back = 1
+        return _look_back(settings, bank)
+    if bank.clock.present[1] == 0:
+        return False
+    state = bank.rows[bank.judge.chosen].state
+    return _take(settings, bank, state[DEPTH], state[VELOCITY], bank.clock.measurement[1], time)
+
+
+@compiled
+def _look_back(settings: Any, bank: Any) -> bool:
+    """Take the readings that came before the noise of the sensors was known."""
+    finder = bank.delay
+    count = finder.raw_count
+    first = max(count[0] - RAW, 0)
+    place = first
+    for k in range(max(count[1] - RAW, 0), count[1]):
+        time = finder.raw_time[1, k % RAW]
+        while place + 1 < count[0] and finder.raw_time[0, (place + 1) % RAW] <= time:
+            place += 1
+        before = max(place - SPAN, first)
+        after = min(before + SPAN, count[0] - 1)
+        if before >= after or finder.raw_time[0, place % RAW] > time:
+            continue
+        way = finder.raw_value[0, after % RAW] - finder.raw_value[0, before % RAW]
+        elapsed = finder.raw_time[0, after % RAW] - finder.raw_time[0, before % RAW]
+        displacement = finder.raw_value[0, place % RAW]
+        force = finder.raw_value[1, k % RAW]
+        if _take(settings, bank, displacement, way / elapsed, force, time):
+            return True
+    return False
+
+
+@compiled
+def _take(
+    settings: Any, bank: Any, displacement: float, velocity: float, force: float, time: float
+) -> bool:
+    """Take a reading of the force, and where the tool was; True if a zero is to move."""
+    onset, noise = bank.onset, bank.sensor_noise
+    sure = SURE * math.sqrt(noise[1])
+    side = _leaves_window(onset, displacement, force, time, noise[1])
+    if side != 0:
+        is_air = side > 0 and _is_air(onset, noise)
+        onset.count = 0
+        if is_air:
+            onset.in_air = 1
+            onset.free = 1
+            onset.free_at = onset.inside_at
+            onset.free_time = onset.inside_time
+            level = onset.air_mean[1]
+            if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
+                onset.shift[1] = level
+                onset.force_deviation = onset.level_deviation
+                # What was taken for a force was this zero, unless there had been more.
+                more = onset.highest_level > level + SURELY * sure
+                onset.felt = 1 if more else 0
+                onset.touched = onset.felt
+                return True
+        else:
+            onset.highest_level = max(onset.highest_level, onset.mean[1])
+    if force < sure:
+        onset.contradictions = 0
+        if onset.felt != 0:
+            onset.touched = 1
+        if onset.in_air == 0:  # else the place where the force left its mean is closer
+            onset.free = 1
+            onset.free_at = displacement
+            onset.free_time = time
+        return False
+    if force < SURELY * sure or settings.follow_surface == 0:
+        return False
+    onset.felt = 1
+    distance = LEAST_DISTANCE + SURE * math.sqrt(noise[0])
+    if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
+        distance += LARGEST_DELAY * abs(velocity)
+    if onset.free == 0:
+        surely = displacement < -distance or onset.rise_count >= IN_A_ROW
+        if surely and _rises(onset, displacement, force):
+            onset.decided = 1
+            onset.shift[0] = _extrapolated(onset)
+            onset.position_deviation = GUESSED * (onset.rise_mean[0] - onset.shift[0])
+            return True
+        return False
+    if time - onset.free_time > LATEST:
+        return False
+    if _contradicts(onset, displacement, force, sure, distance):
+        onset.contradictions += 1
+    else:
+        onset.contradictions = 0
+        # Elsewhere it may have begun anywhere in between, or the delay is not known yet.
+        agrees = abs(onset.free_at) < LEAST_DISTANCE + SURE * math.sqrt(noise[0])
+        if agrees and displacement > distance:
+            onset.decided = 1
+    if onset.contradictions < IN_A_ROW:
+        return False
+    onset.decided = 1
+    onset.shift[0] = onset.free_at
+    onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - onset.free_at))
+    return True
+
+
+@compiled
+def _contradicts(
+    onset: Any, displacement: float, force: float, sure: float, distance: float
+) -> bool:
+    """True if a force cannot be here if the contact begins at the zero, give or take a distance."""
+    begun = onset.free_at
+    if displacement <= begun:
+        return False
+    if displacement < -distance:
+        return True
+    # Later on a force is absent where the tool leaves faster than the tissue follows.
+    if onset.in_air == 0 or onset.touched != 0 or begun < distance:
+        return False
+    # No law through the zero that stays unfelt up to there rises so until here.
+    return bool(force > SURELY * sure * (displacement / begun) ** STEEPEST)
+
+
+@compiled
+def _rises(onset: Any, displacement: float, force: float) -> bool:
+    """Take a force that was there before the zero; True if it clearly grows with depth."""
+    mean, moment = onset.rise_mean, onset.rise_moment
+    if onset.rise_count == 0:
+        onset.rise_lowest = force
+        onset.rise_highest = force
+        clear_vector(mean)
+        clear_vector(moment)
+    onset.rise_lowest = min(onset.rise_lowest, force)
+    onset.rise_highest = max(onset.rise_highest, force)
+    onset.rise_count += 1
+    _add(onset.rise_count, mean, moment, displacement, force)
+    if onset.rise_count < FEWEST_RISING or moment[1] <= 0.0:
+        return False
+    if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
+        return False
+    left = max(moment[2] - moment[1] * moment[1] / moment[0], 0.0) / (onset.rise_count - 2)
+    return bool(moment[1] * moment[1] > CLEAR**2 * left * moment[0])
+
+
+@compiled
+def _extrapolated(onset: Any) -> float:
+    """Where a force that rises so begins, for the exponent of a sphere on an elastic half space."""
+    slope = onset.rise_moment[1] / onset.rise_moment[0]
+    return onset.rise_mean[0] - SPHERE * onset.rise_mean[1] / slope  # type: ignore[no-any-return]
+
+
+@compiled
+def _add(count: int, mean: Any, moment: Any, displacement: float, force: float) -> None:
+    """Take a reading into means and sums of squares about them (Welford, Technometrics 4, 1962)."""
+    way, change = displacement - mean[0], force - mean[1]
+    mean[0] += way / count
+    mean[1] += change / count
+    moment[0] += way * (displacement - mean[0])
+    moment[1] += way * (force - mean[1])
+    moment[2] += change * (force - mean[1])
+
+
+@compiled
+def _leaves_window(
+    onset: Any, displacement: float, force: float, time: float, variance: float
+) -> int:
+    """Take a reading into the window in which the force stays the same.
+
+    Returns:
+        1 or -1 if the force has left the window upwards or downwards, else 0.
+    """
+    mean, moment = onset.mean, onset.moment
+    if onset.count == 0:
+        onset.upward = 0.0
+        onset.downward = 0.0
+        onset.air_count = 0
+        onset.lowest = displacement
+        onset.highest = displacement
+        clear_vector(mean)
+        clear_vector(moment)
+    onset.count += 1
+    if onset.count > SETTLING:
+        term = (force - mean[1]) / math.sqrt(variance)
+        term = min(max(term, -LARGEST_TERM), LARGEST_TERM)
+        onset.upward = max(onset.upward + term - DRIFT, 0.0)
+        onset.downward = max(onset.downward - term - DRIFT, 0.0)
+    _add(onset.count, mean, moment, displacement, force)
+    onset.lowest = min(onset.lowest, displacement)
+    onset.highest = max(onset.highest, displacement)
+    if onset.upward == 0.0:  # what came before an onset
+        onset.air_count = onset.count
+        copy_vector(mean, onset.air_mean)
+        copy_vector(moment, onset.air_moment)
+        onset.air_travel = onset.highest - onset.lowest
+        onset.inside_at = displacement
+        onset.inside_time = time
+    if onset.upward > THRESHOLD:
+        return 1
+    return -1 if onset.downward > THRESHOLD else 0
+
+
+@compiled
+def _is_air(onset: Any, noise: Any) -> bool:
+    """True if the tool travelled in the window and nothing pushed; notes the mean's deviation."""
+    count, mean, moment = onset.air_count, onset.air_mean, onset.air_moment
+    if count < FEWEST:
+        return False
+    if onset.air_travel < max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
+        return False
+    scatter = moment[2] / (count - 1)
+    if scatter < CALMEST * noise[1] or scatter > WILDEST * noise[1]:
+        return False
+    onset.level_deviation = math.sqrt(scatter / count)
+    slope = moment[1] / moment[0]
+    deviation = math.sqrt(scatter / moment[0])
+    if abs(slope) > SAME * deviation:
+        return False
+    if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
+        return True
+    # A tissue that pushed so would push at least in proportion to the depth.
+    return bool(mean[1] / mean[0] > 2.0 * SAME * deviation)
+
+
+@compiled
+def move_zeros(bank: Any) -> None:
+    """Move the zeros by onset.shift, and with them all readings that are remembered."""
+    onset, finder, held = bank.onset, bank.delay, bank.held
+    for i in range(2):
+        shift = onset.shift[i]
+        if shift == 0.0:
+            continue
+        onset.zero[i] += shift
+        bank.noise[i].readings -= shift
+        finder.raw_value[i] -= shift
+        column = 0 if i == 0 else 3
+        finder.grid[:, column] -= shift
+        if (finder.delay > 0.0) == (i == 0):
+            held.value -= shift
+    displacement, force = onset.shift[0], onset.shift[1]
+    for m in range(bank.rows.shape[0]):
+        bank.rows[m].state[DEPTH] -= displacement
+    bank.motion.first -= displacement
+    bank.motion.states[:, 0] -= displacement
+    onset.free_at -= displacement
+    if displacement != 0.0:
+        for m in range(bank.rows.shape[0]):
+            bank.rows[m].position_deviation = onset.position_deviation
+    bank.given.predicted_force -= force
+    bank.given.reconstructed_force -= force

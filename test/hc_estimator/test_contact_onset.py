@@ -1,0 +1,113 @@
+"""Zeros that are off: the first touch says so, and nothing is moved where they are right."""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+
+TISSUE = (0.4, 0.02, 1.5, 1.0)  # K [N/mm^n], B, n, p
+MOVED = 0.02  # mm or N by which a zero must be off to be called moved
+
+
+def approach(rate=500.0, seconds=6.0, start=-2.0, speed=3.0, depth=4.0):
+    """Displacement [mm] of a tool that comes down in the air, then palpates; its stamps."""
+    time = np.arange(round(rate * seconds)) / rate
+    down = (depth / 2 - start) / speed
+    d = np.minimum(start + speed * time, depth / 2)
+    late = np.maximum(time - down, 0.0)
+    d += 0.35 * depth * np.sin(2 * np.pi * 0.9 * late) * (1 - np.exp(-3.0 * late))
+    return time, d
+
+
+def felt(plant, time, d, seed, position=0.0, force_zero=0.0, tissue=TISSUE, noise=0.01):
+    """Readings of a tool whose zeros are off."""
+    force = plant.force(d, np.gradient(d, time), *tissue)
+    generator = np.random.default_rng(seed)
+    d_read = d + position + 0.003 * generator.standard_normal(d.size)
+    return d_read, force + force_zero + noise * generator.standard_normal(d.size)
+
+
+@pytest.mark.parametrize("position", [-3.0, 0.0, 2.0, 6.0])
+@pytest.mark.parametrize("force_zero", [-2.0, 0.0, 0.4])
+def test_wrong_zeros_are_found_at_the_first_touch(position, force_zero, plant):
+    """Contact position and force zero, each with either; K within three of its deviations."""
+    time, d = approach()
+    d_read, force = felt(plant, time, d, 3, position, force_zero)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force)
+    assert series.force_zero[-1] == pytest.approx(force_zero, abs=MOVED)
+    assert series.contact_position[-1] == pytest.approx(position, abs=0.3)
+    error = np.log(series.parameters[-1, 0] / TISSUE[0])
+    deviation = series.parameters_std[-1, 0] / series.parameters[-1, 0]
+    assert abs(error) < max(3.0 * deviation, 0.01)
+    assert deviation < 0.2
+    assert series.model_mismatch[-200:].mean() < 0.1
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_zeros_that_are_right_are_not_moved(seed, plant):
+    """Soft and hard tissue, slow and fast tools, with an approach and without."""
+    generator = np.random.default_rng(seed)
+    stiffness = np.exp(generator.uniform(np.log(0.03), np.log(5.0)))
+    ratio, n = np.exp(generator.uniform(np.log(0.01), np.log(0.2))), generator.uniform(1.2, 2.2)
+    rate = generator.choice([66.0, 200.0, 1000.0])
+    start, speed = generator.uniform(-3.0, 0.5), generator.uniform(0.5, 20.0)
+    time, d = approach(rate, 5.0, start, speed, generator.uniform(2.0, 6.0))
+    tissue = (stiffness, ratio * stiffness, n, 1.0)
+    d_read, force = felt(plant, time, d, seed, tissue=tissue, noise=generator.choice([0.003, 0.03]))
+    estimator = hc.create_estimator("self_tuning_ukf")
+    series = estimator.run(time, d_read, force)
+    np.testing.assert_array_less(np.abs(series.force_zero), MOVED)
+    calm = series.hypothesis != hc.Hypothesis.SURFACE_MOVES
+    np.testing.assert_array_equal(series.contact_position[calm], 0.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tissue_that_is_left_behind_is_no_air(seed, plant):
+    """Fast retreats in contact: the force is gone deep in the tissue, and the zero is right."""
+    time = np.arange(3000) / 200.0
+    d, v = plant.motion(time)
+    force = plant.force(d, v, 0.3, 0.02, 1.7, 1.0)
+    assert np.mean(force == 0.0) > 0.01
+    d_read, force = plant.noisy(d, force, seed)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force)
+    calm = series.hypothesis != hc.Hypothesis.SURFACE_MOVES
+    np.testing.assert_array_equal(series.contact_position[calm], 0.0)
+    assert series.parameters[-1, 0] == pytest.approx(0.3, rel=0.02)
+
+
+def test_a_sensor_that_drifts_in_the_air_touches_nothing(plant):
+    """The force creeps by ten deviations while the tool waits above the tissue."""
+    time, d = approach(seconds=10.0, start=-20.0)
+    d_read, force = felt(plant, time, d, 5)
+    force += np.where(d < 0.0, 0.1 * time / time[d < 0.0].max(), 0.1)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force)
+    before = d < 0.0
+    assert np.abs(series.contact_position[before]).max() == 0.0
+    assert series.contact_position[-1] == pytest.approx(0.0, abs=0.3)
+
+
+def test_a_force_that_was_there_before_the_zero(plant):
+    """The recording begins in contact, its zero three millimetres too deep."""
+    time = np.arange(3000) / 500.0
+    d = 2.5 + 1.2 * np.sin(2 * np.pi * 0.7 * time - 1.5)
+    d_read, force = felt(plant, time, d, 7, position=-3.0)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force)
+    assert series.contact_position[-1] == pytest.approx(-3.0, abs=1.0)
+    error = np.log(series.parameters[-1, 0] / TISSUE[0])
+    assert abs(error) < 3.0 * series.parameters_std[-1, 0] / series.parameters[-1, 0] + 0.02
+
+
+def test_found_zeros_survive_saving(plant):
+    """A restored estimator goes on bit for bit, its zeros moved."""
+    time, d = approach()
+    d_read, force = felt(plant, time, d, 9, position=2.0, force_zero=-1.0)
+    half = time.size // 2
+    whole = hc.create_estimator("self_tuning_ukf")
+    whole.run(time[:half], d_read[:half], force[:half])
+    assert whole._memory[0]["onset"]["zero"][0] != 0.0
+    other = hc.create_estimator("self_tuning_ukf")
+    other.restore(whole.state())
+    first = whole.run(time[half:], d_read[half:], force[half:])
+    second = other.run(time[half:], d_read[half:], force[half:])
+    np.testing.assert_array_equal(first.parameters, second.parameters)
+    np.testing.assert_array_equal(first.contact_position, second.contact_position)
