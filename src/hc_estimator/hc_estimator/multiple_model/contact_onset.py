@@ -31,6 +31,7 @@ LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
 SETTLING = 5  # readings in the mean before one can leave it
 FEWEST = 20  # readings in the air that make a mean
+DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
 LEAST_TRAVEL = 0.5  # in the air [mm]
 TRAVEL_DEVIATIONS = 20.0  # the same in deviations of the displacement sensor
 SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
@@ -142,7 +143,7 @@ def _take(
     sure = SURE * math.sqrt(noise[1])
     side = _leaves_window(onset, displacement, force, time, noise[1])
     if side != 0:
-        is_air = side > 0 and _is_air(onset, noise)
+        is_air = side > 0 and _is_air(onset, noise, sure)
         onset.count = 0
         if is_air:
             onset.in_air = 1
@@ -153,10 +154,8 @@ def _take(
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
                 onset.shift[1] = level
                 onset.force_deviation = onset.level_deviation
-                # What was taken for a force was this zero, unless there had been more.
-                more = onset.highest_level > level + SURELY * sure
-                onset.felt = 1 if more else 0
-                onset.touched = onset.felt
+                onset.felt = 0  # what was taken for a force was this zero
+                onset.touched = 0
                 return True
         else:
             onset.highest_level = max(onset.highest_level, onset.mean[1])
@@ -297,10 +296,18 @@ def _leaves_window(
 
 
 @compiled
-def _is_air(onset: Any, noise: Any) -> bool:
-    """True if the tool travelled in the window and nothing pushed; notes the mean's deviation."""
+def _is_air(onset: Any, noise: Any, sure: float) -> bool:
+    """True if the tool came down in the window and nothing pushed; notes the mean's deviation.
+
+    Not after a contact, for there the force may stay the same where a tool retreats as fast as the
+    tissue follows.
+    """
     count, mean, moment = onset.air_count, onset.air_mean, onset.air_moment
     if count < FEWEST:
+        return False
+    if onset.highest_level > mean[1] + SURELY * sure:
+        return False
+    if onset.inside_at < onset.lowest + DOWN * onset.air_travel:
         return False
     if onset.air_travel < max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
         return False
