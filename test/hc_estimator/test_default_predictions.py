@@ -16,6 +16,7 @@ WORSE = {  # RMS error over that of the last reading held
     ("sine_hard", -3.0): 2.27,
     ("sine_hard", -1.0): 2.09,
     ("sine_soft", -3.0): 2.003,
+    ("sine_horse_raw", -3.0): 2.13,
     ("sine_horse_raw", -1.0): 2.08,
 }
 

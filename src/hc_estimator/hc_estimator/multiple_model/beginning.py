@@ -127,8 +127,8 @@ def recover(settings: Any, bank: Any, time: float, decision: int) -> None:
     if decision == ACCEPTED:
         clock.refused_count = 0
         if bank.tool.worthless_time > WORTHLESS_TIME:  # a law that explains nothing
+            contact_onset.take_back(bank)
             _forget_tissue(settings, bank)
-            contact_onset.restart(bank.onset, 1)
             bank.change.detected = 1
         return
     if decision == NUMERICAL:

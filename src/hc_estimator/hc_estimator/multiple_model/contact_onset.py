@@ -31,8 +31,9 @@ LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
 SETTLING = 5  # readings in the mean before one can leave it
 FEWEST = 20  # readings in the air that make a mean
+DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
 LEAST_TRAVEL = 0.5  # in the air [mm]
-TRAVEL_DEVIATIONS = 20.0  # the same in deviations of the displacement sensor
+TRAVEL_DEVIATIONS = 20.0  # the same, and of any distance, in deviations of the displacement sensor
 SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
 CALMEST, WILDEST = 0.05, 4.0  # scatter of a working sensor in the air over its noise variance
 SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
@@ -51,6 +52,7 @@ SPAN = 8  # readings over which the speed is taken in looking back
 HALF_WAY = 0.5  # the force became sure in between
 GUESSED = 0.35  # extrapolated with an exponent that is not known
 CLOSEST = 0.2  # smallest [mm]
+LARGEST_SHIFT = 20.0  # of a contact position; one further off is not set up [mm]
 LATEST = 3.0  # time from the last reading without force within which it must come [s]
 
 
@@ -142,7 +144,7 @@ def _take(
     sure = SURE * math.sqrt(noise[1])
     side = _leaves_window(onset, displacement, force, time, noise[1])
     if side != 0:
-        is_air = side > 0 and _is_air(onset, noise)
+        is_air = side > 0 and _is_air(onset, noise, sure)
         onset.count = 0
         if is_air:
             onset.in_air = 1
@@ -153,10 +155,8 @@ def _take(
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
                 onset.shift[1] = level
                 onset.force_deviation = onset.level_deviation
-                # What was taken for a force was this zero, unless there had been more.
-                more = onset.highest_level > level + SURELY * sure
-                onset.felt = 1 if more else 0
-                onset.touched = onset.felt
+                onset.felt = 0  # what was taken for a force was this zero
+                onset.touched = 0
                 return True
         else:
             onset.highest_level = max(onset.highest_level, onset.mean[1])
@@ -172,7 +172,7 @@ def _take(
     if force < SURELY * sure or settings.follow_surface == 0:
         return False
     onset.felt = 1
-    distance = LEAST_DISTANCE + SURE * math.sqrt(noise[0])
+    distance = LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
@@ -190,12 +190,14 @@ def _take(
     else:
         onset.contradictions = 0
         # Elsewhere it may have begun anywhere in between, or the delay is not known yet.
-        agrees = abs(onset.free_at) < LEAST_DISTANCE + SURE * math.sqrt(noise[0])
+        agrees = abs(onset.free_at) < LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
         if agrees and displacement > distance:
             onset.decided = 1
     if onset.contradictions < IN_A_ROW:
         return False
     onset.decided = 1
+    if abs(onset.free_at) > LARGEST_SHIFT:
+        return False
     onset.shift[0] = onset.free_at
     onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - onset.free_at))
     return True
@@ -236,7 +238,10 @@ def _rises(onset: Any, displacement: float, force: float) -> bool:
     if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
         return False
     left = max(moment[2] - moment[1] * moment[1] / moment[0], 0.0) / (onset.rise_count - 2)
-    return bool(moment[1] * moment[1] > CLEAR**2 * left * moment[0])
+    if not moment[1] * moment[1] > CLEAR**2 * left * moment[0]:
+        return False
+    beyond = mean[0] - _extrapolated(onset)
+    return bool(beyond < LARGEST_SHIFT)
 
 
 @compiled
@@ -297,25 +302,44 @@ def _leaves_window(
 
 
 @compiled
-def _is_air(onset: Any, noise: Any) -> bool:
-    """True if the tool travelled in the window and nothing pushed; notes the mean's deviation."""
+def _is_air(onset: Any, noise: Any, sure: float) -> bool:
+    """True if the tool came down in the window and nothing pushed; notes the mean's deviation.
+
+    Not after a contact, for there the force may stay the same where a tool retreats as fast as the
+    tissue follows.
+    """
     count, mean, moment = onset.air_count, onset.air_mean, onset.air_moment
     if count < FEWEST:
+        return False
+    if onset.highest_level > mean[1] + SURELY * sure:
+        return False
+    if onset.inside_at < onset.lowest + DOWN * onset.air_travel:
         return False
     if onset.air_travel < max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
         return False
     scatter = moment[2] / (count - 1)
-    if scatter < CALMEST * noise[1] or scatter > WILDEST * noise[1]:
+    if not (scatter >= CALMEST * noise[1] and scatter <= WILDEST * noise[1]):
         return False
     onset.level_deviation = math.sqrt(scatter / count)
     slope = moment[1] / moment[0]
     deviation = math.sqrt(scatter / moment[0])
-    if abs(slope) > SAME * deviation:
+    if not abs(slope) <= SAME * deviation:
         return False
     if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
         return True
     # A tissue that pushed so would push at least in proportion to the depth.
     return bool(mean[1] / mean[0] > 2.0 * SAME * deviation)
+
+
+@compiled
+def take_back(bank: Any) -> None:
+    """A law that explains nothing: the zeros that were found are doubted, and given up for good."""
+    onset = bank.onset
+    for i in range(2):
+        onset.shift[i] = -onset.zero[i]
+    move_zeros(bank)
+    reset(bank)
+    onset.decided = 1
 
 
 @compiled

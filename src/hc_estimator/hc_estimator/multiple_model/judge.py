@@ -52,7 +52,7 @@ CLAIM = 1.0  # mean square over what a row claims up to which its errors are its
 LEARNING_NIS = 1.5  # recent_nis (mean 2) below which it is its ignorance that dominates
 CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
-FAR_BETTER = 9.0  # ratio of mean squares above which nothing else counts
+FAR_BETTER = 50.0  # ratio of mean squares above which nothing else counts
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
 WAIT = 2.0  # time after which a row seeded anew counts again [s]
 
@@ -282,15 +282,14 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
 
 @compiled
 def _forgive_inconsistency(judge: Any, rows: Any, clock: float) -> None:
-    """Choose a row that predicts far better after all, whatever speaks against it.
+    """Choose the fit after all if it predicts far better, whatever speaks against it.
 
     Rows that know next to nothing are always consistent, however badly they predict.
     """
-    for m in range(FRESH):
-        row = rows[m]
-        scored = _counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0
-        if scored and FAR_BETTER * row.score < rows[judge.chosen].score:
-            judge.chosen = m
+    row = rows[FITTED]
+    scored = _counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0
+    if scored and FAR_BETTER * row.score < rows[judge.chosen].score:
+        judge.chosen = FITTED
 
 
 @compiled

@@ -115,7 +115,7 @@ def _add_position(bank: Any, exponent: float, out: NDArray[np.float64]) -> None:
     slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
     for i in range(3):
         for j in range(3):
-            out[COVARIANCE + 4 * i + j] += variance * slopes[i] * slopes[j]
+            out[COVARIANCE + 4 * i + j] += variance * (slopes[i] * slopes[j])
 
 
 @compiled

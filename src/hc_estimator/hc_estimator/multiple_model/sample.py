@@ -63,6 +63,7 @@ from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
+FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
 SURE = 5.0  # a force beyond so many standard deviations is one
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
@@ -148,15 +149,22 @@ def _update(settings: Any, bank: Any) -> int:
             return NUMERICAL
         if readings.is_outlier(settings, bank, chosen, 1):
             _give(settings, bank, OUTLIER)
+            _limit(settings, rows)
             return OUTLIER
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
                 use_force(rows[m], _hold(settings, bank, rows[m]))
     _give(settings, bank, ACCEPTED)
+    _limit(settings, rows)
+    return ACCEPTED if _keep_sound(settings, bank) else NUMERICAL
+
+
+@compiled
+def _limit(settings: Any, rows: Any) -> None:
+    """Keep every row where the contact law means something; the displacement moves it as well."""
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
-    return ACCEPTED if _keep_sound(settings, bank) else NUMERICAL
 
 
 @compiled
@@ -234,6 +242,8 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
     if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
         return
     felt = clock.measurement[1] >= sure
+    if not felt and depth < FREE_DEPTH:
+        return
     if felt:  # until calibrated each sample says it anew, for no force is used
         bank.guessed = bank.calibrated
     if settings.initial_stiffness_log_std == 0.0:
