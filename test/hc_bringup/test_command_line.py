@@ -267,7 +267,7 @@ def test_a_document_without_a_place_for_the_table_is_refused_before_the_work(
 ) -> None:
     page = tmp_path / "page.md"
     page.write_text("nothing here")
-    for path in (page, tmp_path / "missing.md"):
+    for path in (page, tmp_path / "other" / "page.md"):
         status, out, err = run(capsys, "bench", "teleoperation", "--document", str(path))
         assert status == 2
         assert out == ""

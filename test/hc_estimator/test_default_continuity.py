@@ -13,7 +13,7 @@ import hc_estimator as hc
 
 FILTER = "self_tuning_ukf"
 TISSUE = (0.2, 0.009, 1.8, 1.05)
-COLUMNS = [n for n in dir(hc.EstimateSeries) if not n.startswith("_")]
+COLUMNS = [n for n in dir(hc.Estimate) if not n.startswith("_")]
 
 
 def change(plant):
