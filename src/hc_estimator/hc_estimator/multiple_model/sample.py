@@ -40,6 +40,7 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_DAMPING,
     LOG_STIFFNESS,
     SURFACE,
+    VELOCITY,
 )
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
@@ -234,15 +235,16 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
 
     K spans decades between tissues. From a first guess a hundred times too stiff the linearised
     update needs long to come down, and the first force reading says the order of magnitude. As long
-    as nothing is felt, it says what K is at most.
+    as nothing is felt on the way in, it says what K is at most.
     """
     clock = bank.clock
-    depth = bank.rows[bank.judge.chosen].state[DEPTH]
+    tool = bank.rows[bank.judge.chosen].state
+    depth = tool[DEPTH]
     sure = SURE * math.sqrt(bank.sensor_noise[1])
     if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
         return
     felt = clock.measurement[1] >= sure
-    if not felt and depth < FREE_DEPTH:
+    if not felt and (depth < FREE_DEPTH or tool[VELOCITY] <= 0.0):
         return
     if felt:  # until calibrated each sample says it anew, for no force is used
         bank.guessed = bank.calibrated
