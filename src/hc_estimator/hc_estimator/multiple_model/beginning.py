@@ -35,6 +35,7 @@ def start(settings: Any, bank: Any) -> None:
     """Before any sample, and when the filter starts anew."""
     bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
     bank.guessed = 0
+    bank.felt = 0
     bank.motion_anew = 0
     take_noise(settings, bank)
     for i in range(2):
@@ -111,6 +112,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
         reset(settings, row, row.state[DEPTH])
     bank.rows[FITTED].active = 0
     bank.guessed = 0
+    bank.felt = 0
     bank.motion_anew = 1
     plausible.reset(bank.tool)
     bank.tool.contact_clock = 0.0

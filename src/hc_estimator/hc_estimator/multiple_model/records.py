@@ -281,6 +281,7 @@ BANK: tuple[Field, ...] = (
     Field("clock", record_type(CLOCK_FIELDS)),
     Field("calibrated", np.int64, (), 0, 1),  # 1 once the sensors' noise is known
     Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
+    Field("felt", np.int64, (), 0, 3),  # readings in a row with a force, up to three
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
     Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),

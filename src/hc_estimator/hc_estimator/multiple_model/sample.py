@@ -40,7 +40,6 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_DAMPING,
     LOG_STIFFNESS,
     SURFACE,
-    VELOCITY,
 )
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
@@ -65,6 +64,7 @@ PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
 FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
+FELT = 3  # readings in a row that say there is a force
 SURE = 5.0  # a force beyond so many standard deviations is one
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
@@ -235,16 +235,17 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
 
     K spans decades between tissues. From a first guess a hundred times too stiff the linearised
     update needs long to come down, and the first force reading says the order of magnitude. As long
-    as nothing is felt on the way in, it says what K is at most.
+    as nothing was felt yet, it says what K is at most.
     """
     clock = bank.clock
-    tool = bank.rows[bank.judge.chosen].state
-    depth = tool[DEPTH]
+    depth = bank.rows[bank.judge.chosen].state[DEPTH]
     sure = SURE * math.sqrt(bank.sensor_noise[1])
     if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
         return
     felt = clock.measurement[1] >= sure
-    if not felt and (depth < FREE_DEPTH or tool[VELOCITY] <= 0.0):
+    if bank.felt < FELT:
+        bank.felt = bank.felt + 1 if felt else 0
+    if not felt and (depth < FREE_DEPTH or bank.felt == FELT):
         return
     if felt:  # until calibrated each sample says it anew, for no force is used
         bank.guessed = bank.calibrated
