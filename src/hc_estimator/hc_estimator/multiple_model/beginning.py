@@ -112,7 +112,6 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
         reset(settings, row, row.state[DEPTH])
     bank.rows[FITTED].active = 0
     bank.guessed = 0
-    bank.felt = 0
     bank.motion_anew = 1
     plausible.reset(bank.tool)
     bank.tool.contact_clock = 0.0
