@@ -68,6 +68,7 @@ def initialise(settings_array: Any, memory_array: Any) -> None:
     """State of the bank before any sample."""
     settings, bank = settings_array[0], memory_array[0]
     contact_onset.reset(bank)
+    bank.felt = 0
     beginning.start(settings, bank)
     alignment.reset(settings, bank)
 

@@ -35,7 +35,6 @@ def start(settings: Any, bank: Any) -> None:
     """Before any sample, and when the filter starts anew."""
     bank.calibrated = 0 if settings.noise_adaptation == DIFFERENCES else 1
     bank.guessed = 0
-    bank.felt = 0
     bank.motion_anew = 0
     take_noise(settings, bank)
     for i in range(2):

@@ -64,6 +64,7 @@ PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
 FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
+WILD = 100.0  # ln K beyond which a row is limited even after a refused force
 FELT = 3  # readings in a row that say there is a force
 SURE = 5.0  # a force beyond so many standard deviations is one
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
@@ -150,22 +151,25 @@ def _update(settings: Any, bank: Any) -> int:
             return NUMERICAL
         if readings.is_outlier(settings, bank, chosen, 1):
             _give(settings, bank, OUTLIER)
-            _limit(settings, rows)
+            _limit_wild(settings, rows)
             return OUTLIER
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
                 use_force(rows[m], _hold(settings, bank, rows[m]))
     _give(settings, bank, ACCEPTED)
-    _limit(settings, rows)
+    for m in range(rows.shape[0]):
+        if rows[m].active != 0:
+            limit(settings, rows[m])
     return ACCEPTED if _keep_sound(settings, bank) else NUMERICAL
 
 
 @compiled
-def _limit(settings: Any, rows: Any) -> None:
-    """Keep every row where the contact law means something; the displacement moves it as well."""
+def _limit_wild(settings: Any, rows: Any) -> None:
+    """Keep rows numbers that only a displacement has moved: the next force limits the others."""
     for m in range(rows.shape[0]):
-        if rows[m].active != 0:
-            limit(settings, rows[m])
+        row = rows[m]
+        if row.active != 0 and not abs(row.state[LOG_STIFFNESS]) <= WILD:
+            limit(settings, row)
 
 
 @compiled
