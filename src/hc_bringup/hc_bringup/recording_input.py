@@ -78,6 +78,40 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
     add_csv_options(parser)
 
 
+def add_filter_options(parser: argparse.ArgumentParser, anew: str = "") -> None:
+    """Declare the filter and its settings.
+
+    Args:
+        parser: to add to.
+        anew: help of --filter where estimates may be there already; the others are told beside it.
+    """
+    for option, metavar, plain, beside in (
+        ("--filter", "F", "filter (default: the node's)", anew),
+        (
+            "--state-space",
+            "S",
+            "state space (default: kinematic)",
+            "the same, with this state space",
+        ),
+        (
+            "--contact-model",
+            "M",
+            "contact law (default: hunt_crossley)",
+            "the same, with this contact law",
+        ),
+    ):
+        parser.add_argument(option, metavar=metavar, help=beside if anew else plain)
+    setting = "the same, with this setting" if anew else "a setting of the estimator"
+    parser.add_argument(
+        "--param",
+        type=assignment,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help=f"{setting}; may be given several times",
+    )
+
+
 def add_csv_options(parser: argparse.ArgumentParser) -> None:
     """Declare how a CSV file of somebody else is written; what is left out is found, and said."""
     group = parser.add_argument_group("CSV files of others (what is left out is found, and said)")

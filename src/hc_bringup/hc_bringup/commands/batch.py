@@ -13,7 +13,7 @@ from typing import Any
 from hc_bringup import recording_input
 from hc_bringup.commands.contacts import add_rule_options
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment, natural
+from hc_bringup.options import natural
 
 HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
 INTERRUPTED = 130
@@ -44,17 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="keep the results in DIR that are of the same content, settings and software",
     )
-    parser.add_argument("--filter", metavar="F", help="filter (default: the node's)")
-    parser.add_argument("--state-space", metavar="S", help="state space (default: kinematic)")
-    parser.add_argument("--contact-model", metavar="M", help="contact law (default: hunt_crossley)")
-    parser.add_argument(
-        "--param",
-        type=assignment,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a setting of the estimator; may be given several times",
-    )
+    recording_input.add_filter_options(parser)
     parser.add_argument(
         "--sweep",
         type=sweep,

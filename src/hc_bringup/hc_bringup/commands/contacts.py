@@ -9,7 +9,7 @@ from typing import Any
 from hc_bringup import recording_input
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment, positive, seconds
+from hc_bringup.options import positive, seconds
 
 HELP = "write one row for each contact of a recording; --map draws the palpation map"
 
@@ -33,17 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--depth", type=positive, metavar="MM", help="depth of the map (default: 2 mm at most)"
     )
     add_rule_options(parser)
-    parser.add_argument("--filter", metavar="F", help="estimate anew with this filter")
-    parser.add_argument("--state-space", metavar="S", help="the same, with this state space")
-    parser.add_argument("--contact-model", metavar="M", help="the same, with this contact law")
-    parser.add_argument(
-        "--param",
-        type=assignment,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the same, with this setting; may be given several times",
-    )
+    recording_input.add_filter_options(parser, "estimate anew with this filter")
     parser.add_argument("--json", action="store_true", help="print what was found as JSON")
 
 

@@ -12,7 +12,6 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
-from hc_bringup.options import assignment
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 _LINES_AT_ONCE = 4096
@@ -29,17 +28,7 @@ COLUMNS = (
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     recording_input.add_options(parser)
-    parser.add_argument("--filter", metavar="F", help="filter (default: the node's)")
-    parser.add_argument("--state-space", metavar="S", help="state space (default: kinematic)")
-    parser.add_argument("--contact-model", metavar="M", help="contact law (default: hunt_crossley)")
-    parser.add_argument(
-        "--param",
-        type=assignment,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="a setting of the estimator; may be given several times",
-    )
+    recording_input.add_filter_options(parser)
     parser.add_argument("-o", "--output", metavar="OUT.csv", help="write every estimate to a CSV")
     parser.add_argument(
         "--verify",

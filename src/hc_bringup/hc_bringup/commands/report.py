@@ -10,7 +10,6 @@ from typing import Any
 from hc_bringup import recording_input
 from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment
 
 HELP = "say in words and charts what a recording holds: an HTML page, or a picture"
 _PICTURES = (".png", ".svg", ".pdf")
@@ -22,18 +21,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", required=True, metavar="OUT", help="page (.html) or .png, .svg, .pdf"
     )
-    parser.add_argument(
-        "--filter", metavar="F", help="estimate anew with this filter (default: as recorded)"
-    )
-    parser.add_argument("--state-space", metavar="S", help="the same, with this state space")
-    parser.add_argument("--contact-model", metavar="M", help="the same, with this contact law")
-    parser.add_argument(
-        "--param",
-        type=assignment,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="the same, with this setting; may be given several times",
+    recording_input.add_filter_options(
+        parser, "estimate anew with this filter (default: as recorded)"
     )
 
 

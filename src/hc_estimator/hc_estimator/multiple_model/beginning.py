@@ -57,7 +57,7 @@ def start(settings: Any, bank: Any) -> None:
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
     histories.reset(bank.history)
-    contact_onset.restart(bank.onset, 0)
+    contact_onset.restart(bank.onset)
 
 
 @compiled

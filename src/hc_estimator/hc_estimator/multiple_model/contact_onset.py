@@ -7,7 +7,8 @@ can be seen without any parameter of the tissue (ours; `hc bench accuracy delay`
   force there is its zero. A tissue that pushed with as much would have pushed more, deeper.
 - A force that comes while the tool goes deeper begins where it was last not felt. If that is before
   the zero, or so far behind it that no exponent up to `STEEPEST` would have hidden the force until
-  there, the contact position is where it began.
+  there, the contact position is where it began. If it was there before the zero from the start, and
+  grows with depth, its slope says about where.
 
 Both are looked for until the first contact that agrees with them; what moves later on is for the
 hypothesis of a moving surface. What was remembered in the old zeros is moved to the new ones.
@@ -65,19 +66,14 @@ def reset(bank: Any) -> None:
     onset.force_deviation = math.nan
     for m in range(bank.rows.shape[0]):
         bank.rows[m].position_deviation = 0.0
-    restart(onset, 0)
+    restart(onset)
 
 
 @compiled
-def restart(onset: Any, looked_back: int) -> None:
-    """Look for the first touch anew; what was found of the zeros stays in use.
-
-    Args:
-        onset: changed.
-        looked_back: 0 if the readings before the sensors' noise is known count as well.
-    """
+def restart(onset: Any) -> None:
+    """Look for the first touch anew; what was found of the zeros stays in use."""
     onset.decided = 0
-    onset.looked_back = looked_back
+    onset.looked_back = 0
     onset.free = 0
     onset.in_air = 0
     onset.felt = 0
@@ -172,7 +168,8 @@ def _take(
     if force < SURELY * sure or settings.follow_surface == 0:
         return False
     onset.felt = 1
-    distance = LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
+    near = LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
+    distance = near
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
@@ -190,8 +187,7 @@ def _take(
     else:
         onset.contradictions = 0
         # Elsewhere it may have begun anywhere in between, or the delay is not known yet.
-        agrees = abs(onset.free_at) < LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
-        if agrees and displacement > distance:
+        if abs(onset.free_at) < near and displacement > distance:
             onset.decided = 1
     if onset.contradictions < IN_A_ROW:
         return False
