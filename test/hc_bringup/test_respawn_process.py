@@ -114,6 +114,61 @@ def test_a_killed_recorder_and_a_killed_rig_come_again(command_line) -> None:
     assert after.estimates["stiffness"][-1] == pytest.approx(TRUE_STIFFNESS, rel=0.05)
 
 
+@pytest.mark.slow
+def test_what_was_learnt_survives_the_runner_that_is_killed(command_line) -> None:
+    """The nodes ended by SIGTERM then, as if somebody had asked for it, and forgot the tissue."""
+    plan = str(plan_with_respawn(command_line.folder))
+    process = command_line.start("run", plan, "--json", "--bag", "first")
+    list(iter_until_samples(process, 3))
+    domain = command_line.environment["ROS_DOMAIN_ID"]
+    process.kill()
+    process.communicate(timeout=10)
+    wait_until_gone(domain)
+    kept = command_line.folder / "state"
+    assert [file.name for file in kept.iterdir()] == ["running_state.json"]
+    before = read_recording(command_line.folder / "first")
+    assert not before.findings.problems  # closed in good order
+    known = before.estimates[-1]
+
+    process = command_line.start("run", plan, "--json", "--bag", "second")
+    list(iter_until_samples(process, 2))
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    first = read_recording(json.loads(out)["bag"]).estimates[0]
+    assert first["stiffness"] == pytest.approx(known["stiffness"], rel=0.01)
+    assert first["stiffness_std"] < 3.0 * known["stiffness_std"]
+    assert not list(kept.iterdir())  # that end was asked for
+
+
+@pytest.mark.slow
+def test_what_was_learnt_survives_a_run_that_another_node_ended(command_line) -> None:
+    """The rig dies for good: the runner ends the other nodes, which nobody had asked for."""
+    path = plan_with_respawn(command_line.folder)
+    plan = yaml.safe_load(path.read_text(encoding="utf-8"))
+    for node in plan["nodes"]:
+        node["respawn"] = False
+    path.write_text(yaml.safe_dump(plan), encoding="utf-8")
+    process = command_line.start("run", str(path), "--json")
+    list(iter_until_samples(process, 2))
+    domain = command_line.environment["ROS_DOMAIN_ID"]
+    os.kill(node_process(domain, "hc_sim_rig.node"), signal.SIGKILL)
+    _out, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert err.splitlines()[-1] == "hc run: node indenter was ended by SIGKILL"
+    kept = command_line.folder / "state"
+    assert [file.name for file in kept.iterdir()] == ["running_state.json"]
+
+
+def wait_until_gone(domain_id: str) -> None:
+    """Wait until no node of a run lives any more."""
+    modules = ("hc_estimator.node", "hc_logger.recorder_node", "hc_sim_rig.node")
+    deadline = time.monotonic() + 30.0
+    while any(node_process(domain_id, module) is not None for module in modules):
+        assert time.monotonic() < deadline, "nodes were left behind"
+        time.sleep(0.1)
+
+
 def wait_for_gap_and_flow(process) -> None:
     """Read the live lines until estimates have stood still and then come for three seconds."""
     gap, flowing = False, 0

@@ -18,6 +18,7 @@ from hc_msgs_py.services import add_ready_service
 
 SCRIPT = """
 import sys
+import time
 from rclpy.node import Node
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
@@ -40,9 +41,17 @@ class Example(Node):
             raise NodeStartError("it broke later")
         return self.count == 5 and self.ticks > 2
     def close(self):
+        if self.count == 4:
+            time.sleep(0.5)
         print("closed", flush=True)
 
-sys.exit(run_node(Example, at_clean_end=lambda node: print("clean", flush=True)))
+sys.exit(
+    run_node(
+        Example,
+        at_clean_end=lambda node: print("clean", flush=True),
+        at_hang_up=lambda node: print("left alone", flush=True),
+    )
+)
 """
 
 
@@ -54,15 +63,17 @@ def environment(ros_domain):
     }
 
 
-def run(environment, *arguments, stop=None):
+def run(environment, *arguments, stop=()):
     command = [sys.executable, "-c", SCRIPT, "--ros-args", *arguments]
     process = subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
-    if stop is not None:
+    if stop:
         assert process.stdout.readline() == "up\n"
         time.sleep(0.2)
-        process.send_signal(stop)
+        for number in stop:
+            process.send_signal(number)
+            time.sleep(0.1)
     try:
         output, errors = process.communicate(timeout=30)
     finally:
@@ -73,8 +84,15 @@ def run(environment, *arguments, stop=None):
 @pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_node_cleanly(environment, number):
-    status, output, errors = run(environment, stop=number)
+    status, output, errors = run(environment, stop=[number])
     assert (status, output, errors) == (0, "closed\nclean\n", "")
+
+
+@pytest.mark.process
+def test_a_node_that_lost_its_runner_closes_and_does_not_take_it_for_a_clean_end(environment):
+    """A runner that is killed sends a signal for each of its threads: the second ended the node."""
+    status, output, errors = run(environment, "-p", "count:=4", stop=3 * [signal.SIGHUP])
+    assert (status, output, errors) == (0, "closed\nleft alone\n", "")
 
 
 @pytest.mark.process

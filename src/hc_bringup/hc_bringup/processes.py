@@ -1,12 +1,14 @@
 """Node processes: started in their own session, watched, ended without leaving anything behind.
 
-A child gets SIGTERM when the runner dies however it dies (PR_SET_PDEATHSIG), so that not even a
-SIGKILL of the runner leaves a node behind.
+A child gets SIGHUP when the runner dies however it dies (PR_SET_PDEATHSIG), so that not even a
+SIGKILL of the runner leaves a node behind. The nodes close what they write and end, and keep what
+they keep for a restart, because nobody asked for that end (hc_msgs_py.node_main).
 """
 
 from __future__ import annotations
 
 import ctypes
+import functools
 import os
 import signal
 import subprocess
@@ -57,7 +59,7 @@ class NodeProcess:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C reaches the runner only, which passes it on
-                preexec_fn=_die_with_parent,
+                preexec_fn=functools.partial(_die_with, os.getpid()),
                 env={**os.environ, "PYTHONUNBUFFERED": "1", "ROS_LOG_DIR": str(self._folder)},
             )
         self.started_at = time.monotonic()
@@ -138,9 +140,18 @@ def describe_exit(status: int) -> str:
     return f"ended with exit status {status}"
 
 
-def end_all(processes: Sequence[NodeProcess], timeout_s: float = END_TIMEOUT_S) -> None:
-    """End nodes at once, however far they have got; their exit statuses do not matter."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+def end_all(
+    processes: Sequence[NodeProcess], *, asked: bool, timeout_s: float = END_TIMEOUT_S
+) -> None:
+    """End nodes at once, however far they have got; their exit statuses do not matter.
+
+    Args:
+        processes: the nodes.
+        asked: whether the user wants this end; if not, nodes keep what they keep for a restart.
+        timeout_s: how long to wait before the next harder signal.
+    """
+    first = signal.SIGINT if asked else signal.SIGHUP
+    for number in (first, signal.SIGTERM, signal.SIGKILL):
         for process in processes:
             process.signal(number)
         end = time.monotonic() + timeout_s
@@ -148,7 +159,8 @@ def end_all(processes: Sequence[NodeProcess], timeout_s: float = END_TIMEOUT_S) 
             time.sleep(0.02)
 
 
-def _die_with_parent() -> None:
-    result: Any = _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-    if result != 0:
+def _die_with(parent: int) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # a runner under nohup ignores it
+    result: Any = _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGHUP)
+    if result != 0 or os.getppid() != parent:  # it may have died before the call
         os._exit(126)

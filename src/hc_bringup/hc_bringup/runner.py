@@ -107,7 +107,8 @@ class Runner:
                     self._watch(monitor, state)
                     self._stop(monitor, state)
                 finally:
-                    end_all(self._processes)
+                    # Only what failed still runs here, or what a signal stopped at its start.
+                    end_all(self._processes, asked=self._signal is not None)
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)

@@ -440,10 +440,21 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         """Remove the state that is kept for a restart: the node ends as it should."""
         self._keeper.forget_kept()
 
+    def keep_last(self) -> None:
+        """Keep the state for a restart as it is now: the node ends, and nobody asked for that."""
+        try:
+            self._keeper.keep_last(self._session, self._settings.values["state.autosave_period"])
+        except OSError as error:
+            self.get_logger().error(f"state cannot be kept: {error}")
+
 
 def main() -> int:
     """Run the node; returns the exit status."""
-    return run_node(EstimatorNode, at_clean_end=EstimatorNode.forget_kept)
+    return run_node(
+        EstimatorNode,
+        at_clean_end=EstimatorNode.forget_kept,
+        at_hang_up=EstimatorNode.keep_last,
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,9 @@
 
 Signals are handled here and not by rclpy: rclpy's own handler shuts the context down at once, and
 a node could then no longer publish its last samples or close its file properly. The first SIGINT
-or SIGTERM ends the loop; a second one ends the process.
+or SIGTERM ends the loop; a second one ends the process. SIGHUP ends the loop too, and says that
+nobody asked for the end: the terminal or the runner is gone (hc_bringup.processes), so that what
+the node keeps for a restart stays. Where it is ignored, as under nohup, it stays so.
 """
 
 from __future__ import annotations
@@ -53,6 +55,7 @@ def run_node(
     arguments: Sequence[str] | None = None,
     *,
     at_clean_end: Callable[[Any], None] | None = None,
+    at_hang_up: Callable[[Any], None] | None = None,
 ) -> int:
     """Make a node, spin it until a signal or until it has finished, and end it cleanly.
 
@@ -60,21 +63,28 @@ def run_node(
         factory: makes the node (a ManagedNode); may raise NodeStartError, ValueError or OSError
             with a message for the user.
         arguments: command line with ROS arguments; None takes sys.argv.
-        at_clean_end: called with the node after its close, but not if the node failed.
+        at_clean_end: called with the node after its close, if it had done its work or somebody
+            asked for the end; not if the node failed.
+        at_hang_up: the same, if it ends because its terminal or its runner is gone.
 
     Returns:
         Exit status: 0 after a clean end, 2 when the node could not start for what it was given,
         1 when it failed later; standard error then says why in one line.
     """
-    stop = False
+    stopped_by: int | None = None
 
     def request_stop(number: int, _frame: Any) -> None:
-        nonlocal stop
-        stop = True
-        signal.signal(number, signal.SIG_DFL)  # a second signal ends the process at once
+        nonlocal stopped_by
+        stopped_by = stopped_by or number
+        # A second signal ends the process at once. But a runner that is killed sends one SIGHUP
+        # for each of its threads: Linux makes the next thread the parent until none is left.
+        again = signal.SIG_IGN if number == signal.SIGHUP else signal.SIG_DFL
+        signal.signal(number, again)
 
     signal.signal(signal.SIGINT, request_stop)
     signal.signal(signal.SIGTERM, request_stop)
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, request_stop)
     # rcl would write its own line about arguments that it cannot read, before ours.
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.FATAL)
     try:
@@ -101,7 +111,7 @@ def run_node(
             # spin() of this executor busy-loops in these wheels; spin_once with a timeout works.
             # Nothing but this function shuts the context down, so it is not asked each time.
             with ClockWatch(executor, lambda: node.timers):
-                while not stop and not node.finished():
+                while stopped_by is None and not node.finished():
                     executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
         except NodeStartError as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201
@@ -111,8 +121,9 @@ def run_node(
             status = 1
         finally:
             node.close()
-            if status == 0 and at_clean_end is not None:
-                at_clean_end(node)
+            at_end = at_hang_up if stopped_by == signal.SIGHUP else at_clean_end
+            if status == 0 and at_end is not None:
+                at_end(node)
             executor.remove_node(node)
             node.destroy_node()
         return status

@@ -118,6 +118,23 @@ class StateKeeper:
         self._next_s = now_s + period_s
         self._writing = self._writer.submit(self._folder.write, RUNNING, snapshot(session))
 
+    def keep_last(self, session: EstimationSession | None, period_s: float) -> None:
+        """Keep the state once more: the node ends in good order, and may be started again.
+
+        A state on trial has done no harm so far and stays as it is.
+
+        Raises:
+            OSError: if it cannot be written; an older one is as it was.
+        """
+        if self._folder is None or period_s == 0.0:
+            return
+        self.finish()
+        if self.on_trial:
+            self.on_trial = False
+            self._folder.end_trial()
+        elif session is not None and session.time_origin_ns is not None:
+            self._folder.write(RUNNING, snapshot(session))
+
     def hasten(self) -> None:
         """Keep the state at the next opportunity: a revision that was told must not come twice."""
         self._next_s = 0.0
