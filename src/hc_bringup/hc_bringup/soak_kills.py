@@ -2,7 +2,8 @@
 
 What is asked of it: the next estimates are those of before to 1 %, nothing is lost from the bag
 but the last tenth of a second before a recorder was killed and what came while there was none, and
-nobody else loses anything. Before each kill the estimator has its own settings for twelve seconds.
+nobody else loses anything. Before each kill the estimator has its own settings for ten seconds, and
+it keeps them until estimates have come again: what changes over a kill is the kill's doing.
 """
 
 from __future__ import annotations
@@ -31,12 +32,15 @@ from hc_logger.writer import numbered_bags
 from hc_msgs_py.topics import NODE_ESTIMATOR, NODE_INDENTER, NODE_RECORDER
 
 PERIOD_S = 20.0
-STORM_S = 8.0
+STORM_S = (4.0, 10.0)
+"""Of each period, its beginning and its end; the kill is at the beginning of the period."""
 VICTIMS = (NODE_ESTIMATOR, NODE_RECORDER, NODE_INDENTER)
 UNDER_WAY_NS = 300_000_000
 """After a kill estimates still come that were on their way; no node is back so soon."""
 LARGEST_CHANGE = 0.01
 LARGEST_LOSS_S = 0.1
+LONGEST_ABSENCE_S = 2.0
+"""Without estimates; nobody waits for the recorder."""
 
 
 @dataclasses.dataclass
@@ -90,12 +94,17 @@ class KillReport:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing was lost beyond the bounds, and every node came back as it was."""
+        """Whether nothing was lost beyond the bounds, and every node came back soon as it was."""
         return (
             not self.samples_lost
             and not self.invalid
             and self.respawns >= sum(self.kills.values())
             and all(change <= LARGEST_CHANGE for change in self.change.values())
+            and all(
+                times["max"] <= LONGEST_ABSENCE_S
+                for name, times in self.back_after_s.items()
+                if name != NODE_RECORDER
+            )
             and not self.recorder_lost_s > LARGEST_LOSS_S
         )
 
@@ -130,10 +139,12 @@ def run_kills(
 
             def look(state: RunState) -> None:
                 running = state.phase == "running"
-                storm.active = running and state.elapsed_s % PERIOD_S < STORM_S
                 if running:
                     viewers.look(state.elapsed_s)
                     killer.look(state)
+                begin, end = STORM_S
+                in_time = begin <= state.elapsed_s % PERIOD_S < end
+                storm.active = running and in_time and not killer.waiting
                 show(state)
 
             state = Runner(plan, look).run()
@@ -186,6 +197,11 @@ class _Killer:
         self._next_s = PERIOD_S
         self._estimates = 0
         self._waits: Kill | None = None
+
+    @property
+    def waiting(self) -> bool:
+        """Whether no estimate has come yet after a kill."""
+        return self._waits is not None
 
     def look(self, state: RunState) -> None:
         """Do what is due; call it often."""

@@ -31,8 +31,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     soak.add_argument(
         "--minutes", type=positive, default=8.0, metavar="N", help="how long, both halves (8)"
     )
-    soak.add_argument(
+    halves = soak.add_mutually_exclusive_group()
+    halves.add_argument(
         "--without-kills", action="store_true", help="leave out the half in which nodes are killed"
+    )
+    halves.add_argument(
+        "--only-kills", action="store_true", help="leave out the half in which none is"
     )
     soak.add_argument("--seed", type=natural, default=0, metavar="N", help="of the changes")
     teleoperation = commands.add_parser(
@@ -147,13 +151,17 @@ def _soak(arguments: argparse.Namespace) -> int:
     from hc_bringup.soak import run_soak
     from hc_bringup.soak_kills import run_kills
 
-    minutes = arguments.minutes if arguments.without_kills else arguments.minutes / 2.0
+    halves = {"steady": run_soak, "kills": run_kills}
+    if arguments.without_kills:
+        del halves["kills"]
+    if arguments.only_kills:
+        del halves["steady"]
     reports: dict[str, Any] = {}
-    with Display(enabled=True, with_keys=False) as display:
-        reports["steady"] = run_soak(minutes, seed=arguments.seed, show=display.show)
-    if not arguments.without_kills:
+    for name, half in halves.items():
         with Display(enabled=True, with_keys=False) as display:
-            reports["kills"] = run_kills(minutes, seed=arguments.seed, show=display.show)
+            reports[name] = half(
+                arguments.minutes / len(halves), seed=arguments.seed, show=display.show
+            )
     _show({name: report.as_dict() for name, report in reports.items()}, arguments.json)
     return 0 if all(report.passed for report in reports.values()) else FAILURE
 
