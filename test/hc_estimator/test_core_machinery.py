@@ -201,6 +201,37 @@ def test_cache_serves_the_next_process_and_never_goes_stale(tmp_path):
     assert python(code, **where) == ["22.0", "0"]
 
 
+@pytest.mark.slow
+def test_a_user_who_cannot_write_the_checkout_uses_what_was_compiled_there(tmp_path):
+    """Everything was compiled anew once for such a user, for minutes."""
+    folder = tmp_path / "made_up"
+    folder.mkdir()
+    for name, text in PACKAGE.items():
+        (folder / name).write_text(text.replace("{name}", "made_up"))
+    code = """
+        from made_up.outer import outer
+        print(outer(1.0), sum(outer.stats.cache_hits.values()))
+    """
+    read_only = """
+        from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
+        def refuse(self):
+            raise OSError(30, "Read-only file system")
+        InTreeCacheLocator.ensure_cache_path = refuse
+    """
+    homeless = read_only + "    UserWideCacheLocator.ensure_cache_path = refuse\n    "
+    other = code.replace("1.0", "3")  # other types: not among what is shipped
+    where = {"PYTHONPATH": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "home")}
+    assert python(code, **where) == ["4.0", "0"]  # by who installs
+    shipped = sorted((folder / "__pycache__").glob("*.nb?"))
+    assert len(shipped) == 4
+    assert python(read_only + code, **where) == ["4.0", "1"]
+    assert python(homeless + code, **where) == ["4.0", "1"]
+    assert python(homeless + other, **where) == ["8.0", "0"]
+    assert python(read_only + other, **where) == ["8.0", "0"]
+    assert python(read_only + other, **where) == ["8.0", "1"]  # kept in the user's own cache
+    assert sorted((folder / "__pycache__").glob("*.nb?")) == shipped
+
+
 def test_warm_up_leaves_no_trace():
     estimator = hc.create_estimator("rwstukf")
     before = estimator.state()

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import numba
 
 from hc_estimator import contact
+from hc_estimator.compilation import with_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -44,13 +45,7 @@ def compiled(function: F) -> F:
     Returns:
         The dispatcher, callable like the function itself.
     """
-    try:
-        dispatcher = numba.njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:  # numba found no folder for the cache: compile anew in each process
-        return numba.njit(error_model="numpy")(function)  # type: ignore[no-any-return]
-    # numba offers no public way to add to the stamp; its index file holds it in this attribute.
-    dispatcher._cache._cache_file._source_stamp = _source_stamp()
-    return dispatcher  # type: ignore[no-any-return]
+    return with_cache(function, _source_stamp(), nogil=False)
 
 
 def inlined(function: F) -> F:
