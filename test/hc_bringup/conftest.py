@@ -5,6 +5,8 @@ The latter is for many hostile files one after another.
 
 import json
 import os
+import shutil
+import struct
 import subprocess
 import sys
 import time
@@ -20,6 +22,7 @@ from hc_bringup.commands.simulate import _write_bag
 from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import load_scenario
 
+SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
 HC = [sys.executable, "-m", "hc_bringup"]
 
 
@@ -63,6 +66,20 @@ class CommandLine:
         self.started.append(process)
         return process
 
+    def node_process(self, module: str = "hc_estimator.node") -> int | None:
+        """Return the process id of a node in this domain, None if none lives."""
+        domain_id = self.environment["ROS_DOMAIN_ID"]
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                command = (folder / "cmdline").read_bytes()
+                environment = (folder / "environ").read_bytes()
+            except OSError:
+                continue
+            mine = f"ROS_DOMAIN_ID={domain_id}\0".encode() in environment
+            if mine and f"{module}\0".encode() in command:
+                return int(folder.name)
+        return None
+
 
 @pytest.fixture
 def command_line(ros_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
@@ -73,6 +90,27 @@ def command_line(ros_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
         if process.poll() is None:
             process.kill()
         process.communicate()
+
+
+@pytest.fixture
+def set_clock(command_line, tmp_path: Path):
+    """Preload a clock into what the command line starts, and return what sets it [s]."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("needs cc, to compile test/clock_shim.c")
+    library = tmp_path / "clock.so"
+    command = [compiler, "-shared", "-fPIC", "-O2", "-o", library, SHIM, "-ldl"]
+    built = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert built.returncode == 0, built.stderr
+    offset = tmp_path / "offset"
+    offset.write_bytes(bytes(8))
+    command_line.environment |= {"LD_PRELOAD": str(library), "HC_TEST_CLOCK": str(offset)}
+
+    def set_to(seconds: float) -> None:
+        with offset.open("r+b", buffering=0) as file:
+            file.write(struct.pack("<q", round(seconds * 1e9)))
+
+    return set_to
 
 
 SECONDS_A_FILE = 20.0

@@ -2,13 +2,10 @@
 
 import json
 import os
-import shutil
 import signal
-import struct
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,31 +13,9 @@ import pytest
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 
-SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
 HOUR, LEAP = 3600.0, 1.0
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(300), pytest.mark.slow]
-
-
-@pytest.fixture
-def set_clock(command_line, tmp_path: Path):
-    """Preload a clock into what the command line starts, and return what sets it [s]."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("needs cc, to compile test/clock_shim.c")
-    library = tmp_path / "clock.so"
-    command = [compiler, "-shared", "-fPIC", "-O2", "-o", library, SHIM, "-ldl"]
-    built = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    assert built.returncode == 0, built.stderr
-    offset = tmp_path / "offset"
-    offset.write_bytes(bytes(8))
-    command_line.environment |= {"LD_PRELOAD": str(library), "HC_TEST_CLOCK": str(offset)}
-
-    def set_to(seconds: float) -> None:
-        with offset.open("r+b", buffering=0) as file:
-            file.write(struct.pack("<q", round(seconds * 1e9)))
-
-    return set_to
 
 
 def test_a_run_goes_on_however_the_clock_is_set(command_line, set_clock) -> None:

@@ -36,28 +36,15 @@ def plan_with_respawn(folder: Path) -> Path:
     return path
 
 
-def node_process(domain_id: str, module: str = "hc_estimator.node") -> int | None:
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            command = (folder / "cmdline").read_bytes()
-            environment = (folder / "environ").read_bytes()
-        except OSError:
-            continue
-        mine = f"ROS_DOMAIN_ID={domain_id}\0".encode() in environment
-        if mine and f"{module}\0".encode() in command:
-            return int(folder.name)
-    return None
-
-
 @pytest.mark.slow
 def test_a_killed_estimator_comes_again_and_knows_the_tissue(command_line) -> None:
     process = command_line.start("run", str(plan_with_respawn(command_line.folder)), "--json")
     live = list(iter_until_samples(process, 2))
-    first = node_process(command_line.environment["ROS_DOMAIN_ID"])
+    first = command_line.node_process()
     assert first is not None, live
     os.kill(first, signal.SIGKILL)
     deadline = time.monotonic() + 60.0
-    while (second := node_process(command_line.environment["ROS_DOMAIN_ID"])) in (None, first):
+    while (second := command_line.node_process()) in (None, first):
         assert time.monotonic() < deadline, "no second estimator"
         time.sleep(0.1)
     estimates = command_line.folder / "bags"
@@ -84,14 +71,13 @@ def test_a_killed_recorder_and_a_killed_rig_come_again(command_line) -> None:
     """The recorder goes on in a second bag; the rig begins anew, and is told to start."""
     process = command_line.start("run", str(plan_with_respawn(command_line.folder)), "--json")
     list(iter_until_samples(process, 2))
-    domain = command_line.environment["ROS_DOMAIN_ID"]
     for module in ("hc_logger.recorder_node", "hc_sim_rig.node"):
-        victim = node_process(domain, module)
+        victim = command_line.node_process(module)
         assert victim is not None
         killed_ns = time.time_ns()
         os.kill(victim, signal.SIGKILL)
         deadline = time.monotonic() + 60.0
-        while node_process(domain, module) in (None, victim):
+        while command_line.node_process(module) in (None, victim):
             assert time.monotonic() < deadline, f"no second {module}"
             time.sleep(0.1)
     wait_for_gap_and_flow(process)
@@ -120,10 +106,9 @@ def test_what_was_learnt_survives_the_runner_that_is_killed(command_line) -> Non
     plan = str(plan_with_respawn(command_line.folder))
     process = command_line.start("run", plan, "--json", "--bag", "first")
     list(iter_until_samples(process, 3))
-    domain = command_line.environment["ROS_DOMAIN_ID"]
     process.kill()
     process.communicate(timeout=10)
-    wait_until_gone(domain)
+    wait_until_gone(command_line)
     kept = command_line.folder / "state"
     assert [file.name for file in kept.iterdir()] == ["running_state.json"]
     before = read_recording(command_line.folder / "first")
@@ -151,8 +136,7 @@ def test_what_was_learnt_survives_a_run_that_another_node_ended(command_line) ->
     path.write_text(yaml.safe_dump(plan), encoding="utf-8")
     process = command_line.start("run", str(path), "--json")
     list(iter_until_samples(process, 2))
-    domain = command_line.environment["ROS_DOMAIN_ID"]
-    os.kill(node_process(domain, "hc_sim_rig.node"), signal.SIGKILL)
+    os.kill(command_line.node_process("hc_sim_rig.node"), signal.SIGKILL)
     _out, err = process.communicate(timeout=60)
     assert process.returncode == 1
     assert err.splitlines()[-1] == "hc run: node indenter was ended by SIGKILL"
@@ -160,11 +144,11 @@ def test_what_was_learnt_survives_a_run_that_another_node_ended(command_line) ->
     assert [file.name for file in kept.iterdir()] == ["running_state.json"]
 
 
-def wait_until_gone(domain_id: str) -> None:
+def wait_until_gone(command_line) -> None:
     """Wait until no node of a run lives any more."""
     modules = ("hc_estimator.node", "hc_logger.recorder_node", "hc_sim_rig.node")
     deadline = time.monotonic() + 30.0
-    while any(node_process(domain_id, module) is not None for module in modules):
+    while any(command_line.node_process(module) is not None for module in modules):
         assert time.monotonic() < deadline, "nodes were left behind"
         time.sleep(0.1)
 
