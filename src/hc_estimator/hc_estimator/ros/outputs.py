@@ -6,6 +6,7 @@ Estimates go out as bytes: hc_msgs_py.wire says why.
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,6 +21,7 @@ from rclpy.node import Node
 
 from hc_estimator import Estimate, Estimator, __version__
 from hc_estimator.online import contacts
+from hc_estimator.online.latency import LatencyClock
 from hc_estimator.online.vocabulary import LOADED_STATE, Event, Revision
 from hc_msgs_py.conversion import (
     Configuration,
@@ -58,6 +60,7 @@ class Outputs:
         self._contacts = node.create_publisher(ContactSummary, CONTACTS, CONFIGURATION_QOS)
         self._encoder = EstimateEncoder()
         self._clock = node.get_clock()
+        self._latency = LatencyClock()
         self._wrench_message = WrenchStamped()
         self.wrench_wanted = False
         self.frame_id = ""
@@ -90,9 +93,14 @@ class Outputs:
         """Publish an estimate, and its force as a wrench where somebody wants it.
 
         Returns:
-            The latency [ns]: from the stamp to now, by the node's clock.
+            The latency [ns]: from the stamp to now, by the node's clock; that the system's clock
+            is set meanwhile does not count.
         """
-        latency_ns: int = self._clock.now().nanoseconds - stamp_ns
+        now_ns: int = self._clock.now().nanoseconds
+        if self._clock.ros_time_is_active:
+            latency_ns = now_ns - stamp_ns
+        else:
+            latency_ns = self._latency.latency_ns(stamp_ns, now_ns, time.monotonic_ns())
         self._estimate.publish(
             self._encoder.encode(
                 estimate,
