@@ -9,7 +9,10 @@ import time
 
 import numpy as np
 import pytest
+from hc_msgs.msg import EstimatorEvent
+from rclpy.serialization import deserialize_message
 
+from hc_estimator.online.vocabulary import EventKind
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 
@@ -88,3 +91,60 @@ def test_timers_go_on_when_the_clock_is_set_back(command_line, set_clock) -> Non
     assert after > 10
     assert steps == 1
     assert took < 4.0
+
+
+ASLEEP_S = 10.0
+UNTRUE = {
+    EventKind.TISSUE_CHANGE,
+    EventKind.SOURCE_RESTARTED,
+    EventKind.SOURCE_CONFLICT,
+    EventKind.INPUT_FROZEN,
+    EventKind.INPUT_SATURATED,
+    EventKind.MODEL_MISMATCH,
+    EventKind.INPUT_SUSPECT,
+}
+"""What did not happen while a run slept, and so is not to be told."""
+
+
+@pytest.mark.parametrize("jump_s", [0.0, 600.0])
+def test_a_run_that_was_put_to_sleep_goes_on(command_line, set_clock, jump_s: float) -> None:
+    """Runner and nodes stand still for 10 s, as a laptop with a closed lid; the clock may jump.
+
+    It was told of latencies of 615 s then, for ever.
+    """
+    process = command_line.start("run", "--scenario", "multisine", "--json", "--bag", "bag")
+    seconds = (line for line in process.stderr if "Hz" in line)
+    for _ in range(5):
+        next(seconds)
+    modules = ("hc_sim_rig.node", "hc_estimator.node", "hc_logger.recorder_node")
+    pids = [process.pid, *map(command_line.node_process, modules)]
+    for pid in pids:
+        os.kill(pid, signal.SIGSTOP)
+    asleep_ns = time.time_ns()
+    time.sleep(ASLEEP_S)
+    set_clock(jump_s)
+    for pid in pids:
+        os.kill(pid, signal.SIGCONT)
+    for _ in range(8):
+        next(seconds)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 0, err
+    summary = json.loads(out)
+    assert summary["respawns"] == 0
+    assert summary["rejected"] == {}
+    assert summary["changes_detected"] == 0
+    assert summary["latency_us"]["max"] < 1e6 * (ASLEEP_S + 20.0)  # what came late, and no clock
+    assert summary["lost"] < 0.02 * summary["samples"]
+    bag = command_line.folder / "bag"
+    recording = read_recording(bag)
+    afterwards = recording.estimates[-summary["estimates"] // 4 :]
+    assert recording.stamps[-1] > asleep_ns
+    np.testing.assert_allclose(afterwards["stiffness"], 0.2, rtol=0.01)
+    with BagReader(bag) as reader:
+        told = [
+            deserialize_message(message.data, EstimatorEvent)
+            for message in reader.messages({"/hc/events"})
+        ]
+    assert UNTRUE.isdisjoint(event.kind for event in told), told
+    assert EventKind.CONTACT_MADE in {event.kind for event in told}
