@@ -2,5 +2,6 @@
 
 Modules: topics (names), qos (profiles), units (stamps and lengths), conversion (messages to plain
 data), middleware (environment), node_main (how every node starts, spins and ends), services
-(~/ready), diagnostics (1 Hz status), parameters (declaration with type, range and description).
+(~/ready), histogram (of durations; no ROS), diagnostics (1 Hz status), parameters (declaration
+with type, range and description).
 """
