@@ -154,7 +154,8 @@ def _add(one: _Pass, times: NDArray[np.int64]) -> None:
     one.count += len(times) - 1
     one.last = int(times.max())
     one.first = min(one.first, int(times.min()))
-    one.intervals.add_many(np.diff(np.sort(times)))
+    ordered = np.sort(times)
+    one.intervals.add_many(ordered[1:] - ordered[:-1])
 
 
 def _sequence_offset(definition: TypeDefinition) -> bool:

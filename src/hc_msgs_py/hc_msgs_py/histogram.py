@@ -131,7 +131,8 @@ def _centres() -> NDArray[np.float64]:
     index = np.arange(_BINS)
     shift = np.maximum((index >> _SUB_BITS) - 1, 0)
     lower = (index - (shift << _SUB_BITS)) << shift
-    return lower + ((1 << shift) - 1) / 2
+    centres: NDArray[np.float64] = lower + ((1 << shift) - 1) / 2
+    return centres
 
 
 _CENTRES: Final = _centres()
