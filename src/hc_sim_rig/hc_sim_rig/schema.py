@@ -150,6 +150,47 @@ def build(kind: type[S], data: Any, path: str = "") -> S:
         raise ScenarioError(f"{prefix}{error}") from None
 
 
+def json_schema(kind: type[Section]) -> dict[str, Any]:
+    """What `build` takes for a section, as a JSON schema (draft 2020-12), for editors."""
+    hints = typing.get_type_hints(kind)
+    properties, required = {}, []
+    for field in dataclasses.fields(kind):
+        specification = specification_of(field)
+        if specification is not None:
+            schema = specification.json_schema()
+            if type(None) in get_args(hints[field.name]):
+                schema = {"anyOf": [schema, {"type": "null"}]}
+        else:
+            schema = _schema_of_type(hints[field.name])
+            about = field.metadata.get("about")
+            schema |= {"description": about} if about else {}
+        properties[field.name] = schema
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            required.append(field.name)
+    whole: dict[str, Any] = {
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": False,
+    }
+    if not hasattr(kind, "PRESETS"):  # a preset gives what is not named
+        whole["required"] = required
+    return whole
+
+
+def _schema_of_type(hint: Any) -> dict[str, Any]:
+    """The same of a field without a specification: sections, lists, texts and flags."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return {"anyOf": [_schema_of_type(option) for option in arguments]}
+    if origin is tuple:
+        return {"type": "array", "items": _schema_of_type(arguments[0])}
+    if isinstance(hint, type) and issubclass(hint, Section):
+        return json_schema(hint)
+    names = {str: "string", bool: "boolean", int: "integer", float: "number", dict: "object"}
+    names |= {type(None): "null"}
+    return {"type": names[hint]} if hint in names else {}
+
+
 def _convert(hint: Any, value: Any, where: str) -> Any:
     """Turn plain YAML data into what a field's type asks for; scalars are checked later."""
     origin = get_origin(hint)
