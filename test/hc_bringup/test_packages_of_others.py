@@ -11,6 +11,8 @@ import pytest
 
 from hc_bringup.cli import main
 
+pytestmark = pytest.mark.process
+
 
 def install(folder: Path, name: str, points: str) -> None:
     """What pip would leave: the entry points of a package."""
