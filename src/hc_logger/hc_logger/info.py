@@ -18,6 +18,7 @@ from hc_logger.foreign import open_bag
 from hc_logger.layout import record_dtype
 from hc_logger.mcap_chunk import Messages
 from hc_logger.type_names import SAMPLE_TYPE
+from hc_msgs_py.cdr import FRAME_LENGTH_OFFSET, FRAME_OFFSET, aligned
 from hc_msgs_py.histogram import DurationHistogram
 
 GAP_FACTOR = 5.0
@@ -176,14 +177,12 @@ def _sequences(
     messages: Messages, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the field sequence of those messages that are not damaged, and where it ends."""
-    rows = rows[messages.length[rows] >= 16]
+    rows = rows[messages.length[rows] >= FRAME_OFFSET]
     offset, size = messages.offset[rows], messages.length[rows]
-    lengths = _words(messages.buffer, offset + 12, "<u4").astype(np.int64)
-    position = 12 + lengths  # in the CDR stream: stamp 8, length 4, frame_id
-    position += -position % 8
-    whole = position + 12 <= size
-    offset, position = offset[whole], position[whole]
-    place = offset + 4 + position
+    lengths = _words(messages.buffer, offset + FRAME_LENGTH_OFFSET, "<u4").astype(np.int64)
+    position = aligned(FRAME_OFFSET + lengths, 8)
+    whole = position + 8 <= size
+    place = offset[whole] + position[whole]
     return _words(messages.buffer, place, "<i8").astype(np.int64), place + 8
 
 
