@@ -97,7 +97,7 @@ def test_path_and_name_give_the_same_scenario(tmp_path: Path) -> None:
         (("tissue", "stiffness"), "1e-1", ["tissue.stiffness", "1e-1", "number"]),
         (("tissue", "stiffness"), True, ["tissue.stiffness", "True"]),
         (("tissue", "stiffness"), float("nan"), ["tissue.stiffness", "nan"]),
-        (("tissue", "stiffness"), 10**400, ["tissue.stiffness", "a number from 0"]),  # no float holds it
+        (("tissue", "stiffness"), 10**400, ["tissue.stiffness", "a number from 0"]),
         (("tissue", "kind"), "jelly", ["tissue.kind", "jelly", "hunt_crossley"]),
         (("tissue", "preset"), "jelly", ["tissue.preset", "jelly", "ecoflex_0030"]),
         (("tissue",), 3, ["tissue", "3", "mapping"]),
