@@ -27,10 +27,20 @@ MIDDLEWARE_VARIABLES = (
 HIGHEST_DOMAIN = 101  # above it the ports of DDS leave the range that Linux keeps free
 
 
-def depends_on_the_machine(item: pytest.Item) -> bool:
-    """Whether a test has processes of its own, speaks over the middleware or waits by the clock."""
-    marked = item.get_closest_marker("process") or item.get_closest_marker("clock")
-    return marked is not None or "ros_domain" in getattr(item, "fixturenames", ())
+WHY_AGAIN = {
+    "process": "it starts processes, which a stalled machine starts late",
+    "clock": "it waits by the clock, and a stalled machine wakes it late",
+    "ros_domain": "it speaks over the middleware, whose discovery a stalled machine delays",
+}
+"""Why a test with that marker, or that fixture, is tried again: there is no other reason."""
+
+
+def why_again(item: pytest.Item) -> str:
+    """Why a test may fail for what is not its own fault; nothing for those that only compute."""
+    for name, reason in WHY_AGAIN.items():
+        if item.get_closest_marker(name) or name in getattr(item, "fixturenames", ()):
+            return reason
+    return ""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -39,10 +49,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     They alone are tried again, twice at most: a machine that others use stalls for seconds now and
     then. Whatever only computes gives the same result each time, and a failure of it is one.
     """
-    items.sort(key=lambda item: not depends_on_the_machine(item))
+    items.sort(key=lambda item: not why_again(item))
     for item in items:
-        if depends_on_the_machine(item):
+        reason = why_again(item)
+        if reason:
             item.add_marker(pytest.mark.flaky(reruns=2))
+            item.user_properties.append(("tried again because", reason))
 
 
 @pytest.fixture(autouse=True)

@@ -48,7 +48,11 @@ def _prepare(source_folders: list[Path]) -> None:
 
 def _commit() -> str:
     """The commit of this checkout, or nothing where it is none."""
-    words = ("describe", "--always", "--exclude=*", "--abbrev=7", "--dirty=, changed")
+    return _git("describe", "--always", "--exclude=*", "--abbrev=7", "--dirty=, changed")
+
+
+def _git(*words: str) -> str:
+    """What git says of this checkout, or nothing where it is none."""
     if not (HERE.parents[1] / ".git").exists():
         return ""
     try:
@@ -65,6 +69,9 @@ def build_wheel(
     metadata_directory: str | None = None,
 ) -> str:
     """Build the wheel with the compiled messages and all Python packages."""
+    # The same sources give the same wheel, to the byte: files are as old as the commit (zip knows
+    # nothing before 1980), and no path of this machine is compiled in (wheels_fix.cmake).
+    os.environ.setdefault("SOURCE_DATE_EPOCH", _git("log", "-1", "--format=%ct") or "315532800")
     _prepare([])
     return _scikit_build_core.build_wheel(wheel_directory, config_settings, metadata_directory)
 

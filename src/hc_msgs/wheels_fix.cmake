@@ -39,3 +39,9 @@ file(GLOB _hc_layouts "${CMAKE_CURRENT_LIST_DIR}/../../config/layouts/*")
 install(FILES ${_hc_layouts} DESTINATION share/hc_bringup/config/layouts)
 file(GLOB _hc_robots "${CMAKE_CURRENT_LIST_DIR}/../../config/robots/*.yaml")
 install(FILES ${_hc_robots} DESTINATION share/hc_bringup/config/robots)
+
+# A wheel is the same wherever it is built: the folder of the build, which has a random name, and
+# that of the sources are not compiled in.
+add_compile_options(
+  "-ffile-prefix-map=${CMAKE_BINARY_DIR}=build"
+  "-ffile-prefix-map=${CMAKE_SOURCE_DIR}=hc_msgs")

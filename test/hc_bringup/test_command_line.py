@@ -11,6 +11,7 @@ import pytest
 
 from hc_bringup.cli import COMMANDS, main
 from hc_bringup.commands.estimate import COLUMNS
+from hc_msgs_py.interface_class import interface_class
 
 
 def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
@@ -292,3 +293,39 @@ def test_bench_teleoperation_prints_rows_alone(capsys: pytest.CaptureFixture[str
     verdict = {(row["method"], row["round_trip_ms"]): row["stable"] for row in rows}
     assert not verdict["direct", 300]
     assert all(verdict["model_mediated", delay] for delay in (0, 20, 100, 300, 1000))
+
+
+def test_the_live_page_without_its_library_says_what_to_install(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hc_bringup.commands.dashboard.importlib.util.find_spec", lambda _: None)
+    status, out, err = run(capsys, "dashboard")
+    assert (status, out) == (1, "")
+    assert one_line(err)
+    assert "pip install hc-suite[dashboard]" in err
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "told"),
+    [
+        ("Header", 2, "'Header' is not a message type like std_msgs/msg/Header"),
+        ("std_msgs/srv/Header", 2, "is not a message type"),
+        ("nowhere/msg/A", 1, "message type nowhere/msg/A is not installed here"),
+    ],
+)
+def test_a_type_that_is_not_there_is_one_line(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    status: int,
+    told: str,
+) -> None:
+    def asked(arguments: Any) -> int:
+        interface_class(name)
+        return 0
+
+    monkeypatch.setattr("hc_bringup.commands.topic.run", asked)
+    ended, out, err = run(capsys, "topic", "list")
+    assert (ended, out) == (status, "")
+    assert one_line(err)
+    assert told in err

@@ -11,6 +11,8 @@ import pytest
 
 from hc_bringup.cli import main
 
+pytestmark = pytest.mark.process
+
 
 def install(folder: Path, name: str, points: str) -> None:
     """What pip would leave: the entry points of a package."""
@@ -136,3 +138,140 @@ def test_the_new_filter_works_and_its_tests_pass(tmp_path: Path) -> None:
     found = json.loads(done.stdout)
     assert found["filter"] == "held_ekf"
     assert found["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.1)
+
+
+OWN_MEMORY = '''
+"""A filter from outside with a memory, a beginning and a handover of its own; plain Python."""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from hc_estimator import estimate as columns
+from hc_estimator.filters.registry import FilterEntry
+from hc_estimator.memory import Field, record_type
+from hc_estimator.screening import CLOCK_FIELDS
+
+FIELDS = (
+    Field("clock", record_type(CLOCK_FIELDS)),
+    Field("believed", np.float64, (7,)),
+    Field("spread", np.float64, (7, 7)),
+    Field("count", np.int64),
+)
+
+
+def initialise(settings, memory):
+    given = settings[0]
+    memory["believed"][0, 3:] = (
+        math.log(given["initial_stiffness"]),
+        math.log(given["initial_damping"]),
+        given["initial_displacement_exponent"],
+        given["initial_velocity_exponent"],
+    )
+    memory["spread"][0] = np.diag([1e-4, 1.0, 1.0, 1.0, 1.0, 0.1, 0.1])
+
+
+def set_noise(settings, memory):
+    memory["spread"][0, 0, 0] = 1e-4
+
+
+def run(settings, memory, particles, samples, rows):
+    """A mean of ln K over the samples, with B, n and p as they were believed to be."""
+    for (time, depth, force), row in zip(samples, rows, strict=True):
+        m = memory[0]
+        usable = math.isfinite(time) and depth > 0.5 and force > 0.0
+        if usable:
+            m["clock"]["started"] = m["clock"]["accepted"] = 1
+            m["clock"]["last_time"] = time
+            m["count"] += 1
+            seen = math.log(force) - m["believed"][5] * math.log(depth)
+            m["believed"][3] += (seen - m["believed"][3]) / m["count"]
+            m["spread"][3, 3] = 1.0 / (1.0 + m["count"])
+        row[:] = 0.0
+        values = m["believed"][3:].copy()
+        values[:2] = np.exp(values[:2])
+        slopes = np.array([*values[:2], 1.0, 1.0])
+        row[columns.PARAMETERS : columns.PARAMETERS + 4] = values
+        spread = m["spread"][3:, 3:] * np.outer(slopes, slopes)
+        row[columns.COVARIANCE : columns.COVARIANCE + 16] = spread.ravel()
+        row[columns.REJECTED] = 0 if usable else 1
+
+
+def tell(memory):
+    return np.array(memory["believed"]), np.array(memory["spread"])
+
+
+def take(memory, state, covariance):
+    memory["believed"], memory["spread"] = state.tolist(), covariance.tolist()
+    memory["count"] = 1
+
+
+ENTRY = FilterEntry(
+    run=run,
+    specifications=(),
+    summary="mean stiffness",
+    state_spaces=("kinematic",),
+    memory=FIELDS,
+    initialise=initialise,
+    set_noise=set_noise,
+    tell=tell,
+    take=take,
+)
+MUTE = dataclasses.replace(ENTRY, tell=None, take=None)
+'''
+
+HANDOVER = """
+import json
+import numpy as np
+from hc_estimator import create_estimator
+from hc_estimator.online.handover import hand_over
+
+def known(estimator):
+    answer = estimator.step(float("nan"), 0.0, 0.0)
+    return [answer.parameters.tolist(), answer.parameters_std.tolist()]
+
+time_s = np.arange(0.0, 0.3, 0.002)
+depth = 2.0 + np.sin(9.0 * time_s)
+guess = {"initial_displacement_exponent": 1.5, "initial_velocity_exponent": 1.0}
+found = {"first": known(create_estimator("mean_stiffness", **guess))}
+source = create_estimator("mean_stiffness", **guess)
+source.run(time_s, depth, 0.8 * depth**1.5)
+found["mean"] = known(source)
+again = create_estimator("mean_stiffness")
+again.restore(json.loads(json.dumps(source.state())))
+found["restored"] = known(again)
+for name in ("ukf", "self_tuning_ukf", "mute"):
+    other = hand_over(source, create_estimator(name))
+    found[f"to {name}"] = known(other)
+    found[f"back from {name}"] = known(hand_over(other, create_estimator("mean_stiffness")))
+print(json.dumps(found))
+"""
+
+
+def test_a_filter_with_memory_beginning_and_handover_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "outside.py").write_text(OWN_MEMORY)
+    points = "[hc.filters]\nmean_stiffness = outside:ENTRY\nmute = outside:MUTE\n"
+    install(tmp_path, "outside", points)
+    (tmp_path / "handover.py").write_text(HANDOVER)
+    done = subprocess.run(
+        [sys.executable, "handover.py"],
+        cwd=tmp_path,
+        # With the ordinary cache: its settings are those of all, so nothing is compiled anew.
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    found = {name: np.array(values) for name, values in json.loads(done.stdout).items()}
+    np.testing.assert_allclose(found["mean"][0, 0], 0.8, rtol=1e-9)
+    np.testing.assert_allclose(found["mean"][0, 1:], found["first"][0, 1:])
+    np.testing.assert_array_equal(found["restored"], found["mean"])
+    for name in ("ukf", "self_tuning_ukf"):
+        np.testing.assert_allclose(found[f"to {name}"], found["mean"], rtol=1e-6)
+        np.testing.assert_allclose(found[f"back from {name}"], found["mean"], rtol=1e-6)
+    # One that can neither tell nor take gets and gives its means as a first guess.
+    np.testing.assert_allclose(found["to mute"][0], found["mean"][0], rtol=1e-9)
+    np.testing.assert_allclose(found["back from mute"][0], found["mean"][0], rtol=1e-9)

@@ -7,11 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from hc_bringup.runner import RunState
-from hc_bringup.statistics import PARAMETERS, EstimateStatistics, Histogram
+from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.summary import run_summary, run_text, to_json
 
 
@@ -27,28 +25,6 @@ def estimate(sequence: int, **fields: Any) -> Any:
     header = SimpleNamespace(stamp=stamp)
     content = values | flags | numbers | {"header": header} | fields
     return SimpleNamespace(**content, sequence=sequence)
-
-
-@given(st.lists(st.floats(1e-6, 100.0), min_size=1, max_size=200), st.floats(0.01, 1.0))
-def test_histogram_quantile_is_within_one_percent_of_the_sorted_values(
-    values: list[float], fraction: float
-) -> None:
-    histogram = Histogram()
-    for value in values:
-        histogram.add(value)
-    index = max(0, math.ceil(fraction * len(values)) - 1)
-    exact = sorted(values)[index]
-    assert histogram.quantile(fraction) == pytest.approx(exact, rel=0.0101)
-    assert histogram.maximum == max(values)
-
-
-def test_histogram_takes_anything() -> None:
-    histogram = Histogram()
-    assert math.isnan(histogram.quantile(0.5))
-    for value in (-1.0, 0.0, 1e9):
-        histogram.add(value)
-    assert histogram.count == 3
-    assert histogram.quantile(0.5) <= 1e-7
 
 
 def test_gaps_in_the_sequence_are_losses() -> None:

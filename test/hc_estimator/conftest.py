@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_estimator.compilation import compiled
 
 SHARED = Path("/work/shared/data")  # real recordings; their licences keep them out of the project
 
@@ -16,12 +17,14 @@ def pytest_collection_finish(session):
     """Compile the default filter before the clock of a first test runs.
 
     That takes a minute or two where there is no cache yet, about as long as a test may take. Of
-    several processes one compiles; the others wait and load.
+    several processes one compiles; the others wait and load. (The stamp in the lock's name: who
+    tests other sources on this machine has another cache, and nobody to wait for.)
     """
     here = Path(__file__).parent
     if session.config.option.collectonly or not any(here in i.path.parents for i in session.items):
         return
-    with (Path(tempfile.gettempdir()) / "hc_test_compilation.lock").open("a") as lock:
+    name = f"hc_test_compilation_{compiled.stamp[:16]}.lock"
+    with (Path(tempfile.gettempdir()) / name).open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         hc.create_estimator("self_tuning_ukf").warm_up()
 

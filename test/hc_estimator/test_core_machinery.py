@@ -151,6 +151,7 @@ def python(code, **environment):
     return result.stdout.split()
 
 
+@pytest.mark.process
 def test_import_compiles_nothing_and_needs_no_ros():
     code = """
         import sys
@@ -183,6 +184,7 @@ def outer(x):
 
 
 @pytest.mark.slow
+@pytest.mark.process
 def test_cache_serves_the_next_process_and_never_goes_stale(tmp_path):
     """Numba alone would go on serving `outer` with the old `inner` inside."""
     folder = tmp_path / "made_up"

@@ -34,5 +34,5 @@ def test_causes_and_rejections_have_the_numbers_of_their_messages():
 
 @pytest.mark.parametrize("setting", NODE_SETTINGS.values(), ids=lambda s: s.name)
 def test_every_setting_accepts_its_default_and_says_what_it_is(setting):
-    setting.check(setting.default)
+    assert setting.checked(setting.default) == setting.default
     assert setting.description.endswith(".") or setting.unit

@@ -176,6 +176,7 @@ def test_a_sign_is_told_from_a_zero_that_is_off_as_well():
     assert (found.check, found.channel) == (Check.SIGN, "both")
 
 
+@pytest.mark.clock
 def test_a_stream_is_looked_at_in_a_thread_and_told_once_until_it_is_right():
     watch = SuspicionWatch()
     time_s, displacement, force = press(rate_hz=1000.0)
@@ -248,6 +249,7 @@ def test_nothing_that_comes_in_ends_the_checks():
         assert not any("nan" in s.sentence for s in found)
 
 
+@pytest.mark.clock
 def test_a_look_that_fails_says_so_and_the_next_one_works(monkeypatch):
     """Regression: an error of these checks, which only advise, ended the estimator node."""
     from hc_estimator.online import suspicion_watch

@@ -176,6 +176,7 @@ def test_files_of_other_writers_are_read(tmp_path: Path, compression: str) -> No
 NODE_FOLDER = Path(__file__).parent / "node"
 
 
+@pytest.mark.process
 def test_mcap_core_for_javascript_reads_every_message_and_hash(tmp_path: Path) -> None:
     """As Foxglove's tools do: sample, estimate and configuration, every field of each."""
     node = shutil.which("node")

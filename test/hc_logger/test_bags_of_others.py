@@ -146,6 +146,7 @@ def test_an_old_bag_without_definitions_takes_the_installed_ones(
         assert bag.topics["/indenter/sample"].definition == installed_definition(SAMPLE)
 
 
+@pytest.mark.clock
 def test_a_database_is_played(tmp_path: Path, sample_messages: Any, start_ns: int) -> None:
     """It is opened in one thread and read in another."""
     stamps = start_ns + np.arange(500) * 1_000_000

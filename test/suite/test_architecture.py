@@ -80,6 +80,7 @@ def test_cores_import_no_ros(package: str) -> None:
     assert not wrong
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     "modules",
     [

@@ -1,8 +1,8 @@
-"""Every command that the README shows must run: what a newcomer types is what is tested here.
+"""Every command that the README and the user's guide show must run, as a newcomer types it.
 
 A fenced block that begins with `sh` holds commands, one a line, in the order in which they are
 typed; they run in one fresh folder one after the other. A command that runs until Ctrl-C ends
-with `&` in the README and is ended here when its block is over.
+with `&` there and is ended here when its block is over.
 """
 
 import os
@@ -18,8 +18,14 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.process
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```sh\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md")))
+BLOCKS = [
+    pytest.param(block, id=f"{page.stem}-{number}")
+    for page in PAGES
+    for number, block in enumerate(
+        re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+    )
+]
 SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
 # Shown for the newcomer, run by other tests or only once in a while.
 NOT_HERE = ("./hc test", "git clone", "cd ", "sudo ", "colcon ", "pip ", "hc bench")
@@ -31,8 +37,9 @@ def commands(block: str) -> list[str]:
     return [line for line in lines if line and not line.startswith("#")]
 
 
-def test_readme_has_commands() -> None:
-    assert sum(len(commands(block)) for block in BLOCKS) >= 8
+def test_readme_and_guide_have_commands() -> None:
+    assert sum(len(commands(str(block.values[0]))) for block in BLOCKS) >= 15
+    assert sum(str(block.id).startswith("README") for block in BLOCKS) >= 2
 
 
 def wait_until_estimates_flow(environment: dict[str, str]) -> None:
@@ -51,8 +58,8 @@ def wait_until_estimates_flow(environment: dict[str, str]) -> None:
 
 
 @pytest.mark.timeout(240)
-@pytest.mark.parametrize("number", range(len(BLOCKS)))
-def test_commands_of_readme_run(number: int, tmp_path: Path, ros_domain: int) -> None:
+@pytest.mark.parametrize("block", BLOCKS)
+def test_commands_of_readme_run(block: str, tmp_path: Path, ros_domain: int) -> None:
     for name in ("bags", "config"):
         (tmp_path / name).symlink_to(ROOT / name)
     (tmp_path / "shared").mkdir()
@@ -65,7 +72,7 @@ def test_commands_of_readme_run(number: int, tmp_path: Path, ros_domain: int) ->
     background: list[subprocess.Popen[bytes]] = []
     ran = 0
     try:
-        for line in commands(BLOCKS[number]):
+        for line in commands(block):
             if line.startswith(NOT_HERE) or "hc bench" in line:
                 continue
             if "../shared/data" in line and not SHARED_DATA.is_dir():

@@ -21,7 +21,7 @@ from hc_bringup.errors import UserError
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 from hc_bringup.runner import Runner, RunState
-from hc_bringup.statistics import Histogram
+from hc_msgs_py.histogram import DurationHistogram
 
 CASES: Final = ((0, 0), (1, 0), (4, 1))
 """Viewers that read, and that do not."""
@@ -56,7 +56,7 @@ class _Case:
         if not self._measuring and state.elapsed_s > SETTLING_S:
             self._measuring = True
             self._lost_before = state.statistics.lost
-            state.statistics.latency = Histogram()
+            state.statistics.latency = DurationHistogram()
         self._show(state)
 
     def close(self) -> None:
@@ -82,9 +82,9 @@ class _Case:
             "estimates": latency.count,
             "lost": state.statistics.lost - self._lost_before,
             "latency_us": {
-                "p50": 1e6 * latency.quantile(0.5),
-                "p99": 1e6 * latency.quantile(0.99),
-                "max": 1e6 * latency.maximum,
+                "p50": 1e6 * latency.quantile_s(0.5),
+                "p99": 1e6 * latency.quantile_s(0.99),
+                "max": 1e6 * latency.maximum_s,
             },
             "cpu_percent": dict(state.cpu_percent),
             **self.told,

@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import Any, Final, NoReturn
 
-from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.guard import explain
+from hc_msgs_py.interface_class import UnknownInterfaceError
 
 COMMANDS: Final = (
     "run",
@@ -179,6 +180,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _flush()  # before the error line; and a full disk shows here, not when Python ends
     except UserError as error:
         return _tell(words, error)
+    except UnknownInterfaceError as error:
+        return _tell(words, UserError(str(error), WRONG_USE if error.misnamed else FAILURE))
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # the reader of our output has seen enough: hc topic echo | head

@@ -7,7 +7,6 @@ only has not been seen yet. Every answer comes within 3 s.
 
 from __future__ import annotations
 
-import importlib
 import os
 import time
 from collections.abc import Callable
@@ -18,7 +17,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter_client import AsyncParameterClient
 
-from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.reach import speak_to_nodes
 
 _LEAST_WAIT_S: Final = 0.8
@@ -167,20 +166,3 @@ class Graph:
 def absolute(name: str) -> str:
     """Return a topic or node name with its leading slash."""
     return name if name.startswith("/") else f"/{name}"
-
-
-def message_class(type_name: str) -> Any:
-    """Return the Python class of a message type such as std_msgs/msg/Header.
-
-    Raises:
-        UserError: if the name is not of that form or the type is not installed.
-    """
-    parts = type_name.split("/")
-    if len(parts) == 2:
-        parts.insert(1, "msg")
-    if len(parts) != 3:
-        raise UserError(f"{type_name!r} is not a message type like std_msgs/msg/Header", WRONG_USE)
-    try:
-        return getattr(importlib.import_module(f"{parts[0]}.{parts[1]}"), parts[2])
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"message type {'/'.join(parts)} is not installed", FAILURE) from error

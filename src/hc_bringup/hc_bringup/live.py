@@ -137,7 +137,7 @@ class Display:
         stale = int(estimator.get("level", 0)) == _STALE
         latency = None
         if self._with_latency:
-            latency = (statistics.latency.quantile(0.5), statistics.latency.quantile(0.99))
+            latency = (statistics.latency.quantile_s(0.5), statistics.latency.quantile_s(0.99))
         mismatch = bool(latest is not None and latest.model_mismatch)
         return PanelView(
             phase=state.phase,
@@ -222,7 +222,7 @@ def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:
     )
     latency = ""
     if with_latency:
-        latency = f"99 % {engineering(statistics.latency.quantile(0.99), 's')}  "
+        latency = f"99 % {engineering(statistics.latency.quantile_s(0.99), 's')}  "
     silent = f"silent for {rate.silent_s:.1f} s  " if rate.silent_s > 1.0 else ""
     return (
         f"{state.elapsed_s:6.1f} s  {rate.hz:6.0f} Hz  {silent}lost {_lost(statistics)}  "

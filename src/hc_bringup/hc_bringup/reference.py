@@ -1,13 +1,16 @@
 """Writes docs/reference/: commands, topics and parameters, as the programs themselves know them.
 
-`python -m hc_bringup.reference docs/reference` writes the three pages;
-test/suite/test_reference.py fails when one of them is older than what it describes.
+`python -m hc_bringup.reference docs/reference` writes the pages and the JSON schemas by which an
+editor checks a parameter file or a scenario; test/suite/test_reference.py fails when one of them
+is older than what it describes.
 """
 
 from __future__ import annotations
 
 import argparse
-import re
+import dataclasses
+import functools
+import json
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -15,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hc_bringup.cli import COMMANDS, command_parser
+from hc_msgs_py.specification import ParameterSpecification
 
 MESSAGES: Final = (
     "IndenterSample",
@@ -25,7 +29,6 @@ MESSAGES: Final = (
     "IndenterTruth",
 )
 _WRITTEN: Final = "*Written by `python -m hc_bringup.reference docs/reference`; do not edit.*"
-_UNLIMITED: Final = (-(2**63), 2**63 - 1, float("-inf"), float("inf"))
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> list[str]:
@@ -138,13 +141,66 @@ def parameters_page() -> str:
         "",
     ]
     head = ("parameter", "default", "allowed", "what it does")
-    for name, rows in _declared().items():
-        lines += [f"## {name}", "", *_table(head, rows)]
+    for node, specifications in _declared().items():
+        rows: list[tuple[str, ...]] = [
+            (f"`{s.name}`", _default(s.default), _allowed(s), _described(s)) for s in specifications
+        ]
+        lines += [f"## {node}", "", *_table(head, rows)]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _declared() -> dict[str, list[tuple[str, ...]]]:
-    """The parameters of each node: name, default, what is allowed, description."""
+def parameters_schema() -> str:
+    """JSON schema of a ROS parameter file for the suite's nodes."""
+    from hc_sim_rig.settings import SETTINGS
+
+    nodes = {}
+    for node, declared in _declared().items():
+        specifications = {s.name: s for s in declared}
+        if node == "indenter":  # whichever the scenario has
+            specifications |= {n: s.specification for n, s in SETTINGS.items()}
+        nodes[node] = {
+            "type": "object",
+            "required": ["ros__parameters"],
+            "properties": {"ros__parameters": _nested(specifications)},
+        }
+    return _json({"title": "ROS parameters of the hc nodes", "properties": nodes})
+
+
+def _nested(specifications: dict[str, ParameterSpecification]) -> dict[str, Any]:
+    """Schema of one node's parameters: `input.force.zero` is one key, or three levels."""
+    properties: dict[str, Any] = {}
+    inner: dict[str, dict[str, ParameterSpecification]] = {}
+    for name, specification in specifications.items():
+        properties[name] = specification.json_schema()
+        top, _, rest = name.partition(".")
+        if rest:
+            inner.setdefault(top, {})[rest] = specification
+    for top, below in inner.items():
+        properties[top] = _nested(below)
+    return {
+        "type": "object",
+        "properties": dict(sorted(properties.items())),
+        "patternProperties": {"^(use_sim_time|qos_overrides.*)$": {}},
+        "additionalProperties": False,
+    }
+
+
+def scenario_schema() -> str:
+    """JSON schema of a scenario of the rig."""
+    from hc_sim_rig.scenario import Scenario
+    from hc_sim_rig.schema import json_schema
+
+    return _json({"title": "Scenario of the hc rig", **json_schema(Scenario)})
+
+
+def _json(schema: dict[str, Any]) -> str:
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "type": "object"}
+    return json.dumps(head | schema, indent=1, ensure_ascii=False) + "\n"
+
+
+@functools.cache
+def _declared() -> dict[str, list[ParameterSpecification]]:
+    """The parameters of each node, by name."""
     from hc_bringup.dashboard.node import DEFAULT_PORT, DashboardNode
     from hc_estimator.node import EstimatorNode
     from hc_logger.player_node import PlayerNode
@@ -157,19 +213,23 @@ def _declared() -> dict[str, list[tuple[str, ...]]]:
         with BagWriter(bag) as writer:  # a player needs something to play
             writer.write(writer.add_topic("/empty", "std_msgs/msg/Empty"), 0, b"\0\1\0\0\0")
         # What a node cannot do without here, and what the page says instead of that.
-        nodes: dict[str, tuple[Callable[[], Any], dict[str, tuple[str, str]]]] = {
+        nodes: dict[str, tuple[Callable[[], Any], dict[str, tuple[str, Any]]]] = {
             "indenter": (IndenterNode, {}),
             "estimator": (EstimatorNode, {}),
             "recorder": (RecorderNode, {"output": (f"{bag}_new", "")}),
             "player": (PlayerNode, {"bag": (str(bag), "")}),
-            "dashboard": (DashboardNode, {"port": ("0", str(DEFAULT_PORT))}),
+            "dashboard": (DashboardNode, {"port": ("0", DEFAULT_PORT)}),
         }
         return {name: _of_node(*made) for name, made in nodes.items()}
 
 
-def _of_node(make: Callable[[], Any], needed: dict[str, tuple[str, str]]) -> list[tuple[str, ...]]:
-    """The rows of one node, which is made, asked and ended again."""
+def _of_node(
+    make: Callable[[], Any], needed: dict[str, tuple[str, Any]]
+) -> list[ParameterSpecification]:
+    """The parameters of one node, which is made, asked and ended again."""
     import rclpy
+
+    from hc_msgs_py.parameters import declared
 
     words = ["--ros-args"]
     for name, (value, _) in needed.items():
@@ -177,23 +237,25 @@ def _of_node(make: Callable[[], Any], needed: dict[str, tuple[str, str]]) -> lis
     rclpy.init(args=words)
     try:
         node = make()
-        rows: list[tuple[str, ...]] = [
-            (
-                f"`{name}`",
-                needed[name][1] if name in needed else _default(node.get_parameter(name).value),
-                _allowed(node.describe_parameter(name)),
-                re.sub(r" ?\[1\]$", "", node.describe_parameter(name).description),
-            )
-            for name in sorted(node._parameters)
-            if not name.startswith(("qos_overrides.", "use_sim_time", "start_type_description"))
-        ]
+        found = []
+        for name, specification in sorted(declared(node).items()):
+            value = node.get_parameter(name).value
+            default = needed[name][1] if name in needed else value
+            if not isinstance(default, (bool, int, float, str)):
+                default = list(default)
+            found.append(dataclasses.replace(specification, default=default))
         close = getattr(node, "close", None)
         if close is not None:
             close()
         node.destroy_node()
-        return rows
+        return found
     finally:
         rclpy.shutdown()
+
+
+def _described(specification: ParameterSpecification) -> str:
+    unit = specification.unit_text
+    return specification.description + (f" [{unit}]" if unit else "")
 
 
 def _default(value: Any) -> str:
@@ -206,23 +268,28 @@ def _default(value: Any) -> str:
     return str(value)
 
 
-def _allowed(descriptor: Any) -> str:
-    """What a descriptor allows, in words; with a mark if it is fixed once the node runs."""
-    words = [descriptor.additional_constraints] if descriptor.additional_constraints else []
-    for limits in [*descriptor.integer_range, *descriptor.floating_point_range]:
-        low, high = limits.from_value, limits.to_value
-        if low not in _UNLIMITED:
-            words.append(f"from {low:g}")
-        if high not in _UNLIMITED:
-            words.append(f"to {high:g}")
+def _allowed(specification: ParameterSpecification) -> str:
+    """What is allowed, in words; with a mark if it is fixed once the node runs."""
+    words = []
+    if specification.choices:
+        words = ["one of: " + ", ".join(specification.choices)]
+    elif specification.kind == "auto":
+        words = [specification.allowed]
+    else:
+        if specification.minimum is not None:
+            words.append(f"from {specification.minimum:g}")
+        if specification.maximum is not None:
+            words.append(f"to {specification.maximum:g}")
     text = " ".join(words)
-    return f"{text}; fixed at the start".removeprefix("; ") if descriptor.read_only else text
+    return f"{text}; fixed at the start".removeprefix("; ") if specification.read_only else text
 
 
 PAGES: Final = {
     "commands.md": commands_page,
     "topics.md": topics_page,
     "parameters.md": parameters_page,
+    "parameters.schema.json": parameters_schema,
+    "scenario.schema.json": scenario_schema,
 }
 
 

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hc_bringup.errors import FAILURE, UserError
-from hc_bringup.graph import Graph, message_class
+from hc_bringup.graph import Graph
 from hc_estimator.input.sensor_setup import VectorReadings
+from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import RECONSTRUCTED_WRENCH
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
@@ -53,7 +54,7 @@ def find_streams(graph: Graph, seconds: float) -> list[Stream]:
             continue
         heard: list[Any] = []
         counts[name] = heard
-        graph.node.create_subscription(message_class(types[0]), name, _keeper(heard), SAMPLE_QOS)
+        graph.node.create_subscription(interface_class(types[0]), name, _keeper(heard), SAMPLE_QOS)
         found.append((name, kind))
     graph.spin(seconds)
     streams = []
@@ -94,7 +95,7 @@ class Recorder:
             (position, types[position.kind], self._position, read[position.kind]),
         ):
             graph.node.create_subscription(
-                message_class(kind), stream.topic, self._taker(keep, values), SAMPLE_QOS
+                interface_class(kind), stream.topic, self._taker(keep, values), SAMPLE_QOS
             )
         graph.wait_for(lambda: bool(self._force and self._position))
 

@@ -7,12 +7,11 @@ server and asking it.
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections.abc import Callable
 from typing import Any
 
-from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph, absolute
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
@@ -48,23 +47,6 @@ def require_service(graph: Graph, name: str) -> tuple[str, str]:
         )
         raise UserError(f"there is no service {full}; services: {known or 'none'}", FAILURE)
     return full, types()[0]
-
-
-def service_class(type_name: str) -> Any:
-    """Return the Python class of a service type such as std_srvs/srv/Trigger.
-
-    Raises:
-        UserError: if the name is not of that form or the type is not installed.
-    """
-    parts = type_name.split("/")
-    if len(parts) == 2:
-        parts.insert(1, "srv")
-    if len(parts) != 3 or parts[1] != "srv":
-        raise UserError(f"{type_name!r} is not a service type like std_srvs/srv/Trigger", WRONG_USE)
-    try:
-        return getattr(importlib.import_module(f"{parts[0]}.srv"), parts[2])
-    except (ImportError, AttributeError) as error:
-        raise UserError(f"service type {'/'.join(parts)} is not installed", FAILURE) from error
 
 
 class Client:

@@ -125,9 +125,9 @@ def run_soak(
         thread_growth=resources.thread_growth(),
         cpu_percent=dict(state.cpu_percent),
         latency_us={
-            "p50": 1e6 * latency.quantile(0.5),
-            "p99": 1e6 * latency.quantile(0.99),
-            "max": 1e6 * latency.maximum,
+            "p50": 1e6 * latency.quantile_s(0.5),
+            "p99": 1e6 * latency.quantile_s(0.99),
+            "max": 1e6 * latency.maximum_s,
         },
     )
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from hc_bringup.explanation import RecentMotion
 from hc_bringup.force_error import SETTLING_S, one_step_error
+from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.units import METRE_IN_MM
 
 REJECTION_NAMES: Final = {
@@ -28,41 +29,6 @@ LONGEST_COUNTED_GAP = 1_000_000
 """A jump of the sequence beyond this is no loss: somebody counts otherwise, or not at all."""
 _MOST_JUMPS = 0.01
 """Share of the estimates; where more of them jump, the sequence is no counter."""
-
-
-class Histogram:
-    """Quantiles of positive numbers to 1 %, from bins of equal ratio between 1e-7 and 1e3."""
-
-    _RATIO: Final = math.log(1.01)
-    _LOWEST: Final = math.log(1e-7)
-    _BINS: Final = int(math.log(1e10) / _RATIO) + 2
-
-    def __init__(self) -> None:
-        self._counts = [0] * self._BINS
-        self.count = 0
-        self.maximum = 0.0
-
-    def add(self, value: float) -> None:
-        """Count a value; what is below 1e-7 (a negative one too) counts as that."""
-        index = 0
-        if value > 1e-7:
-            index = min(self._BINS - 1, int((math.log(value) - self._LOWEST) / self._RATIO) + 1)
-        self._counts[index] += 1
-        self.count += 1
-        self.maximum = max(self.maximum, value)
-
-    def quantile(self, fraction: float) -> float:
-        """Return the value that a fraction of all lie below, or NaN before the first."""
-        if not self.count:
-            return math.nan
-        wanted = fraction * self.count
-        seen = 0
-        for index, number in enumerate(self._counts):
-            seen += number
-            if seen >= wanted and number:
-                upper = math.exp(self._LOWEST + index * self._RATIO)
-                return min(upper, self.maximum)
-        return self.maximum
 
 
 @dataclass
@@ -86,7 +52,7 @@ class EstimateStatistics:
     lost: int = 0
     restarts: int = 0
     since_restart: int = 0
-    latency: Histogram = field(default_factory=Histogram)
+    latency: DurationHistogram = field(default_factory=DurationHistogram)
     changes: int = 0
     mismatch: int = 0
     rejected: Counter[str] = field(default_factory=Counter)
@@ -122,7 +88,7 @@ class EstimateStatistics:
         self.latest = message
         if not math.isnan(message.force_measured):
             self.force_n = message.force_measured
-        self.latency.add(message.latency)
+        self.latency.add_s(message.latency)
         if message.rejected:
             self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
             return

@@ -65,9 +65,9 @@ def run_summary(
     }
     if with_latency:
         summary["latency_us"] = {
-            "p50": 1e6 * latency.quantile(0.5),
-            "p99": 1e6 * latency.quantile(0.99),
-            "max": 1e6 * latency.maximum if latency.count else math.nan,
+            "p50": 1e6 * latency.quantile_s(0.5),
+            "p99": 1e6 * latency.quantile_s(0.99),
+            "max": 1e6 * latency.maximum_s if latency.count else math.nan,
         }
     return summary
 

@@ -68,13 +68,14 @@ def info(arguments: argparse.Namespace) -> int:
 def bandwidth(arguments: argparse.Namespace) -> int:
     """Print bytes a second, once a second."""
     from hc_bringup.commands.topic import matching_qos
-    from hc_bringup.graph import Graph, message_class
+    from hc_bringup.graph import Graph
+    from hc_msgs_py.interface_class import interface_class
 
     with Graph() as graph:
         topic, type_name = graph.require_topic(arguments.topic)
         sizes: list[int] = []
         graph.node.create_subscription(
-            message_class(type_name),
+            interface_class(type_name),
             topic,
             lambda data: sizes.append(len(data)),
             matching_qos(graph, topic),
@@ -100,11 +101,12 @@ def publish(arguments: argparse.Namespace) -> int:
     """Publish until the wanted number is reached, or a signal."""
     from rclpy.qos import QoSProfile
 
-    from hc_bringup.graph import Graph, absolute, message_class
+    from hc_bringup.graph import Graph, absolute
     from hc_bringup.message_text import as_yaml
     from hc_bringup.message_values import fill
+    from hc_msgs_py.interface_class import interface_class
 
-    kind = message_class(arguments.type)
+    kind = interface_class(arguments.type)
     try:
         values = load_plain_yaml(arguments.values) or {}
     except PlainYamlError as error:

@@ -1,121 +1,24 @@
-"""What a parameter is: name, type, default, range, unit, meaning; and the check of given values.
+"""Sets of parameters of an estimator: defaults replaced, given values checked all at once.
 
-The modules of the package declare their parameters as `ParameterSpecification`; the ROS node
-declares its ROS parameters from them and the documentation is generated from them.
+What one parameter is stands in hc_msgs_py.specification; the names are repeated here for filters of
+other packages.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
 
-ParameterValue = bool | int | float | str
-Kind = Literal["bool", "int", "float", "str", "auto"]
-AUTO = "auto"
+from hc_msgs_py.specification import AUTO, Kind, ParameterSpecification, ParameterValue
 
-
-@dataclasses.dataclass(frozen=True)
-class ParameterSpecification:
-    """One parameter of an estimator, as plain data.
-
-    Attributes:
-        name: unique within the package.
-        kind: "bool", "int", "float", "str", or "auto" for a number or the text 'auto'.
-        default: value when none is given.
-        minimum: smallest allowed number (numbers only).
-        maximum: largest allowed number (numbers only).
-        choices: allowed texts (kind "str" only).
-        unit: unit of a number, "1" where it has none.
-        description: what it does, in one or two sentences.
-        runtime: True if `Estimator.reconfigure` may change it while the estimator runs.
-    """
-
-    name: str
-    kind: Kind
-    default: ParameterValue
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] = ()
-    unit: str = "1"
-    runtime: bool = True
-
-    @property
-    def allowed(self) -> str:
-        """The allowed range in words."""
-        if self.kind == "bool":
-            return "true or false"
-        if self.kind == "str":
-            return "one of " + ", ".join(self.choices)
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        if self.kind == "auto":
-            return f"'auto' or a number from {self.minimum:g} to {self.maximum:g}{unit}"
-        word = "an integer" if self.kind == "int" else "a number"
-        return f"{word} from {self.minimum:g} to {self.maximum:g}{unit}"
-
-    def checked(self, value: object) -> ParameterValue:
-        """The value in the parameter's own type.
-
-        Args:
-            value: given value; an int is taken for a float, a whole float for an int.
-
-        Returns:
-            The value as bool, int, float or str.
-
-        Raises:
-            ValueError: wrong type or out of range; names parameter, value and allowed range.
-        """
-        result: ParameterValue | None = None
-        if self.kind == "bool":
-            if isinstance(value, bool) or type(value).__name__ == "bool":  # numpy's bool too
-                result = bool(value)
-        elif self.kind == "str":
-            if isinstance(value, str) and value in self.choices:
-                result = value
-        elif self.kind == "auto" and isinstance(value, str):
-            result = _auto_or_number(value)
-            if isinstance(result, float):
-                result = self._checked_number(result)
-        elif isinstance(value, (int, float)) or hasattr(value, "__float__"):
-            result = self._checked_number(value)
-        if result is None:
-            raise ValueError(f"parameter {self.name} = {value!r} is not {self.allowed}")
-        return result
-
-    def _checked_number(self, value: Any) -> float | int | None:
-        if isinstance(value, bool) or type(value).__name__ == "bool":
-            return None
-        try:
-            number = float(value)
-        except (TypeError, ValueError, OverflowError):
-            return None
-        assert self.minimum is not None
-        assert self.maximum is not None
-        if not (math.isfinite(number) and self.minimum <= number <= self.maximum):
-            return None
-        if self.kind == "int":
-            return int(number) if number == int(number) else None
-        return number
-
-    def encoded(self, value: ParameterValue) -> float | int:
-        """The number that stands for a checked value in the settings record."""
-        if self.kind == "auto":
-            return math.nan if value == AUTO else float(value)
-        if isinstance(value, str):
-            return self.choices.index(value)
-        return value if self.kind == "float" else int(value)
-
-
-def _auto_or_number(text: str) -> float | str | None:
-    """The text 'auto', the number that a text holds, or nothing."""
-    if text == AUTO:
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        return None
+__all__ = (
+    "AUTO",
+    "Kind",
+    "ParameterSpecification",
+    "ParameterValue",
+    "checked_values",
+    "with_defaults",
+)
 
 
 def with_defaults(

@@ -13,16 +13,19 @@ there, an inequality; its derivative at the true parameters is zero, and zero is
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from hc_evaluation.contact_law import force_gradient
+from hc_msgs_py.compilation import KernelCompiler
 
 FloatArray = NDArray[np.float64]
+compiled = KernelCompiler(lambda: (Path(__file__),))
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _riccati(
     time_s: FloatArray,
     gradient: FloatArray,

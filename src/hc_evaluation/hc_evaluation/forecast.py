@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_evaluation.contact_law import force_gradient
+
 FloatArray = NDArray[np.float64]
 
 SPEEDS_MM_S = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
@@ -51,32 +53,6 @@ class Forecast(NamedTuple):
             f"{strokes} of {self.depth_mm:.2g} mm at {speeds} mm/s "
             f"{'gives' if self.strokes == 1 else 'give'} {self.parameter} {known}"
         )
-
-
-def sensitivities(
-    depth_mm: FloatArray, speed_mm_s: FloatArray, parameters: FloatArray
-) -> FloatArray:
-    """Derivatives of the unilateral force by ln K, ln B, n, p.
-
-    Args:
-        depth_mm: penetration, shape (N,).
-        speed_mm_s: its rate, shape (N,).
-        parameters: K, B, n, p, shape (4,).
-
-    Returns:
-        Shape (N, 4) [N]; zero where the tissue does not push.
-    """
-    stiffness, damping, n, p = parameters
-    inside = depth_mm > 0.0
-    depth = np.where(inside, depth_mm, 1.0)
-    rate = np.maximum(np.abs(speed_mm_s), 1e-9)
-    power = depth**n
-    dashpot = np.sign(speed_mm_s) * damping * power * rate**p
-    elastic = stiffness * power
-    force = elastic + dashpot
-    columns = np.column_stack((elastic, dashpot, force * np.log(depth), dashpot * np.log(rate)))
-    columns[~inside | (force <= 0.0)] = 0.0
-    return columns
 
 
 def stroke(depth_mm: float, speed_mm_s: float, rate_hz: float) -> tuple[FloatArray, FloatArray]:
@@ -126,7 +102,8 @@ def forecast(
     information = {}
     for speed in speeds:
         taken_hz = min(rate_hz, 0.5 * MOST_POINTS * speed / depth_mm)
-        rows = sensitivities(*stroke(depth_mm, speed, taken_hz), parameters) / force_noise_std
+        strokes_in_and_out = stroke(depth_mm, speed, taken_hz)
+        rows = force_gradient(*strokes_in_and_out, parameters)[:, 2:] / force_noise_std
         information[speed] = rate_hz / taken_hz * (rows.T @ rows)
     result = []
     for index, wanted in enumerate(WANTED):

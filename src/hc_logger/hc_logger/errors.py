@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from hc_msgs_py.interface_class import UnknownInterfaceError
+
 
 class BagError(Exception):
     """A bag or recording cannot be read or written; the text says why and what to do."""
@@ -11,5 +13,5 @@ class BagExistsError(BagError):
     """The target exists already; nothing is ever overwritten."""
 
 
-class UnknownTypeError(BagError):
+class UnknownTypeError(BagError, UnknownInterfaceError):
     """The message type is not installed here, so its definition is not known."""

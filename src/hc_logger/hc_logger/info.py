@@ -18,12 +18,12 @@ from hc_logger.foreign import open_bag
 from hc_logger.layout import record_dtype
 from hc_logger.mcap_chunk import Messages
 from hc_logger.type_names import SAMPLE_TYPE
+from hc_msgs_py.cdr import FRAME_LENGTH_OFFSET, FRAME_OFFSET, aligned
+from hc_msgs_py.histogram import DurationHistogram
 
 GAP_FACTOR = 5.0
 """An interval of more than so many times the usual one is called a gap. Usual is the median or the
 mean, whichever is larger: where messages come in bunches the median says nothing."""
-_BINS_PER_OCTAVE = 16
-_BINS = 64 * _BINS_PER_OCTAVE
 _SEQUENCE_FIELD = "sequence"
 
 
@@ -37,7 +37,7 @@ class TopicInfo:
         type_hash: RIHS01 hash, empty if the bag does not say.
         message_count: messages that could be read.
         rate_hz: (count - 1) / (last - first log time); None with fewer than two messages.
-        median_interval_s: between log times, to 5 %; None with fewer than two messages.
+        median_interval_s: between log times, to 1 %; None with fewer than two messages.
         longest_interval_s: largest interval between log times.
         gaps: intervals longer than five times the median or mean, whichever is larger.
         lost: numbers missing in the messages' own field `sequence`; None if they have none.
@@ -95,8 +95,7 @@ class _Pass:
     count: int = 0
     first: int = 0
     last: int = 0
-    longest: int = 0
-    histogram: NDArray[np.int64] = field(default_factory=lambda: np.zeros(_BINS, np.int64))
+    intervals: DurationHistogram = field(default_factory=DurationHistogram)
     sequence: int | None = None
     lost: int = 0
     unordered: int = 0
@@ -156,11 +155,8 @@ def _add(one: _Pass, times: NDArray[np.int64]) -> None:
     one.count += len(times) - 1
     one.last = int(times.max())
     one.first = min(one.first, int(times.min()))
-    steps = np.diff(np.sort(times))
-    if len(steps):
-        one.longest = max(one.longest, int(steps.max()))
-        bins = np.log2(np.maximum(steps, 1)) * _BINS_PER_OCTAVE
-        one.histogram += np.bincount(bins.astype(np.int64), minlength=_BINS)
+    ordered = np.sort(times)
+    one.intervals.add_many(ordered[1:] - ordered[:-1])
 
 
 def _sequence_offset(definition: TypeDefinition) -> bool:
@@ -181,14 +177,12 @@ def _sequences(
     messages: Messages, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the field sequence of those messages that are not damaged, and where it ends."""
-    rows = rows[messages.length[rows] >= 16]
+    rows = rows[messages.length[rows] >= FRAME_OFFSET]
     offset, size = messages.offset[rows], messages.length[rows]
-    lengths = _words(messages.buffer, offset + 12, "<u4").astype(np.int64)
-    position = 12 + lengths  # in the CDR stream: stamp 8, length 4, frame_id
-    position += -position % 8
-    whole = position + 12 <= size
-    offset, position = offset[whole], position[whole]
-    place = offset + 4 + position
+    lengths = _words(messages.buffer, offset + FRAME_LENGTH_OFFSET, "<u4").astype(np.int64)
+    position = aligned(FRAME_OFFSET + lengths, 8)
+    whole = position + 8 <= size
+    place = offset[whole] + position[whole]
     return _words(messages.buffer, place, "<i8").astype(np.int64), place + 8
 
 
@@ -223,13 +217,11 @@ def _topic(reader: Bag, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
     if one.count > 1 and one.last > one.first:
         info.rate_hz = (one.count - 1) / ((one.last - one.first) * 1e-9)
     if one.count > 1:
-        middle = np.searchsorted(np.cumsum(one.histogram), one.histogram.sum() / 2)
-        info.median_interval_s = float(2.0 ** ((middle + 0.5) / _BINS_PER_OCTAVE)) * 1e-9
-        info.longest_interval_s = one.longest * 1e-9
-        mean_ns = max((one.last - one.first) / (one.count - 1), 1.0)
-        usual = max(middle + 0.5, np.log2(mean_ns) * _BINS_PER_OCTAVE)
-        far = int(np.ceil(usual + np.log2(GAP_FACTOR) * _BINS_PER_OCTAVE))
-        info.gaps = int(one.histogram[far:].sum())
+        median_ns = one.intervals.quantile_ns(0.5)
+        info.median_interval_s = median_ns * 1e-9
+        info.longest_interval_s = one.intervals.maximum_s
+        usual_ns = max(median_ns, (one.last - one.first) / (one.count - 1), 1.0)
+        info.gaps = int(one.intervals.between(np.array([GAP_FACTOR * usual_ns]))[1])
     if sequenced:
         info.lost, info.repeated_or_backward = one.lost, one.unordered
     if definition.name == SAMPLE_TYPE and info.rate_hz is not None:

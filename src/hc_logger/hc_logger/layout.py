@@ -1,9 +1,8 @@
 """Messages of fixed size after their header as numpy records: millions of them at once.
 
-CDR, the encoding of ROS 2 messages, aligns every number to its own size, counted from the end of
-the 4-byte encapsulation. Only strings and unbounded sequences make the places of later fields
-vary. The messages of this suite (and wrenches and poses) have one string, frame_id, which hardly
-ever changes within a recording; so for each length of frame_id there is one numpy dtype.
+What is where says hc_msgs_py.cdr. Only strings and unbounded sequences make the places of later
+fields vary. The messages of this suite (and wrenches and poses) have one string, frame_id, which
+hardly ever changes within a recording; so for each length of frame_id there is one numpy dtype.
 """
 
 from __future__ import annotations
@@ -20,30 +19,18 @@ from rosbags.typesys import get_types_from_msg
 from hc_logger.bag import Columns
 from hc_logger.definitions import TypeDefinition, damaged_definition
 from hc_logger.errors import BagError
+from hc_msgs_py.cdr import (
+    ENCAPSULATION,
+    FRAME_LENGTH_OFFSET,
+    FRAME_OFFSET,
+    HEAD,
+    LITTLE_ENDIAN,
+    NUMBERS,
+    aligned,
+)
 
-ENCAPSULATION = bytes((0, 1, 0, 0))
-"""Plain CDR, little-endian."""
 LONGEST_RECORD = 65536
 """Bytes; the longest message of the suite has a few hundred."""
-FRAME_LENGTH_OFFSET = 12
-"""Place of the length of frame_id in a message that begins with a std_msgs/Header."""
-
-_NUMBERS = {
-    "bool": "?",
-    "byte": "u1",
-    "char": "u1",
-    "octet": "u1",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "<i2",
-    "uint16": "<u2",
-    "int32": "<i4",
-    "uint32": "<u4",
-    "int64": "<i8",
-    "uint64": "<u8",
-    "float32": "<f4",
-    "float64": "<f8",
-}
 
 
 @functools.lru_cache(maxsize=64)
@@ -73,17 +60,17 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
     names: list[str] = []
     formats: list[Any] = []
     offsets: list[int] = []
-    position = 0
+    position = HEAD
 
     def place(name: str, kind: str, count: int | None) -> None:
         nonlocal position
-        dtype = np.dtype(_NUMBERS[kind])
-        position += -position % dtype.itemsize
+        dtype = np.dtype(f"<{NUMBERS[kind]}")
+        position = aligned(position, dtype.itemsize)
         names.append(name)
         formats.append(dtype if count is None else (dtype, (count,)))
-        offsets.append(len(ENCAPSULATION) + position)
+        offsets.append(position)
         position += dtype.itemsize * (1 if count is None else count)
-        if position > LONGEST_RECORD:
+        if position > HEAD + LONGEST_RECORD:
             raise BagError(damaged_definition(definition))
 
     def walk(type_name: str, prefix: str) -> None:
@@ -92,19 +79,19 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
             full = prefix + name
             if node == Nodetype.NAME:
                 walk(detail, full + ".")
-            elif node == Nodetype.BASE and detail[0] in _NUMBERS:
+            elif node == Nodetype.BASE and detail[0] in NUMBERS:
                 place(full, detail[0], None)
             elif (
                 node == Nodetype.ARRAY
                 and detail[0][0] == Nodetype.BASE
-                and detail[0][1][0] in _NUMBERS
+                and detail[0][1][0] in NUMBERS
             ):
                 place(full, detail[0][1][0], detail[1])
             elif node == Nodetype.BASE and full == "header.frame_id":
-                position += -position % 4 + 4
+                position = aligned(position, 4) + 4
                 names.append(full)
                 formats.append(f"S{frame_bytes}")
-                offsets.append(len(ENCAPSULATION) + position)
+                offsets.append(position)
                 position += frame_bytes
             else:
                 raise BagError(f"{definition.name}: field {full} has no fixed size")
@@ -115,7 +102,7 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
             "names": names,
             "formats": formats,
             "offsets": offsets,
-            "itemsize": len(ENCAPSULATION) + position,
+            "itemsize": position,
         }
     )
 
@@ -150,10 +137,10 @@ def records(
     target = np.dtype([(name, empty[name]) for name in kept])
     out = np.empty(total, target)
     for block in columns:
-        if block.data.shape[1] < FRAME_LENGTH_OFFSET + 4:
+        if block.data.shape[1] < FRAME_OFFSET:
             raise BagError(f"a message of type {definition.name} is cut off")
         frame_bytes = (
-            np.ascontiguousarray(block.data[:, FRAME_LENGTH_OFFSET : FRAME_LENGTH_OFFSET + 4])
+            np.ascontiguousarray(block.data[:, FRAME_LENGTH_OFFSET:FRAME_OFFSET])
             .view("<u4")
             .reshape(-1)
         )
@@ -165,7 +152,7 @@ def records(
             order = (
                 block.order if len(rows) == len(block.order) else block.order[frame_bytes == frame]
             )
-            if rows.shape[1] < dtype.itemsize or not np.all(rows[:, :2] == (0, 1)):
+            if rows.shape[1] < dtype.itemsize or not np.all(rows[:, :2] == tuple(LITTLE_ENDIAN)):
                 raise BagError(
                     f"a message is not little-endian CDR of type {definition.name}, "
                     "as its definition says"
@@ -198,8 +185,8 @@ def encode(definition: TypeDefinition, frame_id: str, **fields: Any) -> NDArray[
     dtype = record_dtype(definition, len(frame))
     count = len(next(iter(fields.values())))
     data = np.zeros((count, dtype.itemsize), np.uint8)
-    data[:, : len(ENCAPSULATION)] = np.frombuffer(ENCAPSULATION, np.uint8)
-    data[:, FRAME_LENGTH_OFFSET : FRAME_LENGTH_OFFSET + 4] = np.frombuffer(
+    data[:, :HEAD] = np.frombuffer(ENCAPSULATION, np.uint8)
+    data[:, FRAME_LENGTH_OFFSET:FRAME_OFFSET] = np.frombuffer(
         len(frame).to_bytes(4, "little"), np.uint8
     )
     table = data.view(dtype).reshape(-1)

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import struct
 import zlib
+from pathlib import Path
 from typing import NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
-import numba
 import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from hc_logger.limits import MOST_RECORDS, why_not_unpack
+from hc_msgs_py.compilation import KernelCompiler
 
 RECORD_HEAD = struct.Struct("<BQ")
 CHUNK_HEAD = struct.Struct("<QQQI")
@@ -78,10 +79,7 @@ def _walk(buffer: NDArray[np.uint8], most: int) -> NDArray[np.int64]:
     return places
 
 
-try:
-    walk_records = numba.njit(cache=True)(_walk)
-except RuntimeError:  # no folder for numba's cache can be written: compiled anew in each process
-    walk_records = numba.njit(_walk)
+walk_records = KernelCompiler(lambda: (Path(__file__),))(_walk)
 
 _MESSAGE_HEAD = np.dtype(
     [("channel", "<u2"), ("sequence", "<u4"), ("log_time", "<i8"), ("publish_time", "<i8")]

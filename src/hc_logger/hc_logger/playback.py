@@ -18,6 +18,7 @@ from typing import NamedTuple
 from hc_logger.bag import Bag, Message
 from hc_logger.errors import BagError
 from hc_logger.selection import TopicSelection
+from hc_msgs_py.histogram import DurationHistogram
 
 BATCH = 256
 BATCHES_AHEAD = 64
@@ -26,8 +27,6 @@ LONGEST_SLEEP_S = 0.02
 """How long a pause or a stop can go unnoticed while the next message is far."""
 SWITCH_INTERVAL_S = 1e-4
 """Python's thread switching while a bag plays: the reading thread must let go quickly."""
-DELAY_BINS = 20_001
-"""Delays are counted by whole microseconds up to 20 ms."""
 
 
 class _Batch(NamedTuple):
@@ -110,8 +109,7 @@ class Playback:
         self._publish = publish
         self._topics = topics
         self._loop = loop
-        self._delays = [0] * DELAY_BINS
-        self._largest_delay_us = 0.0
+        self._delays = DurationHistogram()
         self._queue: queue.Queue[_Batch] = queue.Queue(BATCHES_AHEAD)
         self._threads: list[threading.Thread] = []
         # Everything below changes under the lock only. The pair of anchors maps recorded time to
@@ -239,20 +237,12 @@ class Playback:
 
     def delays(self) -> Delays:
         """Return how late messages were, over the whole playback."""
-        total = sum(self._delays)
-        if not total:
+        delays = self._delays
+        if not delays.count:
             return Delays(float("nan"), float("nan"), float("nan"))
         return Delays(
-            self._quantile(0.5 * total), self._quantile(0.99 * total), self._largest_delay_us
+            1e6 * delays.quantile_s(0.5), 1e6 * delays.quantile_s(0.99), 1e6 * delays.maximum_s
         )
-
-    def _quantile(self, rank: float) -> float:
-        below = 0
-        for microseconds, count in enumerate(self._delays):
-            below += count
-            if below >= rank:
-                return float(microseconds)
-        return float(DELAY_BINS)
 
     def _read(self) -> None:
         """Read ahead from wherever the position was put last; the reading thread."""
@@ -340,10 +330,7 @@ class Playback:
             if remaining > 0.0:
                 time.sleep(remaining)
             self._publish_one(message)
-            delay_us = (time.monotonic() - deadline) * 1e6
-            self._delays[min(max(int(delay_us), 0), DELAY_BINS - 1)] += 1
-            if delay_us > self._largest_delay_us:
-                self._largest_delay_us = delay_us
+            self._delays.add_s(time.monotonic() - deadline)
             return True
 
     def _publish_one(self, message: Message) -> None:

@@ -16,13 +16,13 @@ from hc_logger.bag import Message, Topic
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.foreign import open_bag
-from hc_logger.message_class import message_class
 from hc_logger.playback import Playback
 from hc_logger.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
 from hc_logger.qos_profiles import publisher_profile
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import KEPT_DEPTH
@@ -160,11 +160,11 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
             try:
                 self._check_type(topic)
                 publishers[name] = self.create_publisher(
-                    message_class(topic.definition.name),
+                    interface_class(topic.definition.name),
                     renames.get(name, name),
                     publisher_profile(topic.qos_profiles, KEPT_DEPTH),
                 )
-            except UnknownTypeError as error:
+            except UnknownInterfaceError as error:
                 self._skipped[name] = str(error)
                 self.get_logger().warning(f"{name} is not played: {error}")
         if self._skipped and not publishers:

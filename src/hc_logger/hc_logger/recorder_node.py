@@ -17,14 +17,14 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from hc_logger import __version__
-from hc_logger.errors import BagError, UnknownTypeError
-from hc_logger.message_class import message_class
+from hc_logger.errors import BagError
 from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
 from hc_logger.writer import BagWriter, new_numbered_bag
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import KEPT_DEPTH
@@ -181,12 +181,12 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             tap = self._taps.get(topic)
             if tap is None:
                 try:
-                    kind = message_class(types[0])
+                    kind = interface_class(types[0])
                     number = self._session.add_topic(
                         topic, types[0], [mapping_from_profile(p) for p in offered]
                     )
                     subscription = self._subscribe(kind, topic, profile)
-                except UnknownTypeError as error:
+                except UnknownInterfaceError as error:
                     self._skip(topic, str(error))
                     continue
                 self._taps[topic] = Tap(
@@ -197,7 +197,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             if (tap.reliable and not reliable) or (tap.transient_local and not local):
                 self._drain_one(tap)
                 self.destroy_subscription(tap.subscription)
-                tap.subscription = self._subscribe(message_class(types[0]), topic, profile)
+                tap.subscription = self._subscribe(interface_class(types[0]), topic, profile)
                 tap.reliable, tap.transient_local = reliable, local
 
     def _subscribe(self, kind: Any, topic: str, profile: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Declaration of ROS parameters with type, range, unit, description and read-only mark.
+"""Declaration of ROS parameters from their specifications.
 
 rclpy checks ranges and the read-only mark itself; a choice among words is text only to it
 (additional_constraints), so the node's on-set callback must enforce that one.
@@ -6,13 +6,20 @@ rclpy checks ranges and the read-only mark itself; a choice among words is text 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import weakref
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+
+from hc_msgs_py.specification import ParameterSpecification, setting
+
+_declared: weakref.WeakKeyDictionary[Node, dict[str, ParameterSpecification]] = (
+    weakref.WeakKeyDictionary()
+)
 
 
 def declare(
@@ -26,64 +33,87 @@ def declare(
     choices: Sequence[str] = (),
     unit: str = "",
     read_only: bool = False,
-    number_or_word: str = "",
 ) -> Any:
+    """Declare a parameter of a node and return its value; see `hc_msgs_py.specification.setting`.
+
+    Raises:
+        ValueError: see `declare_specified`.
+    """
+    return declare_specified(
+        node,
+        setting(
+            name,
+            default,
+            description,
+            minimum=minimum,
+            maximum=maximum,
+            choices=choices,
+            unit=unit,
+            read_only=read_only,
+        ),
+    )
+
+
+def declare_specified(node: Node, specification: ParameterSpecification) -> Any:
     """Declare a parameter of a node and return its value (a parameter file may override it).
 
-    Args:
-        node: the node.
-        name: the parameter's name.
-        default: value without a parameter file; its type is the parameter's type.
-        description: one sentence for the user.
-        minimum: smallest allowed number; None for no limit.
-        maximum: largest allowed number; None for no limit.
-        choices: allowed words of a string parameter.
-        unit: unit of a number, appended to the description.
-        read_only: True if it can only be set at start.
-        number_or_word: for a parameter that may be a number or a text, what is allowed, in words;
-            ROS then takes any type for it, and the caller checks the value.
+    Kind "auto" is a number or a text, so ROS takes any type for it, and the caller checks changes.
 
     Raises:
         ValueError: if the value given at start is of the wrong type, out of range or not among
             the choices; names the parameter, the value and what is allowed.
     """
-    descriptor = ParameterDescriptor(
-        description=f"{description} [{unit}]" if unit else description, read_only=read_only
-    )
-    if choices:
-        descriptor.additional_constraints = "one of: " + ", ".join(choices)
-    if number_or_word:
-        descriptor.dynamic_typing = True
-        descriptor.additional_constraints = number_or_word
-    number = isinstance(default, (int, float)) and not isinstance(default, bool)
-    if number and not number_or_word and (minimum is not None or maximum is not None):
-        if isinstance(default, int):
-            descriptor.integer_range = [
-                IntegerRange(
-                    from_value=-(2**63) if minimum is None else int(minimum),
-                    to_value=2**63 - 1 if maximum is None else int(maximum),
-                    step=1,
-                )
-            ]
-        else:
-            descriptor.floating_point_range = [
-                FloatingPointRange(
-                    from_value=float("-inf") if minimum is None else float(minimum),
-                    to_value=float("inf") if maximum is None else float(maximum),
-                    step=0.0,
-                )
-            ]
-    if isinstance(default, float) and not number_or_word:
+    name, kind = specification.name, specification.kind
+    if kind == "float":
         _whole_number_too(node, name)
     try:
-        value = node.declare_parameter(name, default, descriptor).value
+        value = node.declare_parameter(name, specification.default, _descriptor(specification))
     except (InvalidParameterTypeException, InvalidParameterValueException) as error:
         given = node._parameter_overrides[name].value  # rclpy's errors do not carry it
-        allowed = _allowed(default, minimum, maximum)
-        raise ValueError(f"parameter {name} = {given!r} is not {allowed}") from error
-    if choices and value not in choices:
-        raise ValueError(f"parameter {name} = {value!r} is not one of {', '.join(choices)}")
-    return value
+        raise ValueError(f"parameter {name} = {given!r} is not {specification.allowed}") from error
+    if specification.choices:
+        specification.checked(value.value)
+    _declared.setdefault(node, {})[name] = specification
+    return value.value
+
+
+def declared(node: Node) -> Mapping[str, ParameterSpecification]:
+    """Return what a node has declared here, by name."""
+    return _declared.get(node, {})
+
+
+def _descriptor(specification: ParameterSpecification) -> ParameterDescriptor:
+    """The same in ROS's own terms."""
+    unit = specification.unit_text
+    descriptor = ParameterDescriptor(
+        description=specification.description + (f" [{unit}]" if unit else ""),
+        read_only=specification.read_only,
+    )
+    if specification.choices:
+        descriptor.additional_constraints = "one of: " + ", ".join(specification.choices)
+    low, high = specification.minimum, specification.maximum
+    if specification.kind == "auto":
+        descriptor.dynamic_typing = True
+        descriptor.additional_constraints = specification.allowed
+    elif low is None and high is None:
+        return descriptor
+    elif specification.kind == "int":
+        descriptor.integer_range = [
+            IntegerRange(
+                from_value=-(2**63) if low is None else int(low),
+                to_value=2**63 - 1 if high is None else int(high),
+                step=1,
+            )
+        ]
+    elif specification.kind == "float":
+        descriptor.floating_point_range = [
+            FloatingPointRange(
+                from_value=float("-inf") if low is None else float(low),
+                to_value=float("inf") if high is None else float(high),
+                step=0.0,
+            )
+        ]
+    return descriptor
 
 
 def _whole_number_too(node: Node, name: str) -> None:
@@ -91,17 +121,3 @@ def _whole_number_too(node: Node, name: str) -> None:
     given = node._parameter_overrides.get(name)
     if given is not None and given.type_ == Parameter.Type.INTEGER:
         node._parameter_overrides[name] = Parameter(name, value=float(given.value))
-
-
-def _allowed(default: Any, minimum: float | None, maximum: float | None) -> str:
-    """Return in words what a parameter may be."""
-    if isinstance(default, bool):
-        return "true or false"
-    if isinstance(default, str):
-        return "a text"
-    if not isinstance(default, (int, float)):
-        return "a list of values like " + repr(list(default))
-    word = "an integer" if isinstance(default, int) else "a number with a decimal point"
-    low = "" if minimum is None else f" from {minimum:g}"
-    high = "" if maximum is None else f" to {maximum:g}"
-    return word + low + high

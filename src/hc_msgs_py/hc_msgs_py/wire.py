@@ -19,23 +19,19 @@ from numpy.typing import NDArray
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message
 
+from hc_msgs_py.cdr import (
+    ENCAPSULATION,
+    FRAME_LENGTH_OFFSET,
+    FRAME_OFFSET,
+    LITTLE_ENDIAN,
+    NUMBERS,
+    aligned,
+)
 from hc_msgs_py.conversion import Sample, sample_from_message
 from hc_msgs_py.topics import FRAME_INDENTER_TIP
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
-ENCAPSULATION = bytes((0, 1, 0, 0))
-"""Plain CDR, little-endian: what every DDS on this kind of machine sends."""
-
-_FORMATS = {
-    "boolean": "?",
-    "uint8": "B",
-    "uint32": "I",
-    "uint64": "Q",
-    "double": "d",
-}
 _HEADER = "<4siII"  # encapsulation, sec, nanosec, length of frame_id with its closing zero
-_FRAME_LENGTH_START = struct.calcsize("<4siI")
-_LITTLE_ENDIAN = ENCAPSULATION[:2]  # the two option bytes that follow are free
 
 
 @functools.lru_cache(maxsize=64)
@@ -53,18 +49,20 @@ def stamped_layout(message_type: Any, frame_bytes: int) -> struct.Struct:
         ValueError: if the message has other parts.
     """
     layout = f"{_HEADER}{frame_bytes}s"
+    end = FRAME_OFFSET + frame_bytes
     fields = list(message_type.get_fields_and_field_types().items())
     if fields[0] != ("header", "std_msgs/Header"):
         raise ValueError(f"{message_type.__name__} does not begin with a std_msgs/Header")
     for name, kind in fields[1:]:
         element, _, count = kind.partition("[")
-        if element not in _FORMATS or count == "]":
+        if element not in NUMBERS or count == "]":
             raise ValueError(f"{message_type.__name__}.{name} is {kind}, which has no fixed place")
-        size = struct.calcsize(_FORMATS[element])
-        # CDR aligns every number to its own size, counted from the end of the encapsulation.
-        position = struct.calcsize(layout) - len(ENCAPSULATION)
-        layout += "x" * (-position % size)
-        layout += f"{size * int(count[:-1])}s" if count else _FORMATS[element]
+        code = NUMBERS[element]
+        size = struct.calcsize(f"<{code}")
+        length = size * (int(count[:-1]) if count else 1)
+        start = aligned(end, size)
+        layout += "x" * (start - end) + (f"{length}s" if count else code)
+        end = start + length
     return struct.Struct(layout)
 
 
@@ -261,10 +259,10 @@ class SampleDecoder:
         Raises:
             ValueError: if the bytes are no such message.
         """
-        if data[:2] != _LITTLE_ENDIAN:
+        if data[:2] != LITTLE_ENDIAN:
             return self._decode_other(data)
         # All but the first message have the frame of the one before.
-        if data[_FRAME_LENGTH_START : self._frame_end] != self._frame:
+        if data[FRAME_LENGTH_OFFSET : self._frame_end] != self._frame:
             return self._decode_other(data)
         try:
             _, sec, nanosec, _, _, sequence, displacement, force = self._unpack(data)
@@ -283,5 +281,5 @@ class SampleDecoder:
 
     def _expect(self, frame: bytes) -> None:
         self._frame = struct.pack("<I", len(frame)) + frame
-        self._frame_end = _FRAME_LENGTH_START + len(self._frame)
+        self._frame_end = FRAME_LENGTH_OFFSET + len(self._frame)
         self._unpack = stamped_layout(IndenterSample, len(frame)).unpack_from

@@ -6,6 +6,7 @@ thread's (pacing.py).
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import threading
 import time
@@ -19,7 +20,7 @@ from std_srvs.srv import SetBool
 
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, declare_specified
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_INDENTER
 from hc_sim_rig.drives import Teleoperation
@@ -96,17 +97,10 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 self.undeclare_parameter(name)
         known, self._setting_names = self._setting_names, list(self._rig.settings())
         for name, value in self._rig.settings().items():
-            limits = SETTINGS[name]
             if name in known:
                 continue
-            given[name] = declare(
-                self,
-                name,
-                value,
-                limits.about,
-                minimum=limits.minimum,
-                maximum=limits.maximum,
-                unit=limits.unit,
+            given[name] = declare_specified(
+                self, dataclasses.replace(SETTINGS[name].specification, default=value)
             )
         if not known:
             given["pause"] = declare(self, "pause", False, "let the motion come to rest")

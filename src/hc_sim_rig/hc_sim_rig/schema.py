@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import math
 import types
 import typing
 from collections.abc import Mapping
 from typing import Any, TypeVar, get_args, get_origin
 
 import numpy as np
+
+from hc_msgs_py.specification import ParameterSpecification
 
 S = TypeVar("S", bound="Section")
 
@@ -42,19 +43,32 @@ def number(
         unit: unit, for error messages and the documentation.
         about: one phrase for the documentation.
     """
-    metadata = {"minimum": minimum, "maximum": maximum, "above": above, "unit": unit}
-    metadata["about"] = about
-    if default is None:
-        return dataclasses.field(metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
+    return _field(
+        ParameterSpecification(
+            "", "float", default, about, minimum=minimum, maximum=maximum, above=above, unit=unit
+        )
+    )
 
 
 def word(default: str | None, *choices: str, about: str = "") -> Any:
     """Field for one of several words."""
-    metadata = {"choices": choices, "about": about}
-    if default is None:
+    return _field(ParameterSpecification("", "str", default, about, choices=choices))
+
+
+def _field(specification: ParameterSpecification) -> Any:
+    metadata = {"specification": specification}
+    if specification.default is None:
         return dataclasses.field(metadata=metadata)
-    return dataclasses.field(default=default, metadata=metadata)
+    return dataclasses.field(default=specification.default, metadata=metadata)
+
+
+def specification_of(field: dataclasses.Field[Any]) -> ParameterSpecification | None:
+    """What a field of a section may be; None for a section, a list or a plain text or flag."""
+    given: ParameterSpecification | None = field.metadata.get("specification")
+    if given is None:
+        return None
+    whole = given.kind == "float" and field.type in ("int", int)
+    return dataclasses.replace(given, name=field.name, kind="int" if whole else given.kind)
 
 
 def section(factory: Any = dataclasses.MISSING, about: str = "") -> Any:
@@ -76,44 +90,17 @@ class Section:
         """
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if "minimum" in field.metadata:
-                _check_number(field, value)
-            elif "choices" in field.metadata:
-                choices = field.metadata["choices"]
-                if value not in choices:
+            specification = specification_of(field)
+            if specification is not None:
+                fraction = specification.kind == "int" and isinstance(value, (float, np.floating))
+                if fraction or specification.accepted(value) is None:
                     raise ScenarioError(
-                        f"{field.name} is {value!r}, must be one of {', '.join(choices)}"
+                        f"{field.name} is {_short(value)}, must be {specification.allowed}"
                     )
             elif field.type in ("bool", bool) and not isinstance(value, bool):
                 raise ScenarioError(f"{field.name} is {value!r}, must be true or false")
             elif field.type in ("str", str) and not isinstance(value, str):
                 raise ScenarioError(f"{field.name} is {value!r}, must be a text")
-
-
-def _is_finite(value: Any) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number of more digits than any range has
-        return False
-
-
-def _check_number(field: dataclasses.Field[Any], value: Any) -> None:
-    """Check one number against its range."""
-    whole = field.type in ("int", int)
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    if isinstance(value, bool) or not isinstance(value, kinds) or not _is_finite(value):
-        raise ScenarioError(
-            f"{field.name} is {value!r}, must be a {'whole' if whole else 'finite'} number"
-        )
-    limits = field.metadata
-    above = limits["above"]
-    low = limits["minimum"] if above is None else above
-    if value > limits["maximum"] or value < low or (above is not None and value == above):
-        unit = f" {limits['unit']}" if limits["unit"] else ""
-        bracket = "[" if above is None else "("
-        raise ScenarioError(
-            f"{field.name} is {value:g}, must be in {bracket}{low:g}, {limits['maximum']:g}]{unit}"
-        )
 
 
 def build(kind: type[S], data: Any, path: str = "") -> S:
@@ -163,6 +150,47 @@ def build(kind: type[S], data: Any, path: str = "") -> S:
         raise ScenarioError(f"{prefix}{error}") from None
 
 
+def json_schema(kind: type[Section]) -> dict[str, Any]:
+    """What `build` takes for a section, as a JSON schema (draft 2020-12), for editors."""
+    hints = typing.get_type_hints(kind)
+    properties, required = {}, []
+    for field in dataclasses.fields(kind):
+        specification = specification_of(field)
+        if specification is not None:
+            schema = specification.json_schema()
+            if type(None) in get_args(hints[field.name]):
+                schema = {"anyOf": [schema, {"type": "null"}]}
+        else:
+            schema = _schema_of_type(hints[field.name])
+            about = field.metadata.get("about")
+            schema |= {"description": about} if about else {}
+        properties[field.name] = schema
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            required.append(field.name)
+    whole: dict[str, Any] = {
+        "type": "object",
+        "properties": properties,
+        "additionalProperties": False,
+    }
+    if not hasattr(kind, "PRESETS"):  # a preset gives what is not named
+        whole["required"] = required
+    return whole
+
+
+def _schema_of_type(hint: Any) -> dict[str, Any]:
+    """The same of a field without a specification: sections, lists, texts and flags."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        return {"anyOf": [_schema_of_type(option) for option in arguments]}
+    if origin is tuple:
+        return {"type": "array", "items": _schema_of_type(arguments[0])}
+    if isinstance(hint, type) and issubclass(hint, Section):
+        return json_schema(hint)
+    names = {str: "string", bool: "boolean", int: "integer", float: "number", dict: "object"}
+    names |= {type(None): "null"}
+    return {"type": names[hint]} if hint in names else {}
+
+
 def _convert(hint: Any, value: Any, where: str) -> Any:
     """Turn plain YAML data into what a field's type asks for; scalars are checked later."""
     origin = get_origin(hint)
@@ -199,7 +227,7 @@ def _convert_variant(kinds: list[type[Section]], value: Any, where: str) -> Sect
         for kind in kinds
         for field in dataclasses.fields(kind)
         if field.name == "kind"
-        for name in field.metadata["choices"]
+        for name in field.metadata["specification"].choices
     }
     name = value.get("kind")
     if not isinstance(name, str) or name not in by_name:

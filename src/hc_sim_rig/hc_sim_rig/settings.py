@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from hc_msgs_py.specification import ParameterSpecification
 from hc_sim_rig.drives import Teleoperation
 from hc_sim_rig.layout import (
     TUNE_AMPLITUDE,
@@ -25,33 +26,52 @@ from hc_sim_rig.schema import ScenarioError
 
 
 class Setting(NamedTuple):
-    """A setting that may change while the rig runs."""
+    """A setting that may change while the rig runs.
+
+    Attributes:
+        row: its place in what the kernels read.
+        specification: what it may be; its default is that of the scenario.
+    """
 
     row: int
-    minimum: float
-    maximum: float
-    unit: str
-    about: str
+    specification: ParameterSpecification
 
 
-SETTINGS: Mapping[str, Setting] = {
-    "speed": Setting(TUNE_SPEED, 0.0, 10.0, "1", "pace of the motion; 0 stands still"),
-    "amplitude": Setting(TUNE_AMPLITUDE, 0.0, 10.0, "1", "scale of the motion or the force"),
-    "displacement_noise_std_mm": Setting(
-        TUNE_DISPLACEMENT_NOISE, 0.0, 1e3, "mm", "noise of the displacement sensor"
+def _settings(
+    *rows: tuple[str, int, float, float, str, str],
+) -> dict[str, Setting]:
+    return {
+        name: Setting(
+            row,
+            ParameterSpecification(
+                name, "float", 0.0, about, minimum=minimum, maximum=maximum, unit=unit
+            ),
+        )
+        for name, row, minimum, maximum, unit, about in rows
+    }
+
+
+SETTINGS: Mapping[str, Setting] = _settings(
+    ("speed", TUNE_SPEED, 0.0, 10.0, "1", "pace of the motion; 0 stands still"),
+    ("amplitude", TUNE_AMPLITUDE, 0.0, 10.0, "1", "scale of the motion or the force"),
+    (
+        "displacement_noise_std_mm",
+        TUNE_DISPLACEMENT_NOISE,
+        0.0,
+        1e3,
+        "mm",
+        "noise of the displacement sensor",
     ),
-    "force_noise_std_n": Setting(TUNE_FORCE_NOISE, 0.0, 1e3, "N", "noise of the force sensor"),
-    "tissue_scale": Setting(TUNE_TISSUE_SCALE, 0.0, 1e3, "1", "factor on the tissue's forces"),
-    "stiffness": Setting(TUNE_STIFFNESS, 0.0, 1e6, "N/mm^n", "tissue parameter K"),
-    "damping": Setting(TUNE_DAMPING, 0.0, 1e6, "N (s/mm)^p / mm^n", "tissue parameter B"),
-    "displacement_exponent": Setting(
-        TUNE_DISPLACEMENT_EXPONENT, 0.2, 6.0, "1", "tissue parameter n"
-    ),
-    "velocity_exponent": Setting(TUNE_VELOCITY_EXPONENT, 0.1, 3.0, "1", "tissue parameter p"),
-    "feedback_gain": Setting(TUNE_FEEDBACK_GAIN, 0.0, 1e3, "1", "k_f of the master's controller"),
-    "forward_delay_s": Setting(TUNE_FORWARD_DELAY, 0.0, 2.0, "s", "delay from master to slave"),
-    "backward_delay_s": Setting(TUNE_BACKWARD_DELAY, 0.0, 2.0, "s", "delay from slave to master"),
-}
+    ("force_noise_std_n", TUNE_FORCE_NOISE, 0.0, 1e3, "N", "noise of the force sensor"),
+    ("tissue_scale", TUNE_TISSUE_SCALE, 0.0, 1e3, "1", "factor on the tissue's forces"),
+    ("stiffness", TUNE_STIFFNESS, 0.0, 1e6, "N/mm^n", "tissue parameter K"),
+    ("damping", TUNE_DAMPING, 0.0, 1e6, "N (s/mm)^p / mm^n", "tissue parameter B"),
+    ("displacement_exponent", TUNE_DISPLACEMENT_EXPONENT, 0.2, 6.0, "1", "tissue parameter n"),
+    ("velocity_exponent", TUNE_VELOCITY_EXPONENT, 0.1, 3.0, "1", "tissue parameter p"),
+    ("feedback_gain", TUNE_FEEDBACK_GAIN, 0.0, 1e3, "1", "k_f of the master's controller"),
+    ("forward_delay_s", TUNE_FORWARD_DELAY, 0.0, 2.0, "s", "delay from master to slave"),
+    ("backward_delay_s", TUNE_BACKWARD_DELAY, 0.0, 2.0, "s", "delay from slave to master"),
+)
 
 _EVERYWHERE = ("speed", "amplitude", "displacement_noise_std_mm", "force_noise_std_n")
 _HUNT_CROSSLEY = (
@@ -94,9 +114,6 @@ def check_settings(scenario: Scenario, values: Mapping[str, float]) -> None:
     for name, value in values.items():
         if name not in known:
             raise ScenarioError(f"this scenario has no setting {name!r}; known: {', '.join(known)}")
-        limits = known[name]
-        if not limits.minimum <= value <= limits.maximum:
-            raise ScenarioError(
-                f"{name} is {value:g}, must be in [{limits.minimum:g}, {limits.maximum:g}] "
-                f"{limits.unit}"
-            )
+        specification = known[name].specification
+        if specification.accepted(value) is None:
+            raise ScenarioError(f"{name} is {value:g}, must be {specification.allowed}")

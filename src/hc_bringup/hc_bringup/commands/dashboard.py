@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 
+from hc_bringup.errors import UserError
 from hc_bringup.options import port_number
 
 HELP = "live page in a browser: what is felt, how sure, and what happens"
+HOW_TO_INSTALL = "the live page needs aiohttp: pip install hc-suite[dashboard]"
+
+
+def is_installed() -> bool:
+    """Whether the live page can be served here."""
+    return importlib.util.find_spec("aiohttp") is not None
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -60,7 +68,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the command."""
+    """Run the command.
+
+    Raises:
+        UserError: if the server's library is not installed.
+    """
+    if not is_installed():
+        raise UserError(HOW_TO_INSTALL)
     from hc_bringup.dashboard.node import DashboardNode
     from hc_bringup.dashboard.security import TOKEN_VARIABLE, new_token
     from hc_msgs_py.node_main import run_node

@@ -78,8 +78,9 @@ def _record(
     """Record wrenches (time, force, torque) and attitudes (time, quaternion)."""
     from geometry_msgs.msg import WrenchStamped
 
-    from hc_bringup.graph import absolute, message_class
+    from hc_bringup.graph import absolute
     from hc_bringup.robot_streams import POSITIONS
+    from hc_msgs_py.interface_class import interface_class
     from hc_msgs_py.qos import SAMPLE_QOS
     from hc_msgs_py.units import nanoseconds_from_stamp
 
@@ -108,7 +109,7 @@ def _record(
 
     node = graph.node
     node.create_subscription(WrenchStamped, force, take_wrench, SAMPLE_QOS)
-    node.create_subscription(message_class(type_name), pose, take_pose, SAMPLE_QOS)
+    node.create_subscription(interface_class(type_name), pose, take_pose, SAMPLE_QOS)
     graph.wait_for(lambda: bool(wrenches and poses))
     if arguments.yes:
         print("recording; go from attitude to attitude and rest a second in each", flush=True)

@@ -90,7 +90,10 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
     if _wants_page(arguments):
-        plan = with_dashboard(plan, arguments)
+        if dashboard.is_installed():
+            plan = with_dashboard(plan, arguments)
+        else:
+            print(dashboard.HOW_TO_INSTALL, file=sys.stderr)
     with Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display:
         state = Runner(plan, display.show).run()
     names = [node.name for node in plan.nodes]

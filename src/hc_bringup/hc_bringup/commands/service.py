@@ -68,13 +68,16 @@ def _call(graph: Any, arguments: argparse.Namespace) -> int:
     """Print the answer; status 1 where it says that the service did not succeed."""
     from hc_bringup.message_text import as_yaml
     from hc_bringup.message_values import fill
-    from hc_bringup.service_calls import Client, require_service, service_class
+    from hc_bringup.service_calls import Client, require_service
+    from hc_msgs_py.interface_class import interface_class
 
     type_name, values = _split(arguments.words)
     name, found = require_service(graph, arguments.service)
-    if type_name is not None and service_class(type_name) is not service_class(found):
+    if type_name is not None and interface_class(type_name, "srv") is not interface_class(
+        found, "srv"
+    ):
         raise UserError(f"{name} is a {found}, not a {type_name}", WRONG_USE)
-    kind = service_class(found)
+    kind = interface_class(found, "srv")
     request = kind.Request()
     fill(request, values)
     answer = Client(graph, kind, name).call(request, arguments.timeout)

@@ -70,8 +70,9 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _echo(arguments: argparse.Namespace) -> int:
-    from hc_bringup.graph import Graph, absolute, message_class
+    from hc_bringup.graph import Graph, absolute
     from hc_bringup.message_text import as_csv, as_yaml, field
+    from hc_msgs_py.interface_class import interface_class
 
     with Graph() as graph:
         if arguments.type is None:
@@ -80,7 +81,7 @@ def _echo(arguments: argparse.Namespace) -> int:
             topic, type_name = absolute(arguments.topic), arguments.type
         received: deque[Any] = deque()
         graph.node.create_subscription(
-            message_class(type_name),
+            interface_class(type_name),
             topic,
             lambda message: received.append(message),
             matching_qos(graph, topic),
@@ -105,13 +106,14 @@ def _echo(arguments: argparse.Namespace) -> int:
 
 
 def _hz(arguments: argparse.Namespace) -> int:
-    from hc_bringup.graph import Graph, message_class
+    from hc_bringup.graph import Graph
+    from hc_msgs_py.interface_class import interface_class
 
     with Graph() as graph:
         topic, type_name = graph.require_topic(arguments.topic)
         arrivals: deque[float] = deque(maxlen=max(2, arguments.window))
         graph.node.create_subscription(
-            message_class(type_name),
+            interface_class(type_name),
             topic,
             lambda _: arrivals.append(time.monotonic()),
             matching_qos(graph, topic),

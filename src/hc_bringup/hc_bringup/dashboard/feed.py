@@ -28,8 +28,8 @@ from hc_bringup.dashboard.parsing import RecordParser
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
 from hc_bringup.explanation import BackgroundExplainer, RecentMotion
-from hc_logger.errors import UnknownTypeError
 from hc_msgs_py.conversion import configuration_from_message
+from hc_msgs_py.interface_class import UnknownInterfaceError
 from hc_msgs_py.topics import (
     CONFIGURATION,
     CONTACTS,
@@ -205,7 +205,7 @@ class Feed:
         if wanted and name not in self._acquired:
             try:
                 self._taps.acquire(topic, type_name, take, depth=depth, local=False)
-            except UnknownTypeError as error:
+            except UnknownInterfaceError as error:
                 self._node.get_logger().warning(str(error))
                 return
             self._acquired[name] = (topic, take, depth)

@@ -12,7 +12,7 @@ from hc_bringup.dashboard.foxglove import Channel, FoxgloveServer
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Take, Taps
 from hc_logger.definitions import installed_definition
-from hc_logger.errors import UnknownTypeError
+from hc_msgs_py.interface_class import UnknownInterfaceError
 
 LOOK_PERIOD_S: Final = 1.0
 LEFT_OUT: Final = ("/parameter_events", "/rosout")
@@ -63,7 +63,7 @@ class FoxgloveTopics:
                 continue
             try:
                 schema = installed_definition(types[0]).text
-            except UnknownTypeError:
+            except UnknownInterfaceError:
                 self._unknown.add(types[0])  # a type of others that is not installed here
                 continue
             number = self._numbers.setdefault((topic, types[0]), len(self._numbers) + 1)

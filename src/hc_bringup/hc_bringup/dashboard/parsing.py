@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from hc_bringup.dashboard.taps import Arrival
 from hc_logger.definitions import installed_definition
-from hc_logger.layout import ENCAPSULATION, FRAME_LENGTH_OFFSET, record_dtype, stamps
+from hc_logger.layout import record_dtype, stamps
+from hc_msgs_py.cdr import ENCAPSULATION, FRAME_LENGTH_OFFSET
 
 _LENGTH: Final = struct.Struct("<I")
 

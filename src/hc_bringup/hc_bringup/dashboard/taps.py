@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from hc_logger.message_class import message_class
+from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import STREAM_DEPTH
 
 MOST_AT_ONCE: Final = 4000
@@ -70,7 +70,7 @@ class Taps:
             local: whether its publishers keep messages for who comes late; None looks.
 
         Raises:
-            hc_logger.errors.UnknownTypeError: if the type is not installed.
+            hc_msgs_py.interface_class.UnknownInterfaceError: if the type is not installed.
         """
         tap = self._taps.get((topic, depth))
         if tap is None:
@@ -85,7 +85,7 @@ class Taps:
                 ),
             )
             subscription = self._node.create_subscription(
-                message_class(type_name), topic, _never_called, profile, raw=True
+                interface_class(type_name), topic, _never_called, profile, raw=True
             )
             tap = _Tap(subscription, deque(maxlen=LATCHED) if local else None)
             self._taps[topic, depth] = tap

@@ -11,13 +11,20 @@ import importlib.metadata
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hc_estimator import recovery
 from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
+from hc_estimator.multiple_model import knowledge
 from hc_estimator.screening import CLOCK_FIELDS
 from hc_estimator.specification import ParameterSpecification, ParameterValue
+
+Tell = Callable[[Mapping[str, Any]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Take = Callable[[dict[str, Any], NDArray[np.float64], NDArray[np.float64]], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,10 +43,15 @@ class FilterEntry:
         state_spaces: state spaces that it combines with.
         contact_models: contact models that it combines with.
         without: parameters of the state space that it does not use.
-        memory: fields of its memory where it has one of its own; None: that of the plain filters.
+        memory: fields of its memory where it has one of its own, a record `clock` of
+            screening.CLOCK_FIELDS among them; None: that of the plain filters.
         initialise: compiled function that sets its memory before any sample, if it has its own.
         set_noise: compiled function that takes the noise levels of the settings, if so.
         take_settings: compiled function that takes other changed settings into the memory, if any.
+        tell: of a memory of its own, as plain data, the state (7,) and covariance (7, 7) for a
+            change of filter; None: the other one gets means and deviations only.
+        take: puts a state and a covariance into such a memory, in the other direction.
+        own_beginning: True if it takes means and deviations only, as first guess in its settings.
     """
 
     run: Callable[..., None]
@@ -56,6 +68,9 @@ class FilterEntry:
     initialise: Callable[..., None] | None = None
     set_noise: Callable[..., None] | None = None
     take_settings: Callable[..., None] | None = None
+    tell: Tell | None = None
+    take: Take | None = None
+    own_beginning: bool = False
 
 
 # First guess and tempering with which, from one setting, `ukf` and its kin found six tissues with K
@@ -110,6 +125,8 @@ FILTERS: dict[str, FilterEntry] = {
         initialise=self_tuning_ukf.initialise,
         set_noise=self_tuning_ukf.set_noise,
         take_settings=self_tuning_ukf.take_settings,
+        tell=knowledge.tell,
+        take=knowledge.take,
     ),
     "ukf": FilterEntry(
         run=ukf.run,
@@ -155,6 +172,7 @@ FILTERS: dict[str, FilterEntry] = {
         fixed={"tempering_amplitude": 0.0},
         state_spaces=("kinematic",),
         contact_models=("hunt_crossley",),
+        own_beginning=True,
     ),
     "sir_pf": FilterEntry(
         run=sir_pf.run,
@@ -211,6 +229,7 @@ FILTERS: dict[str, FilterEntry] = {
         state_spaces=("kinematic",),
         contact_models=("hunt_crossley",),
         particle_columns=rbpf.COLUMNS,
+        own_beginning=True,
     ),
 }
 

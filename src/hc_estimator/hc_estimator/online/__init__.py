@@ -2,5 +2,5 @@
 
 Modules: session (one estimator under a stream, with its configuration's revisions), vocabulary
 (what a session says and counts), contacts (one summary for each contact), handover (from one
-estimator to another), histogram (durations without allocation), state_file (saving and loading).
+estimator to another), state_file (saving and loading).
 """

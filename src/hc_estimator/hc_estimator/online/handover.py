@@ -15,20 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.estimator import Estimator, create_estimator
-from hc_estimator.multiple_model.hypotheses import (
-    ACCELERATION,
-    DEPTH,
-    FIRST_PARAMETER,
-    FRESH,
-    LAST_PARAMETER,
-    VELOCITY,
-)
+from hc_estimator.filters.registry import FILTERS, FilterEntry
+from hc_estimator.multiple_model.knowledge import keep
 
 _CLOCK = ("started", "accepted", "last_time", "channel_time", "period")
 _STAMPS = ("state_time", "force_time")  # at the last sample, whatever delay was allowed for
-_OWN_BEGINNING = ("rls", "rbpf")
-_ROW = [DEPTH, VELOCITY, ACCELERATION, *range(FIRST_PARAMETER, LAST_PARAMETER)]
-"""Where a row of the bank has the states of a plain filter, in their order."""
 _THIRD = 2  # position of what the state spaces do not share: acceleration, or force
 _LOGARITHMIC = (3, 4)  # positions of K and B, which are logarithms in the kinematic state space
 _SMALLEST = 1e-9  # K and B below this have no logarithm worth taking over
@@ -49,8 +40,8 @@ def hand_over(source: Estimator, target: Estimator) -> Estimator:
 
     Returns:
         The estimator to go on with: the target, or one like it whose first guess is the estimate.
-        A filter that makes its own beginning (`rls`, `rbpf`) takes means and deviations over that
-        way, without their correlations.
+        A filter that makes its own beginning (`rls`, `rbpf`), and one with a memory of its own that
+        cannot tell or take, gets means and deviations that way, without their correlations.
 
     Raises:
         ValueError: if the contact models differ.
@@ -62,21 +53,23 @@ def hand_over(source: Estimator, target: Estimator) -> Estimator:
         )
     if target.filter == source.filter and target.state_space == source.state_space:
         return _continued(source, target)
-    if target.filter in _OWN_BEGINNING:
+    giver, taker = FILTERS[source.filter], FILTERS[target.filter]
+    if not (_tells(giver) and _takes(taker)):
         return _guessing(source, target)
     before, after = source.state()["memory"], target.state()
     memory = after["memory"]
-    taken = _Knowledge(*_known(before), source.state_space).seen_in(target.state_space)
-    if "rows" in memory:
-        _give_to_bank(memory, taken)
+    known = giver.tell(before) if giver.tell else _plain(before)
+    state, covariance = _converted(*known, source.state_space, target.state_space)
+    if taker.take:
+        taker.take(memory, state, covariance)
     else:
         if source.state_space != target.state_space:
             variance = memory["covariance"][_THIRD][_THIRD]
-            _keep(taken, _THIRD, memory["state"][_THIRD], variance)
+            keep(state, covariance, _THIRD, memory["state"][_THIRD], variance)
         for i, variance in enumerate(memory["prior_variance"], start=3):
             if variance == 0.0:
-                _keep(taken, i, memory["state"][i], 0.0)
-        memory["state"], memory["covariance"] = taken.state.tolist(), taken.covariance.tolist()
+                keep(state, covariance, i, memory["state"][i], 0.0)
+        memory["state"], memory["covariance"] = state.tolist(), covariance.tolist()
         if "tempering_count" in before:
             memory["tempering_count"] = before["tempering_count"]
     old, new = before.get("clock", before), memory.get("clock", memory)
@@ -87,48 +80,19 @@ def hand_over(source: Estimator, target: Estimator) -> Estimator:
     return target
 
 
-class _Knowledge:
-    """State (7,) and covariance (7, 7) in a state space."""
-
-    def __init__(
-        self, state: NDArray[np.float64], covariance: NDArray[np.float64], state_space: str
-    ) -> None:
-        self.state, self.covariance, self.state_space = state, covariance, state_space
-
-    def seen_in(self, state_space: str) -> _Knowledge:
-        """Return the same in another state space, to first order."""
-        return _Knowledge(
-            *_converted(self.state, self.covariance, self.state_space, state_space), state_space
-        )
+def _tells(entry: FilterEntry) -> bool:
+    """Whether state and covariance can be read from a filter's memory."""
+    return entry.memory is None or entry.tell is not None
 
 
-def _known(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return state (7,) and covariance (7, 7); of a bank those of the row that is given out."""
-    if "rows" not in memory:
-        return np.array(memory["state"]), np.array(memory["covariance"])
-    row = memory["rows"][FRESH if memory["change"]["leads"] else memory["judge"]["chosen"]]
-    return np.array(row["state"])[_ROW], np.array(row["covariance"])[np.ix_(_ROW, _ROW)]
+def _takes(entry: FilterEntry) -> bool:
+    """Whether a filter can begin with a state and a covariance."""
+    return not entry.own_beginning and (entry.memory is None or entry.take is not None)
 
 
-def _keep(taken: _Knowledge, i: int, value: float, variance: float) -> None:
-    """Leave one state as it is where it goes to, without ties to the others."""
-    taken.state[i] = value
-    taken.covariance[i, :] = taken.covariance[:, i] = 0.0
-    taken.covariance[i, i] = variance
-
-
-def _give_to_bank(memory: dict[str, Any], taken: _Knowledge) -> None:
-    """Begin every row with what is known; the motion, which is found at once, begins anew."""
-    memory["guessed"] = memory["motion_anew"] = 1
-    for row in memory["rows"]:
-        given = _Knowledge(taken.state.copy(), taken.covariance.copy(), taken.state_space)
-        for i, place in enumerate(_ROW[3:], start=3):
-            if row["covariance"][place][place] == 0.0:  # held fixed
-                _keep(given, i, row["state"][place], 0.0)
-        for i, place in enumerate(_ROW):
-            row["state"][place] = float(given.state[i])
-            for j, other in enumerate(_ROW):
-                row["covariance"][place][other] = float(given.covariance[i, j])
+def _plain(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return state (7,) and covariance (7, 7) of a filter with the memory of all."""
+    return np.array(memory["state"]), np.array(memory["covariance"])
 
 
 def _continued(source: Estimator, target: Estimator) -> Estimator:

@@ -15,7 +15,6 @@ from hc_estimator.estimate import Estimate, Rejection
 from hc_estimator.estimator import Estimator
 from hc_estimator.input.stream_guard import Break, StreamGuard, StreamSample
 from hc_estimator.online.contacts import ContactSummary, ContactTracker
-from hc_estimator.online.histogram import DurationHistogram
 from hc_estimator.online.vocabulary import (
     Cause,
     Counters,
@@ -25,6 +24,7 @@ from hc_estimator.online.vocabulary import (
     Revision,
     SessionSettings,
 )
+from hc_msgs_py.histogram import DurationHistogram
 
 
 class EstimationSession:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from typing import Any
-
 from hc_estimator.input.mapping import AXES
 from hc_estimator.online.vocabulary import SessionSettings
+from hc_msgs_py.specification import ParameterSpecification, setting
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
 MISSING_READINGS = "missing_readings"
@@ -53,78 +50,44 @@ READING = frozenset(
 """Settings that say how a sensor is read: what was learnt with others belongs to other readings."""
 
 
-@dataclasses.dataclass(frozen=True)
-class NodeSetting:
-    """One setting of the node; its type is that of the default."""
-
-    name: str
-    default: Any
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] = ()
-    unit: str = ""
-    read_only: bool = False
-
-    def check(self, value: Any) -> None:
-        """Refuse a word that is no choice and a number that is not finite or out of range.
-
-        Raises:
-            ValueError: names the parameter, its value and what is allowed.
-        """
-        if self.choices and value not in self.choices:
-            raise ValueError(
-                f"parameter {self.name} = {value!r} is not one of {', '.join(self.choices)}"
-            )
-        if isinstance(self.default, (int, float)) and not isinstance(self.default, bool):
-            low = -math.inf if self.minimum is None else self.minimum
-            high = math.inf if self.maximum is None else self.maximum
-            if not (math.isfinite(value) and low <= value <= high):
-                unit = f" {self.unit}" if self.unit else ""
-                raise ValueError(
-                    f"parameter {self.name} = {value!r} is not a number from {low:g} to "
-                    f"{high:g}{unit}"
-                )
-
-
-def _table(*settings: NodeSetting) -> dict[str, NodeSetting]:
+def _table(*settings: ParameterSpecification) -> dict[str, ParameterSpecification]:
     return {s.name: s for s in settings}
 
 
 def _sensor_settings(
     sensor: str, topic: str, zero: str, unit: str, message: str
-) -> tuple[NodeSetting, ...]:
+) -> tuple[ParameterSpecification, ...]:
     """Return what both sensors have: topic, axis, direction, sign, scale, zero, time offset."""
     name = f"input.{sensor}"
     return (
-        NodeSetting(f"{name}.topic", topic, f"Topic of the {sensor} sensor, {message}."),
-        NodeSetting(
+        setting(f"{name}.topic", topic, f"Topic of the {sensor} sensor, {message}."),
+        setting(
             f"{name}.axis",
             "z",
             f"Component of the sensor's vector that is the {sensor}; direction: see there.",
             choices=AXES,
         ),
-        NodeSetting(
+        setting(
             f"{name}.direction",
             [0.0, 0.0, 1.0],
             "Direction in the sensor's frame, of any length, for axis direction.",
         ),
-        NodeSetting(
+        setting(
             f"{name}.sign",
             1,
             "1 or -1: penetration and compression are to be positive.",
             minimum=-1,
             maximum=1,
         ),
-        NodeSetting(
+        setting(
             f"{name}.scale",
             1.0,
             "Factor of the reading, for a sensor that does not speak SI (m per rad of a joint).",
             minimum=1e-9,
             maximum=1e9,
         ),
-        NodeSetting(f"{name}.zero", 0.0, f"{zero}.", minimum=-1e6, maximum=1e6, unit=unit),
-        NodeSetting(
+        setting(f"{name}.zero", 0.0, f"{zero}.", minimum=-1e6, maximum=1e6, unit=unit),
+        setting(
             f"{name}.time_offset",
             0.0,
             "Added to the stamps, to make up for a delay of this sensor.",
@@ -136,13 +99,13 @@ def _sensor_settings(
 
 
 NODE_SETTINGS = _table(
-    NodeSetting(
+    setting(
         "carry_over",
         True,
         "A change of filter, state_space or contact_model keeps the parameters and their "
         "covariance; false starts afresh.",
     ),
-    NodeSetting(
+    setting(
         "input.source",
         "sample",
         "sample: the topic indenter/sample; sensors: a force and a position sensor of one's own.",
@@ -162,68 +125,68 @@ NODE_SETTINGS = _table(
         "mm",
         "the type that input.position.type says",
     ),
-    NodeSetting(
+    setting(
         "input.position.type",
         "joint",
         "joint: sensor_msgs/JointState; pose: geometry_msgs/PoseStamped; transform: "
         "geometry_msgs/TransformStamped.",
         choices=("joint", "pose", "transform"),
     ),
-    NodeSetting(
+    setting(
         "input.position.joint",
         "",
         "Name of the joint for type joint; empty takes the first one of the message.",
     ),
-    NodeSetting(
+    setting(
         "input.position.child_frame",
         "",
         "For type transform: only transforms of this child frame; empty takes all.",
     ),
-    NodeSetting(
+    setting(
         "input.contact.frame",
         "sensor",
         "sensor: depth and force along axes of their sensors; surface: along the normal of a "
         "surface, the wrench turned by the pose's attitude and freed of the payload's weight.",
         choices=("sensor", "surface"),
     ),
-    NodeSetting(
+    setting(
         "input.contact.point",
         [0.0, 0.0, 0.0],
         "A point of the surface in the base frame, that of the pose; its position.zero adds [m].",
     ),
-    NodeSetting(
+    setting(
         "input.contact.normal",
         [0.0, 0.0, 1.0],
         "Normal of the surface, out of the tissue, in the base frame; any length.",
     ),
-    NodeSetting(
+    setting(
         "input.contact.normal_from",
         "setting",
         "Where the normal comes from: setting: input.contact.normal; topic: the z axis of a pose; "
         "find_surface: the direction in which the tissue pushes during ~/find_surface.",
         choices=("setting", "topic", "find_surface"),
     ),
-    NodeSetting(
+    setting(
         "input.contact.topic",
         "surface_pose",
         "Topic of the surface's pose, geometry_msgs/PoseStamped: point and normal (z axis).",
     ),
-    NodeSetting(
+    setting(
         "input.tool.tip",
         [0.0, 0.0, 0.0],
         "Tip of the tool in the frame of the pose [m]; for contact frame surface.",
     ),
-    NodeSetting(
+    setting(
         "input.force.mounting",
         [0.0, 0.0, 0.0, 1.0],
         "Attitude of the force sensor in the frame of the pose, quaternion x, y, z, w.",
     ),
-    NodeSetting(
+    setting(
         "input.force.in_base",
         False,
         "The wrench comes in the base frame already (Franka's external wrench, say).",
     ),
-    NodeSetting(
+    setting(
         "input.payload.mass",
         0.0,
         "What hangs on the force sensor; `hc payload` identifies it.",
@@ -231,17 +194,17 @@ NODE_SETTINGS = _table(
         maximum=1000.0,
         unit="kg",
     ),
-    NodeSetting(
+    setting(
         "input.payload.force_bias",
         [0.0, 0.0, 0.0],
         "Reading of the force sensor without load, in its frame [N].",
     ),
-    NodeSetting(
+    setting(
         "input.gravity",
         [0.0, 0.0, -9.81],
         "Gravity in the base frame [m/s^2].",
     ),
-    NodeSetting(
+    setting(
         "input.pairing.maximum_wait",
         0.05,
         "A reading waits no longer than this for older ones of the other sensor; those that come "
@@ -250,7 +213,7 @@ NODE_SETTINGS = _table(
         maximum=10.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "input.pairing.reorder_window",
         0.0,
         "Every reading waits so long for messages that come out of order; adds to the latency.",
@@ -258,7 +221,7 @@ NODE_SETTINGS = _table(
         maximum=10.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "input.pairing.maximum_gap",
         0.1,
         "A reading further than this from any of the other sensor is dropped: one sensor alone "
@@ -267,12 +230,12 @@ NODE_SETTINGS = _table(
         maximum=10.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "input.publish_samples",
         True,
         "With source sensors: publish their readings on indenter/sample, to record and plot.",
     ),
-    NodeSetting(
+    setting(
         "input.silence_timeout",
         SessionSettings.silence_timeout_s,
         "Without a sample for so long the input counts as silent.",
@@ -280,7 +243,7 @@ NODE_SETTINGS = _table(
         maximum=3600.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "input.maximum_gap",
         SessionSettings.maximum_gap_s,
         "Stamps further ahead than this are a time jump and start the estimator afresh.",
@@ -288,7 +251,7 @@ NODE_SETTINGS = _table(
         maximum=1e6,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "input.maximum_backlog",
         1000,
         "When more samples wait, the node skips to the latest ones and counts the skipped.",
@@ -296,7 +259,7 @@ NODE_SETTINGS = _table(
         maximum=2000,
         unit="samples",
     ),
-    NodeSetting(
+    setting(
         "input.rejection_burst",
         SessionSettings.rejection_burst,
         "So many samples refused in a row are an event and a warning.",
@@ -304,7 +267,7 @@ NODE_SETTINGS = _table(
         maximum=1000000,
         unit="samples",
     ),
-    NodeSetting(
+    setting(
         "input.frozen_samples",
         SessionSettings.frozen_samples,
         "So many equal readings in a row are an event and a warning.",
@@ -312,7 +275,7 @@ NODE_SETTINGS = _table(
         maximum=1000000,
         unit="samples",
     ),
-    NodeSetting(
+    setting(
         "contact.minimum_duration",
         SessionSettings.contact_minimum_s,
         "Shorter touches are not reported.",
@@ -320,7 +283,7 @@ NODE_SETTINGS = _table(
         maximum=3600.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "contact.release_time",
         SessionSettings.contact_release_s,
         "The tool must be away so long for a contact to be over.",
@@ -328,40 +291,40 @@ NODE_SETTINGS = _table(
         maximum=3600.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "expected_sample_publishers",
         1,
         "Publishers of the input that ~/ready waits for.",
         minimum=0,
         maximum=1000,
     ),
-    NodeSetting(
+    setting(
         "expected_estimate_subscribers",
         0,
         "Subscribers of hc/estimate that ~/ready waits for.",
         minimum=0,
         maximum=1000,
     ),
-    NodeSetting(
+    setting(
         "tare.samples",
         500,
         "Samples that ~/tare takes the means of.",
         minimum=1,
         maximum=1000000,
     ),
-    NodeSetting(
+    setting(
         "tare.force",
         False,
         "Take zeros although the tool presses or moves: ~/tare and ~/find_surface refuse it "
         "otherwise.",
     ),
-    NodeSetting(
+    setting(
         "state.folder",
         "",
         "Folder for ~/save, ~/load and the state kept for a restart; empty switches these off.",
         read_only=True,
     ),
-    NodeSetting(
+    setting(
         "state.autosave_period",
         1.0,
         "The state is kept this often, so that a node that died goes on; 0 switches it off.",
@@ -369,7 +332,7 @@ NODE_SETTINGS = _table(
         maximum=3600.0,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "state.maximum_age",
         30.0,
         "A state that was kept longer ago is not gone on from at start.",
@@ -377,7 +340,7 @@ NODE_SETTINGS = _table(
         maximum=1e6,
         unit="s",
     ),
-    NodeSetting(
+    setting(
         "autostart",
         True,
         "Configure and activate at start; false leaves both to a lifecycle manager.",

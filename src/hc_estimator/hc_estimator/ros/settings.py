@@ -28,11 +28,10 @@ from hc_estimator.ros.node_settings import (
     CHOICE_NAMES,
     MISSING_READINGS,
     NODE_SETTINGS,
-    NodeSetting,
 )
 from hc_estimator.ros.settings_meaning import check_together
 from hc_msgs_py.node_main import NodeStartError
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, declare_specified
 
 
 class Kind(NamedTuple):
@@ -81,7 +80,7 @@ class Settings:
         for name, specification in self._specifications.items():
             _declare_specification(node, own.get(name, specification), self._users(name))
         for setting in NODE_SETTINGS.values():
-            _declare_setting(node, setting)
+            declare_specified(node, setting)
         self._refuse_unknown(given)
         self._given = set(given)
         self._filled: frozenset[str] = frozenset()
@@ -183,7 +182,7 @@ class Settings:
             for name, specification in self._specifications.items():
                 specification.checked(values[name])
             for name, setting in NODE_SETTINGS.items():
-                setting.check(values[name])
+                setting.checked(values[name])
             check_together(values)
         except ValueError as error:
             return str(error)
@@ -261,31 +260,7 @@ def _declare_specification(node: Node, given: ParameterSpecification, users: str
         description += f" Used by {users}."
     if not given.runtime:
         description += " Takes effect at the next reset."
-    declare(
-        node,
-        given.name,
-        given.default,
-        description,
-        minimum=given.minimum,
-        maximum=given.maximum,
-        choices=given.choices,
-        unit="" if given.unit == "1" else given.unit,
-        number_or_word=given.allowed if given.kind == "auto" else "",
-    )
-
-
-def _declare_setting(node: Node, setting: NodeSetting) -> None:
-    declare(
-        node,
-        setting.name,
-        setting.default,
-        setting.description,
-        minimum=setting.minimum,
-        maximum=setting.maximum,
-        choices=setting.choices,
-        unit=setting.unit,
-        read_only=setting.read_only,
-    )
+    declare_specified(node, dataclasses.replace(given, description=description))
 
 
 def _plain(value: Any) -> Any:

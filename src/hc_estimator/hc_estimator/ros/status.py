@@ -8,11 +8,11 @@ from typing import Any
 
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.input.readings import Suspicion
-from hc_estimator.online.histogram import DurationHistogram
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Input
 from hc_msgs_py.diagnostics import Level, Status
+from hc_msgs_py.histogram import DurationHistogram
 
 _QUANTILES = (("p50", 0.5), ("p99", 0.99))
 WAITING_S = 5.0

@@ -16,13 +16,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hc_msgs_py.compilation import KernelCompiler
+
 FloatArray = NDArray[np.float64]
+compiled = KernelCompiler(lambda: (Path(__file__),))
 
 FILTERS = ("position_ekf", "position_pf")
 COLUMNS = 4  # displacement [mm], velocity [mm/s], force [N], force before the update [N]
@@ -30,7 +33,7 @@ COLUMNS = 4  # displacement [mm], velocity [mm/s], force [N], force before the u
 MM_PER_CM = 10.0
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def contact_force(model: FloatArray, position: float, velocity: float) -> float:
     """K d^n + B d^n v, never pulling; d = max(0, x - x_e0) (Eq. 12).
 
@@ -46,7 +49,7 @@ def contact_force(model: FloatArray, position: float, velocity: float) -> float:
     return force
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _advance(
     model: FloatArray, step: float, position: float, velocity: float, drive: float, force: float
 ) -> tuple[float, float]:
@@ -58,7 +61,7 @@ def _advance(
     return position + step * velocity, decay * velocity + share * pushed
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _extended(
     model: FloatArray,
     step: float,
@@ -116,7 +119,7 @@ def _extended(
         result[k, 3] = predicted
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _particles(
     model: FloatArray,
     step: float,

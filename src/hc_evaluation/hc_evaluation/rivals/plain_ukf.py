@@ -15,11 +15,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_msgs_py.compilation import KernelCompiler
+
 Array = NDArray[np.float64]
+compiled = KernelCompiler(lambda: (Path(__file__),))
 Runner = Callable[[Array], Array]
 """Takes displacements and forces, shape (samples, 2); returns the states, (samples, 7)."""
 
@@ -87,7 +89,7 @@ def numba_runner() -> Runner:
     return run
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _draw(x: Any, P: Any, sigma: Any) -> None:
     n = len(x)
     L = np.linalg.cholesky(n * P)
@@ -97,7 +99,7 @@ def _draw(x: Any, P: Any, sigma: Any) -> None:
         sigma[1 + n + i] = x - L[:, i]
 
 
-@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _run(x: Any, P: Any, Q: Any, R: Any, dt: Any, samples: Any, states: Any) -> None:
     n = len(x)
     x, P = x.copy(), P.copy()

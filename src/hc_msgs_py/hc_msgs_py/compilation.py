@@ -1,0 +1,130 @@
+"""The one way in which the suite compiles kernels, with a disk cache that cannot go stale.
+
+numba compiles a cached function anew when the file that holds it changes, but not when a function
+that it calls changes in another file. Here every cached kernel carries a hash of all sources that
+kernels of its package are made of instead: an edit anywhere makes all of them anew, a new checkout
+of the same text none. Nothing is compiled at import; the first call compiles or loads.
+
+The cache is beside the sources. numba uses it there only where it may write; a user who may not
+(another user's checkout, a read-only one) would compile all that is there anew. `ShippedCode` reads
+it all the same, and keeps what is not there in the user's own cache if he has one.
+
+Division follows IEEE rules (no ZeroDivisionError out of a kernel). Where no folder for the cache
+can be written (read-only installation, no home), what is not in the shipped cache is compiled anew
+in each process.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class KernelCompiler:
+    """Decorator of the kernels of one package.
+
+    Attributes:
+        stamp: hash of the sources, made when it is needed first.
+    """
+
+    def __init__(self, sources: Callable[[], Iterable[Path]]) -> None:
+        """Say what the kernels are made of.
+
+        Args:
+            sources: names every file that a kernel, or a constant of one, may come from.
+        """
+        self._sources = sources
+
+    @functools.cached_property
+    def stamp(self) -> str:
+        """Hash of every source: the same numbers come of the same hash."""
+        content = hashlib.sha256()
+        for path in [Path(__file__), *sorted(self._sources())]:
+            content.update(path.name.encode())
+            content.update(path.read_bytes())
+        return content.hexdigest()
+
+    def __call__(self, function: F) -> F:
+        """Compile a function with numba in nopython mode at its first call, cached on disk.
+
+        Args:
+            function: function of arrays and scalars within what numba compiles.
+
+        Returns:
+            The dispatcher, callable like the function itself (its plain form is `.py_func`).
+        """
+        return self._compiled(function, nogil=False)
+
+    def without_lock(self, function: F) -> F:
+        """Compile as the call does; other Python threads run meanwhile."""
+        return self._compiled(function, nogil=True)
+
+    def _compiled(self, function: F, *, nogil: bool) -> F:
+        own = None
+        try:
+            dispatcher: Any = numba.njit(cache=True, error_model="numpy", nogil=nogil)(function)
+        except RuntimeError:  # numba found no folder for the cache
+            dispatcher = inlined(function, nogil=nogil)
+        else:
+            own = dispatcher._cache
+            # numba offers no public way to add to the stamp; its index file holds it here.
+            own._cache_file._source_stamp = self.stamp
+        # Who names another folder may want other code (NUMBA_BOUNDSCHECK): the shipped is not his.
+        if not numba.config.CACHE_DIR:
+            shipped = ShippedCode(function, self.stamp, own)
+            if own is None or shipped.cache_path != own.cache_path:
+                dispatcher._cache = shipped
+        return dispatcher  # type: ignore[no-any-return]
+
+
+def inlined(function: F, *, nogil: bool = False) -> F:
+    """Compile a small helper that only other kernels call: no cache file of its own."""
+    return numba.njit(error_model="numpy", nogil=nogil)(function)  # type: ignore[no-any-return]
+
+
+class _BesideTheSources(InTreeCacheLocator):  # type: ignore[misc]  # numba ships no types
+    """The folder beside the sources, whether it can be written or not."""
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _BesideTheSources:
+        """Return it for a function."""
+        return cls(py_func, py_file)
+
+
+class _ShippedFiles(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_BesideTheSources,)
+
+
+class ShippedCode(FunctionCache):  # type: ignore[misc]
+    """Compiled code beside the sources, which is only read, and behind it the user's own."""
+
+    _impl_class = _ShippedFiles
+
+    def __init__(self, function: Callable[..., Any], stamp: str, own: FunctionCache | None) -> None:
+        """Use what was compiled from sources of this stamp; None for a user without a cache."""
+        super().__init__(function)
+        self._cache_file._source_stamp = stamp
+        self._own = own
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the code for a signature, None if it is in neither place."""
+        try:
+            code = super().load_overload(sig, target_context)
+        except OSError:  # not for this user to read
+            code = None
+        if code is None and self._own is not None:
+            code = self._own.load_overload(sig, target_context)
+        return code
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep new code in the user's own cache, if he has one."""
+        if self._own is not None:
+            self._own.save_overload(sig, data)

@@ -1,0 +1,47 @@
+"""Python classes of message and service types by their names; loads ROS when one is asked for."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Final
+
+_EXAMPLES: Final = {
+    "msg": "message type like std_msgs/msg/Header",
+    "srv": "service type like std_srvs/srv/Trigger",
+}
+
+
+class UnknownInterfaceError(Exception):
+    """There is no such type here; one line for the user.
+
+    Attributes:
+        misnamed: True if the text is no name of a type at all.
+    """
+
+    misnamed = False
+
+
+def interface_class(type_name: str, kind: str = "msg") -> Any:
+    """Return the Python class of a type.
+
+    Args:
+        type_name: for example "hc_msgs/msg/IndenterSample"; its middle may be left out.
+        kind: "msg" or "srv".
+
+    Raises:
+        UnknownInterfaceError: if the name is not of that form or the type is not installed.
+    """
+    parts = type_name.split("/")
+    if len(parts) == 2:
+        parts.insert(1, kind)
+    if len(parts) != 3 or parts[1] != kind or not all(parts):
+        error = UnknownInterfaceError(f"{type_name!r} is not a {_EXAMPLES[kind]}")
+        error.misnamed = True
+        raise error
+    try:
+        return getattr(importlib.import_module(f"{parts[0]}.{kind}"), parts[2])
+    except (ImportError, AttributeError):
+        what = _EXAMPLES[kind].split()[0]
+        raise UnknownInterfaceError(
+            f"{what} type {'/'.join(parts)} is not installed here; install the package {parts[0]}"
+        ) from None

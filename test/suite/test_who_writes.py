@@ -1,0 +1,220 @@
+"""Which module may write which field of a filter's memory (hc_estimator): the architecture of data.
+
+The kernels share records (memory.py, multiple_model/records.py), so a field that turns out wrong
+could have been written anywhere. Here it cannot: a record has an owner, and whoever else writes
+one of its fields stands in GUESTS by name. Read from the sources: assignments to a field, or to an
+element of one, by the name that the record has everywhere (RECORDS). An array that is handed to a
+function counts where it is handed on; that is not seen here.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+from hc_estimator.filters.registry import FIELDS, SCRATCH
+from hc_estimator.multiple_model.records import BANK
+
+PACKAGE = Path(__file__).resolve().parents[2] / "src" / "hc_estimator" / "hc_estimator"
+WITHOUT_KERNELS = ("input", "online", "ros", "node.py")
+
+RECORDS = {  # what a variable of that name is, in every kernel
+    "bank": "bank",
+    "clock": "clock",
+    "noise": "noise",
+    "channel": "noise",
+    "motion": "motion",
+    "tool": "tool",
+    "rows": "row",
+    "row": "row",
+    "fresh": "row",
+    "judge": "judge",
+    "change": "change",
+    "maneuver": "maneuver",
+    "kept": "kept row",
+    "history": "history",
+    "delay": "delay",
+    "finder": "delay",
+    "held": "held",
+    "given": "given",
+    "onset": "onset",
+    "memory": "memory",
+}
+OWNERS = {
+    "bank": ("filters/self_tuning_ukf", "multiple_model/beginning", "multiple_model/sample"),
+    "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
+    "noise": ("adaptation/difference_noise",),
+    "motion": ("adaptation/motion_density",),
+    "tool": ("multiple_model/plausible", "multiple_model/sample", "multiple_model/tempering"),
+    "row": ("multiple_model/rows", "multiple_model/kalman", "multiple_model/model_error"),
+    "judge": ("multiple_model/judge",),
+    "change": ("multiple_model/change",),
+    "maneuver": ("multiple_model/maneuver",),
+    "kept row": ("multiple_model/maneuver",),
+    "history": ("multiple_model/history", "multiple_model/batch_fit"),
+    "delay": ("multiple_model/delay", "multiple_model/grid"),
+    "held": ("multiple_model/alignment",),
+    "given": ("multiple_model/sample",),
+    "onset": ("multiple_model/contact_onset",),
+    # The flat memory of the plain filters: who predicts, corrects, and begins anew.
+    "memory": ("prediction", "correction", "recovery"),
+}
+GUESTS = {
+    "multiple_model/alignment": {
+        "delay": "delay deviation",
+        "judge": "chosen",
+        "given": "latest_force",
+    },
+    "multiple_model/beginning": {
+        "change": "detected",
+        "clock": "refused_count refused_since started",
+        "delay": "windows",
+        "row": "active index",
+        "tool": "away_time contact_clock",
+    },
+    "multiple_model/readings": {"bank": "calibrated motion_anew sensor_noise"},
+    "multiple_model/sample": {
+        "change": "detected fitting_time",
+        "maneuver": "count",
+        "row": "active",
+    },
+    "filters/self_tuning_ukf": {"change": "detected"},
+    # What it finds out about the zeros moves everything that was remembered with the old ones.
+    "multiple_model/contact_onset": {
+        "delay": "grid raw_value",
+        "given": "predicted_force reconstructed_force",
+        "held": "value",
+        "motion": "first states",
+        "noise": "readings",
+        "row": "position_deviation state",
+    },
+    "multiple_model/batch_fit": {
+        "row": "active covariance log_likelihood model_error score state",
+    },
+    "multiple_model/change": {
+        "row": "active alarmed change_lead contact_time model_error",
+    },
+    "multiple_model/judge": {"row": "claimed inconsistent_time log_likelihood model_error score"},
+    "multiple_model/maneuver": {
+        "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "
+        "model_error recent_nis score state",
+    },
+    "multiple_model/plausible": {"row": "predicted_force state"},
+    "multiple_model/fit_covariance": {"history": "covariance damped"},
+    "multiple_model/normal_equations": {"history": "slope"},
+    "adaptation/change_detection": {
+        "memory": "change_filled change_position change_quiet change_sum change_values"
+    },
+    "adaptation/covariance_matching": {
+        "memory": "matching_count matching_filled matching_mean matching_position next_noise "
+        "next_process_noise_scale noise process_noise process_noise_scale"
+    },
+    "adaptation/policy": {"memory": "change_detected covariance measurement_noise noise state"},
+    "adaptation/strong_tracking": {
+        "memory": "first_square point tracking_filled tracking_position tracking_values"
+    },
+    "adaptation/tempering": {"memory": "tempering_count"},
+    "adaptation/variational_bayes": {"memory": "bayes_scale bayes_shape noise"},
+    "filters/adaptive_ukf": {"memory": "change_detected measurement_noise"},
+    "filters/rbpf": {"memory": "begun change_detected"},
+    "filters/rls": {
+        "memory": "begun curvature predicted_measurement prior_variance regression "
+        "regression_factor regression_prior regression_seen regressor sensitivity state"
+    },
+    "filters/rwstukf": {"memory": "innovation nis predicted_measurement"},
+    "filters/sir_pf": {"memory": "begun change_detected point predicted_covariance restart"},
+    "random_numbers": {"memory": "random_counter"},
+}
+
+
+def chain(node: ast.expr) -> list[str]:
+    """`bank.rows[i].state[k]` as its names; nothing if it does not begin with a variable."""
+    names: list[str] = []
+    while not isinstance(node, ast.Name):
+        if isinstance(node, ast.Attribute):
+            names.append(node.attr)
+            node = node.value
+        elif isinstance(node, ast.Subscript):
+            node = node.value
+        else:
+            return []
+    return [node.id, *reversed(names)]
+
+
+def written(tree: ast.AST) -> Iterator[tuple[str, str]]:
+    """Record and field of every assignment to a field of one."""
+    for node in ast.walk(tree):
+        targets: list[ast.expr] = []
+        if isinstance(node, ast.Assign):
+            targets = node.targets
+        elif isinstance(node, (ast.AugAssign, ast.AnnAssign, ast.For)):
+            targets = [node.target]
+        while targets:
+            target = targets.pop()
+            if isinstance(target, (ast.Tuple, ast.List)):
+                targets += target.elts
+                continue
+            names = chain(target)
+            if len(names) > 1 and names[-2] in RECORDS:
+                yield RECORDS[names[-2]], names[-1]
+
+
+def writes() -> Iterator[tuple[str, str, str]]:
+    """Module, record and field of every such assignment in the kernels."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        module = path.relative_to(PACKAGE)
+        if module.parts[0] not in WITHOUT_KERNELS:
+            for record, field in written(ast.parse(path.read_text(encoding="utf-8"))):
+                yield module.with_suffix("").as_posix(), record, field
+
+
+def test_only_its_owner_or_a_named_guest_writes_a_field() -> None:
+    strangers = {
+        f"{module} writes {record}.{field}"
+        for module, record, field in writes()
+        if module not in OWNERS[record]
+        and field not in GUESTS.get(module, {}).get(record, "").split()
+    }
+    assert not strangers, "let the record's owner do it, or name the guest in GUESTS"
+
+
+def test_the_table_names_nobody_who_does_not_write() -> None:
+    done = set(writes())
+    idle = {
+        f"{module} does not write {record}.{field}"
+        for module, records in GUESTS.items()
+        for record, fields in records.items()
+        for field in fields.split()
+        if (module, record, field) not in done
+    }
+    idle |= {
+        f"{module} does not write any of {record}"
+        for record, modules in OWNERS.items()
+        for module in modules
+        if not any((module, record) == (m, r) for m, r, _ in done)
+    }
+    assert not idle
+
+
+def test_every_record_of_the_bank_is_in_the_table() -> None:
+    nested = {field.name for field in BANK if not isinstance(field.kind, type)}
+    assert nested
+    assert nested <= RECORDS.keys()
+
+
+def test_the_flat_memory_has_the_fields_that_the_table_names() -> None:
+    names = {field.name for field in FIELDS + SCRATCH}
+    assert {field for _, record, field in writes() if record == "memory"} <= names
+
+
+def test_a_stranger_is_seen() -> None:
+    text = (
+        "def f(bank, x):\n    bank.rows[2].state[0] += 1.0\n    (bank.judge.chosen, x) = 1, 2\n"
+        "    x.y = 3\n    for bank.felt in x:\n        pass\n"
+    )
+    assert set(written(ast.parse(text))) == {
+        ("row", "state"),
+        ("judge", "chosen"),
+        ("bank", "felt"),
+    }
