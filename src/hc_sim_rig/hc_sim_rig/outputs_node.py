@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 from geometry_msgs.msg import PointStamped, WrenchStamped
-from hc_msgs.msg import IndenterSample, IndenterTruth
+from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from hc_msgs_py.conversion import fill_force
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TIP, TRUTH, WRENCH
+from hc_msgs_py.topics import (
+    FRAME_INDENTER_TIP,
+    JOINT_STATES,
+    SAMPLE,
+    SAMPLES,
+    TIP,
+    TRUTH,
+    WRENCH,
+)
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder
+from hc_msgs_py.wire_arrays import SamplesEncoder
 from hc_sim_rig.records import RigSample
 
 LISTENERS_EVERY = 20
@@ -30,16 +39,22 @@ class Outputs:
         first_sequence: sequence of the rig's first sample; not 0 once the scenario was changed.
     """
 
-    def __init__(self, node: Node, with_sensors: bool) -> None:
+    def __init__(self, node: Node, with_sensors: bool, together: int = 1) -> None:
         """Make the publishers and declare whom ~/ready waits for.
 
         Args:
             node: the node that publishes.
             with_sensors: False for a master alone, whose host has no sensors.
+            together: samples that are published in one message; 1: on indenter/sample, each in one
+                of its own; more: on indenter/samples.
         """
         self._node = node
         self._with_sensors = with_sensors
-        self._sample = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._together = together
+        self._waiting: list[tuple[int, int, float, float]] = []
+        kind = IndenterSample if together == 1 else IndenterSamples
+        self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_QOS)
+        self._samples_encoder = SamplesEncoder()
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
         self._joints = node.create_publisher(JointState, JOINT_STATES, SAMPLE_QOS)
@@ -52,7 +67,7 @@ class Outputs:
         self._tip_message = PointStamped()
         self._tip_message.header.frame_id = FRAME_STAGE
         self._by_topic = {
-            SAMPLE: self._sample,
+            self.sample_topic: self._sample,
             TRUTH: self._truth,
             WRENCH: self._wrench,
             JOINT_STATES: self._joints,
@@ -61,7 +76,7 @@ class Outputs:
         for topic in self._by_topic:
             declare(
                 node,
-                expected_parameter(topic),
+                self._expected_parameter(topic),
                 0,
                 f"subscribers of {topic} that ~/ready waits for",
                 minimum=0,
@@ -70,11 +85,20 @@ class Outputs:
         self.published = 0
         self.first_sequence = 0
 
+    @property
+    def sample_topic(self) -> str:
+        """Where the samples go."""
+        return SAMPLE if self._together == 1 else SAMPLES
+
+    def _expected_parameter(self, topic: str) -> str:
+        """The same name for either topic of the samples."""
+        return expected_parameter(SAMPLE if topic == SAMPLES else topic)
+
     def missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
         lines = []
         for topic, publisher in self._by_topic.items():
-            expected = self._node.get_parameter(expected_parameter(topic)).value
+            expected = self._node.get_parameter(self._expected_parameter(topic)).value
             found = publisher.get_subscription_count()
             if found < expected:
                 lines.append(f"{topic} has {found} of {expected} subscribers")
@@ -96,9 +120,16 @@ class Outputs:
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read, and the truth behind it."""
         sequence = self.first_sequence + sample.sequence
-        self._sample.publish(
-            self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
-        )
+        if self._together == 1:
+            self._sample.publish(
+                self._sample_encoder.encode(
+                    stamp_ns, sequence, sample.displacement_mm, sample.force_n
+                )
+            )
+        else:
+            self._waiting.append((stamp_ns, sequence, sample.displacement_mm, sample.force_n))
+            if len(self._waiting) == self._together:
+                self.flush()
         if self._truth_wanted:
             self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._wrench_wanted:
@@ -106,6 +137,15 @@ class Outputs:
             self._wrench.publish(self._wrench_message)
         if self._tip_wanted and self.published % TIP_EVERY == 0:
             self._publish_tip(stamp_ns, sample)
+
+    def flush(self) -> None:
+        """Publish the samples that wait for their message to be full."""
+        if self._waiting:
+            stamps, sequences, displacements, forces = zip(*self._waiting, strict=True)
+            self._waiting.clear()
+            self._sample.publish(
+                self._samples_encoder.encode(stamps, sequences[0], displacements, forces)
+            )
 
     def _publish_tip(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish where the tip is: x sideways, z up, so that penetration is negative."""

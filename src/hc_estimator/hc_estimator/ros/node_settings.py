@@ -145,8 +145,9 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.source",
         "sample",
-        "sample: the topic indenter/sample; sensors: a force and a position sensor of one's own.",
-        choices=("sample", "sensors"),
+        "sample: the topic indenter/sample; samples: indenter/samples, many in a message; sensors: "
+        "a force and a position sensor of one's own.",
+        choices=("sample", "samples", "sensors"),
     ),
     *_sensor_settings(
         "force",
@@ -341,6 +342,13 @@ NODE_SETTINGS = _table(
         "Subscribers of hc/estimate that ~/ready waits for.",
         minimum=0,
         maximum=1000,
+    ),
+    NodeSetting(
+        "output.estimates",
+        "each",
+        "each: a message on hc/estimate for every sample; arrays: one on hc/estimates for all "
+        "samples that came together; both.",
+        choices=("each", "arrays", "both"),
     ),
     NodeSetting(
         "tare.samples",
