@@ -102,11 +102,6 @@ class _Rows:
         self._rows = rows
 
     @property
-    def rows(self) -> NDArray[np.float64]:
-        """The numbers as the kernels wrote them, shape (..., COLUMNS)."""
-        return self._rows
-
-    @property
     def parameters(self) -> NDArray[np.float64]:
         """K [N/mm^n], B [N (s/mm)^p / mm^n], n [1], p [1], shape (..., 4)."""
         return self._rows[..., PARAMETERS : PARAMETERS + 4]

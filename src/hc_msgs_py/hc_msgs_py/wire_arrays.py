@@ -358,13 +358,14 @@ def fill_estimate_arrays(
 
     Args:
         record: of HuntCrossleyEstimates or TactileEstimate, as ArraysEncoder gives it.
-        series: hc_estimator.EstimateSeries, as many as the record's arrays have elements.
+        series: hc_estimator.EstimateSeries, as many as the record's arrays have elements; or one
+            hc_estimator.Estimate for a record of one.
         names: fields beside the parameters; lengths become metres.
     """
     deviations = series.parameters_std
     for i, name in enumerate(_OF_PARAMETERS):
-        record[name] = series.parameters[:, i]
-        record[f"{name}_std"] = deviations[:, i]
+        record[name] = series.parameters[..., i]
+        record[f"{name}_std"] = deviations[..., i]
     for name in names:
         values = getattr(series, name)
         record[name] = values / METRE_IN_MM if name in _LENGTHS else values

@@ -42,7 +42,6 @@ from hc_msgs_py.topics import (
 )
 from hc_msgs_py.wire import EstimateEncoder
 from hc_msgs_py.wire_arrays import (
-    MOST_SAMPLES,
     ArraysEncoder,
     Samples,
     encode_estimates,
@@ -126,8 +125,7 @@ class Outputs:
         latency_ns: int = self._clock.now().nanoseconds - stamp_ns
         if self.form != EACH:
             one = np.array([stamp_ns]), np.array([sequence]), np.empty(1), np.array([force_n])
-            series = EstimateSeries(estimate.rows[None])
-            self._publish_arrays(Batch(*one), series, computation_ns, latency_ns, revision)
+            self._publish_arrays(Batch(*one), estimate, computation_ns, latency_ns, revision)
             if self.form == ARRAYS:
                 self._publish_wrench(stamp_ns, estimate.force_reconstructed)
                 return latency_ns
@@ -151,7 +149,7 @@ class Outputs:
         """Publish the estimates of samples that were taken in together.
 
         Args:
-            batch: the samples.
+            batch: the samples, no more than a message holds (hc_msgs_py.wire_arrays).
             series: their estimates.
             computation_ns: wall time for one of them [ns].
             revision: of the configuration.
@@ -162,12 +160,8 @@ class Outputs:
         now_ns: int = self._clock.now().nanoseconds
         count = len(batch.stamps_ns)
         if self.form != EACH:
-            for begin in range(0, count, MOST_SAMPLES):
-                end = min(count, begin + MOST_SAMPLES)
-                part, rows = batch.part(begin, end), EstimateSeries(series.rows[begin:end])
-                latency_ns = now_ns - int(part.stamps_ns[-1])
-                total_ns = computation_ns * (end - begin)
-                self._publish_arrays(part, rows, total_ns, latency_ns, revision)
+            latency_ns = now_ns - int(batch.stamps_ns[-1])
+            self._publish_arrays(batch, series, computation_ns * count, latency_ns, revision)
         if self.form != ARRAYS:
             seconds = computation_ns * 1e-9
             samples = Samples(*batch)
@@ -185,7 +179,7 @@ class Outputs:
     def _publish_arrays(
         self,
         batch: Batch,
-        series: EstimateSeries,
+        series: EstimateSeries | Estimate,
         computation_ns: int,
         latency_ns: int,
         revision: int,
