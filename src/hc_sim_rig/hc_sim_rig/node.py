@@ -59,6 +59,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._outputs = Outputs(
             self, with_sensors=options.side != "master", together=self._together
         )
+        self._outputs.set_scenario(options.scenario, self._rig.seed)
         self._published_before = 0
         self._overruns_before = 0
         self._timeouts_before = 0
@@ -163,6 +164,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             return
         with self._changing:
             self._outputs.first_sequence += self._rig.sequence
+            self._outputs.set_scenario(rig.scenario, rig.seed)
             self._rig = rig
         self._options = self._options._replace(scenario=rig.scenario)
         for name, value in rig.settings().items():

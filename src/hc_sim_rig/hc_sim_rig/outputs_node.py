@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from geometry_msgs.msg import PointStamped, WrenchStamped
-from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth
+from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth, TactileSample
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -15,20 +17,24 @@ from hc_msgs_py.topics import (
     JOINT_STATES,
     SAMPLE,
     SAMPLES,
+    TACTILE_SAMPLE,
     TIP,
     TRUTH,
     WRENCH,
 )
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder
-from hc_msgs_py.wire_arrays import SamplesEncoder
+from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
 from hc_sim_rig.records import RigSample
+from hc_sim_rig.scenario import Scenario
+from hc_sim_rig.taxels import TaxelPad
 
 LISTENERS_EVERY = 20
 """Samples between two looks at who listens to the topics that not everybody needs."""
 TIP_EVERY = 10
 """Samples between two positions of the tip: sideways it is slow."""
 FRAME_STAGE = "stage"
+FRAME_PAD = "tactile_pad"
 
 
 class Outputs:
@@ -82,8 +88,23 @@ class Outputs:
                 minimum=0,
                 maximum=1000,
             )
+        self._pad: TaxelPad | None = None
+        self._tactile: Any = None
+        self._tactile_encoder = ArraysEncoder(TactileSample, FRAME_PAD)
         self.published = 0
         self.first_sequence = 0
+
+    def set_scenario(self, scenario: Scenario, seed: int) -> None:
+        """Publish the readings of the scenario's tactile array from now on, if it has one."""
+        self._pad = None
+        if scenario.taxels is None:
+            return
+        sensors = scenario.sensors
+        if self._tactile is None:
+            self._tactile = self._node.create_publisher(TactileSample, TACTILE_SAMPLE, SAMPLE_QOS)
+        self._pad = TaxelPad(
+            scenario.taxels, sensors.displacement.noise_std_mm, sensors.force.noise_std_n, seed
+        )
 
     @property
     def sample_topic(self) -> str:
@@ -113,6 +134,8 @@ class Outputs:
             self._tip_wanted = self._tip.get_subscription_count() > 0
         if self._with_sensors:
             self._publish_sensors(stamp_ns, sample)
+        if self._pad is not None:
+            self._publish_taxels(self._pad, stamp_ns, sample)
         if self._joints_wanted:
             self._publish_joints(stamp_ns, sample)
         self.published += 1
@@ -146,6 +169,17 @@ class Outputs:
             self._sample.publish(
                 self._samples_encoder.encode(stamps, sequences[0], displacements, forces)
             )
+
+    def _publish_taxels(self, pad: TaxelPad, stamp_ns: int, sample: RigSample) -> None:
+        """Publish what the taxels read."""
+        displacements_mm, forces_n = pad.readings(sample.truth)
+        record = self._tactile_encoder.record(len(forces_n), stamp_ns)
+        record["sequence"] = self.first_sequence + sample.sequence
+        record["columns"] = pad.taxels.columns
+        record["pitch"] = pad.taxels.pitch_mm / METRE_IN_MM
+        record["displacement"] = displacements_mm / METRE_IN_MM
+        record["force"] = forces_n
+        self._tactile.publish(record.tobytes())
 
     def _publish_tip(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish where the tip is: x sideways, z up, so that penetration is negative."""
