@@ -20,6 +20,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hc_bringup.dashboard.parsing import RecordParser
 from hc_bringup.dashboard.taps import Arrival, Taps
+from hc_msgs_py import realtime
 from hc_msgs_py.middleware import set_defaults
 from hc_msgs_py.topics import ESTIMATE
 
@@ -64,6 +65,7 @@ def main() -> int:
     taps, collection = Taps(node), Collection()
     taps.acquire(node.resolve_topic_name(ESTIMATE), _TYPE, collection.add, local=False)
     threading.Thread(target=wait_for_end, daemon=True).start()
+    realtime.enter()
     print("ready", flush=True)
     while not closed.is_set():
         time.sleep(PERIOD_S)

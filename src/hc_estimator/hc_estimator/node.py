@@ -448,6 +448,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             if self._cannot_listen and self._wants_input:
                 return Status(Level.ERROR, self._cannot_listen, {})
             return Status(Level.OK, "not active", {})
+        self._status.wrenches_left_out = self._outputs.wrenches_left_out
         return self._status.collect(self._input, self._suspicions.suspicions)
 
     def finished(self) -> bool:

@@ -43,6 +43,7 @@ class Channel:
         received: messages that came, whoever sent them.
         received_ns: when the message that is handed on now came, by the system's clock.
         lines: tells the publishers apart.
+        most_waiting: messages that waited at once, the most since somebody set it to 0.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Channel:
         self.maximum_backlog = STREAM_DEPTH
         self.received = 0
         self.received_ns = 0
+        self.most_waiting = 0
         self._node = node
         self._message_type = message_type
         self._raw = raw
@@ -161,6 +163,7 @@ class Channel:
                 if taken is None:
                     break
                 waiting.append(taken)
+        self.most_waiting = max(self.most_waiting, len(waiting))
         surplus = len(waiting) - self.maximum_backlog
         if surplus > 0:
             skipped = [waiting.popleft()[0] for _ in range(surplus)]
