@@ -73,7 +73,15 @@ def told(session, recorder):
 
 @pytest.mark.parametrize(
     "filter_name",
-    ["ukf", "rls", *(pytest.param(n, marks=pytest.mark.slow) for n in available_filters() if n not in ("ukf", "rls"))],
+    [
+        "ukf",
+        "rls",
+        *(
+            pytest.param(n, marks=pytest.mark.slow)
+            for n in available_filters()
+            if n not in ("ukf", "rls")
+        ),
+    ],
 )
 def test_batches_of_any_size_are_samples_one_by_one(filter_name, make_plant, recorder):
     plant, other = make_plant(), type(recorder)()

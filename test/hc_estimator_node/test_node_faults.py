@@ -90,9 +90,7 @@ def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(start_process, p
 
 
 @pytest.mark.slow
-def test_a_node_that_falls_behind_says_so_drops_display_and_catches_up(
-    start_process, probe, plant
-):
+def test_a_node_that_falls_behind_says_so_drops_display_and_catches_up(start_process, probe, plant):
     """All data come out, in order, on the same clock; of the wrench only the newest."""
     from geometry_msgs.msg import WrenchStamped
 

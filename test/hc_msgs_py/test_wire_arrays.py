@@ -151,7 +151,8 @@ def test_estimates_of_a_batch_have_the_bytes_of_each():
 
 def test_a_message_with_other_parts_is_refused():
     odd = SimpleNamespace(
-        __name__="Odd", get_fields_and_field_types=lambda: {"header": "std_msgs/Header", "a": "string"}
+        __name__="Odd",
+        get_fields_and_field_types=lambda: {"header": "std_msgs/Header", "a": "string"},
     )
     with pytest.raises(ValueError, match="no number"):
         record_layout.__wrapped__(odd, 1, 1)

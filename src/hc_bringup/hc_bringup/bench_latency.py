@@ -47,7 +47,7 @@ _LOAD: Final = (
 _COMPILED: Final = (
     "#include <algorithm>\n#include <map>\n#include <regex>\n#include <string>\n#include <vector>\n"
     "int f(const std::string &t) { std::map<std::string, std::vector<int>> m; m[t].push_back(1);\n"
-    "std::sort(m[t].begin(), m[t].end()); return std::regex_match(t, std::regex(\"a+b*\")); }\n"
+    'std::sort(m[t].begin(), m[t].end()); return std::regex_match(t, std::regex("a+b*")); }\n'
 )
 
 Case = dict[str, Any]

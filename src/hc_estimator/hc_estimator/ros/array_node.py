@@ -102,7 +102,13 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._frame_id = ""
         self._publisher = self.create_publisher(TactileEstimate, TACTILE_ESTIMATE, ESTIMATE_QOS)
         self._channel = Channel(
-            self, TactileSample, TACTILE_SAMPLE, self._take, skip=self._skip, fail=self._fail, raw=True
+            self,
+            TactileSample,
+            TACTILE_SAMPLE,
+            self._take,
+            skip=self._skip,
+            fail=self._fail,
+            raw=True,
         )
         self._channel.maximum_backlog = self._maximum_backlog
         add_ready_service(self, self._missing)
@@ -189,7 +195,9 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             histogram.clear()
         if self._skipped:
             return Status(Level.WARN, f"cannot keep up: {self._skipped} samples left out", values)
-        return Status(Level.OK, "estimating" if stream.used else "waits for the first sample", values)
+        return Status(
+            Level.OK, "estimating" if stream.used else "waits for the first sample", values
+        )
 
     def finished(self) -> bool:
         """Whether the node wants to end by itself: never.

@@ -167,9 +167,7 @@ class Outputs:
         if self.form != ARRAYS:
             seconds = computation_ns * 1e-9
             samples = Samples(*batch)
-            for data in encode_estimates(
-                series, samples, self.frame_id, revision, seconds, now_ns
-            ):
+            for data in encode_estimates(series, samples, self.frame_id, revision, seconds, now_ns):
                 self._estimate.publish(data)
         # The wrench is for looking at: of samples that waited the newest will do.
         if self.wrench_wanted:
