@@ -18,11 +18,15 @@ from hc_bringup.cli import COMMANDS, command_parser
 
 MESSAGES: Final = (
     "IndenterSample",
+    "IndenterSamples",
     "HuntCrossleyEstimate",
+    "HuntCrossleyEstimates",
     "EstimatorConfiguration",
     "EstimatorEvent",
     "ContactSummary",
     "IndenterTruth",
+    "TactileSample",
+    "TactileEstimate",
 )
 _WRITTEN: Final = "*Written by `python -m hc_bringup.reference docs/reference`; do not edit.*"
 _UNLIMITED: Final = (-(2**63), 2**63 - 1, float("-inf"), float("inf"))
