@@ -12,9 +12,11 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rclpy
+from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -33,7 +35,7 @@ class Collection:
 
     def __init__(self) -> None:
         self._parser = RecordParser(_TYPE)
-        self._parts: list[tuple[np.ndarray, ...]] = []  # type: ignore[type-arg]
+        self._parts: list[tuple[NDArray[Any], ...]] = []
 
     def add(self, arrivals: list[Arrival]) -> None:
         """Take in what came."""
@@ -46,8 +48,8 @@ class Collection:
     def save(self, file: Path) -> None:
         """Write all that came."""
         columns = [np.concatenate(part) for part in zip(*self._parts, strict=True)]
-        names = ("sequence", "latency", "arrival")
-        np.savez(file, **dict(zip(names, columns or [np.empty(0)] * 3, strict=True)))
+        sequence, latency, arrival = columns or [np.empty(0)] * 3
+        np.savez(file, sequence=sequence, latency=latency, arrival=arrival)
 
 
 def main() -> int:

@@ -82,7 +82,13 @@ class Batch(NamedTuple):
 
     def part(self, begin: int, end: int) -> Batch:
         """Those from one place up to another."""
-        return Batch(*(column[begin:end] for column in self))
+        chosen = slice(begin, end)
+        return Batch(
+            self.stamps_ns[chosen],
+            self.sequences[chosen],
+            self.displacements_mm[chosen],
+            self.forces_n[chosen],
+        )
 
 
 class Listener(Protocol):
