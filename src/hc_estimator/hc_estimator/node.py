@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -57,7 +58,11 @@ WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
 
-_INPUTS = {"sample": SampleInput, "samples": ArrayInput, "sensors": SensorInput}
+_INPUTS: dict[str, Callable[..., Input]] = {
+    "sample": SampleInput,
+    "samples": ArrayInput,
+    "sensors": SensorInput,
+}
 
 
 class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types

@@ -13,9 +13,10 @@ from typing import Any, Final
 from hc_msgs.msg import TactileEstimate, TactileSample
 from rclpy.node import Node
 
-from hc_estimator import DEFAULT_STATE_SPACE, EstimatorArray, available_filters
+from hc_estimator import EstimatorArray, available_filters
 from hc_estimator.estimator import (
     DEFAULT_CONTACT_MODEL,
+    DEFAULT_STATE_SPACE,
     available_contact_models,
     available_state_spaces,
 )
