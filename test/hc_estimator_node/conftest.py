@@ -60,6 +60,10 @@ class Recorder:
     def on_estimate(self, stamp_ns, sequence, force_n, estimate, computation_ns):
         self.estimates.append((stamp_ns, sequence, estimate))
 
+    def on_estimates(self, batch, series, computation_ns):
+        for i, estimate in enumerate(series):
+            self.estimates.append((int(batch.stamps_ns[i]), int(batch.sequences[i]), estimate))
+
     def on_event(self, event):
         self.events.append(event)
 

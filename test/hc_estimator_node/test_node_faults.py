@@ -90,6 +90,40 @@ def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(start_process, p
 
 
 @pytest.mark.slow
+def test_a_node_that_falls_behind_says_so_drops_display_and_catches_up(start_process, probe, plant):
+    """All data come out, in order, on the same clock; of the wrench only the newest."""
+    from geometry_msgs.msg import WrenchStamped
+
+    from hc_msgs_py.qos import ESTIMATE_QOS
+
+    wrenches = []
+    probe.node.create_subscription(
+        WrenchStamped, "hc/reconstructed_wrench", wrenches.append, ESTIMATE_QOS
+    )
+    process = start_process(input__maximum_backlog=2000)
+    probe.wait_ready()
+    number = probe.stream(plant.samples(300))
+    probe.wait(lambda: wrenches, what="a wrench")
+    process.send_signal(signal.SIGSTOP)
+    number = probe.stream(plant.samples(1200, start=300), first=number, in_step=False)
+    revisions = len(probe.configurations)
+    process.send_signal(signal.SIGCONT)
+    number = probe.stream(plant.samples(300, start=1500), first=number, in_step=False)
+    probe.wait(lambda: probe.estimates[-1].sequence == number - 1, what="the last estimate")
+    assert [m.sequence for m in probe.estimates] == list(range(number))
+    assert all(m.rejected == 0 for m in probe.estimates)
+    assert len(probe.configurations) == revisions
+    assert not {EstimatorEvent.TIME_JUMP, EstimatorEvent.RESET} & set(probe.kinds())
+    assert any("cannot keep up" in status.message for status in probe.statuses)
+    probe.wait(lambda: int(counters(probe)["wrenches_left_out"]) > 500, what="the count")
+    assert len(wrenches) < number - 500
+    # It runs in step again: the newest estimates are young.
+    assert max(m.latency for m in probe.estimates[300:1500]) > 0.5
+    assert min(m.latency for m in probe.estimates[-50:]) < 0.5
+    assert counters(probe)["skipped"] == counters(probe)["lost"] == "0"
+
+
+@pytest.mark.slow
 def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, probe, plant):
     from rosgraph_msgs.msg import Clock
 

@@ -61,7 +61,8 @@ class _MonitorNode(Node):  # type: ignore[misc]  # rclpy ships no types
 class Monitor:
     """Watches a run over ROS. Use as a context manager; everything happens inside spin()."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, with_estimates: bool = True) -> None:
+        self._with_estimates = with_estimates
         self.statistics = EstimateStatistics()
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.last_estimate_at = 0.0
@@ -72,9 +73,11 @@ class Monitor:
         speak_to_nodes()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = _MonitorNode()
-        self._subscription = self._node.create_subscription(
-            HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
-        )
+        self._subscription = None
+        if self._with_estimates:
+            self._subscription = self._node.create_subscription(
+                HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
+            )
         self._node.create_subscription(
             DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
         )

@@ -22,11 +22,15 @@ from hc_msgs_py.specification import ParameterSpecification
 
 MESSAGES: Final = (
     "IndenterSample",
+    "IndenterSamples",
     "HuntCrossleyEstimate",
+    "HuntCrossleyEstimates",
     "EstimatorConfiguration",
     "EstimatorEvent",
     "ContactSummary",
     "IndenterTruth",
+    "TactileSample",
+    "TactileEstimate",
 )
 _WRITTEN: Final = "*Written by `python -m hc_bringup.reference docs/reference`; do not edit.*"
 

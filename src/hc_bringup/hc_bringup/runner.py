@@ -68,14 +68,18 @@ class RunState:
 class Runner:
     """One run of a plan. run() does it all and always leaves a clean machine."""
 
-    def __init__(self, plan: RunPlan, show: Callable[[RunState], None]) -> None:
+    def __init__(
+        self, plan: RunPlan, show: Callable[[RunState], None], *, with_estimates: bool = True
+    ) -> None:
         """Prepare a run.
 
         Args:
             plan: what to run.
             show: called about ten times a second with the state of the run.
+            with_estimates: False: leave the estimates to others; the statistics stay empty.
         """
         self._plan = plan
+        self._with_estimates = with_estimates
         self._show = show
         self._processes: list[NodeProcess] = []
         self._signal: int | None = None
@@ -94,7 +98,7 @@ class Runner:
         folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
-            with Monitor() as monitor:
+            with Monitor(with_estimates=self._with_estimates) as monitor:
                 state = RunState(
                     monitor.statistics,
                     self._plan.duration_s,

@@ -9,23 +9,25 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from hc_estimator import Estimate, Estimator, create_estimator
+from hc_estimator import Estimate, EstimateSeries, Estimator, create_estimator
 from hc_estimator.online.contacts import ContactSummary
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
 from hc_estimator.online.suspicion_watch import SuspicionWatch
-from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
+from hc_estimator.online.vocabulary import Batch, Cause, Event, EventKind, Revision
 from hc_estimator.ros.channel import SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import (
+    ArrayInput,
     Input,
     SampleInput,
     missing_publishers,
@@ -56,6 +58,13 @@ WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
 
+_INPUTS: dict[str, Callable[..., Input]] = {
+    "sample": SampleInput,
+    "samples": ArrayInput,
+    "sensors": SensorInput,
+}
+
+
 class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Estimates contact parameters from a stream of samples.
 
@@ -77,6 +86,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._keeper = StateKeeper(self._settings.values["state.folder"])
         self._log = EventLog(self.get_logger())
         self._outputs = Outputs(self)
+        self._outputs.form = self._settings.values["output.estimates"]
         self._revision = 0  # of the configuration, counted over all lives of the session
         self._session: EstimationSession | None = None
         self._status: StatusReporter | None = None
@@ -194,9 +204,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         """Make the input that the settings ask for; where that cannot be, `_watch` tries again."""
         self._wants_input = True
         values = self._settings.values
-        kind = SampleInput if values["input.source"] == "sample" else SensorInput
         try:
-            self._input = kind(self, self, values)
+            self._input = _INPUTS[values["input.source"]](self, self, values)
             self._cannot_listen = ""
         except SubscriptionError as error:
             self._cannot_listen = str(error)
@@ -223,6 +232,23 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._suspicions.add(stamp_ns, displacement_mm, force_n)
         self._zeros.add(stamp_ns, displacement_mm, force_n)
 
+    def on_samples(self, batch: Batch) -> None:
+        """Hand samples that wait together to the session.
+
+        One by one where the next may be read otherwise than the one before: while zeros are
+        looked for, and after a restart until it is seen that the samples go on.
+        """
+        one_by_one = self._zeros.active or self._keeper.on_trial
+        if not one_by_one:
+            self._configured().process_many(batch)
+        for sample in zip(*(column.tolist() for column in batch), strict=True):
+            if one_by_one:
+                self.on_sample(*sample)
+                continue
+            stamp_ns, _sequence, displacement_mm, force_n = sample
+            self._suspicions.add(stamp_ns, displacement_mm, force_n)
+            self._zeros.add(stamp_ns, displacement_mm, force_n)
+
     def on_skip(self, number: int) -> None:
         """Count samples that were left out."""
         self._configured().skip(number)
@@ -247,6 +273,14 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         )
         self._status.latency.add(latency_ns)
 
+    def on_estimates(self, batch: Batch, series: EstimateSeries, computation_ns: int) -> None:
+        """Publish the estimates of samples that waited together."""
+        assert self._status is not None
+        for latency_ns in self._outputs.publish_estimates(
+            batch, series, computation_ns, self._revision
+        ):
+            self._status.latency.add(latency_ns)
+
     def on_event(self, event: Event) -> None:
         """Publish an event and write it to the log."""
         self._outputs.publish_event(event, self._revision)
@@ -265,7 +299,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._revision = revision.number
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
-        zeros = {n: values[n] for n in ZEROS} if values["input.source"] == "sample" else {}
+        zeros = {n: values[n] for n in ZEROS} if values["input.source"] != "sensors" else {}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
         self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)
@@ -276,6 +310,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
     def _apply(self, parameters: list[Parameter]) -> None:
         """Post-set callback: apply checked parameters between two samples."""
         change = self._settings.take(parameters)
+        self._outputs.form = self._settings.values["output.estimates"]
         if self._session is None:
             return
         self._session.apply_settings(session_settings(self._settings.values))
@@ -418,6 +453,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             if self._cannot_listen and self._wants_input:
                 return Status(Level.ERROR, self._cannot_listen, {})
             return Status(Level.OK, "not active", {})
+        self._status.wrenches_left_out = self._outputs.wrenches_left_out
         return self._status.collect(self._input, self._suspicions.suspicions)
 
     def finished(self) -> bool:

@@ -16,10 +16,11 @@ from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
-from hc_logger.recorded import has_sensors, only_topic
-from hc_logger.recording import SAMPLE_FIELDS, stamps_from_seconds
+from hc_logger.recorded import has_sensors
+from hc_logger.recording import SAMPLE_FIELDS, sample_topic, stamps_from_seconds
+from hc_logger.sample_arrays import DISPLACEMENT, FORCE, STAMP, sample_blocks
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.type_names import SAMPLE_TYPE
+from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
 from hc_logger.writer import BagWriter, os_errors
 from hc_msgs_py.topics import FRAME_INDENTER_TIP, SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
@@ -172,7 +173,7 @@ def bag_to_csv(
         BagError: if the source has no samples or the target exists.
     """
     with open_bag(source) as reader:
-        name = full_name(topic) if topic else only_topic(reader, SAMPLE_TYPE, SAMPLE)
+        name = full_name(topic) if topic else sample_topic(reader)
         if name is None and has_sensors(reader):
             from hc_logger.sensors import read_sensors  # loads the estimator package
 
@@ -188,6 +189,9 @@ def bag_to_csv(
 
 def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.float64]]:
     definition = reader.topics[topic].definition
+    if definition.name == SAMPLES_TYPE:
+        yield from _rows_of_arrays(reader, topic)
+        return
     first, last = reader.time_range() or (0, 1)
     origin: int | None = None
     for block in message_blocks(reader, topic):
@@ -199,6 +203,16 @@ def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.fl
             [(stamp - origin) * 1e-9, table["displacement"] * METRE_IN_MM, table["force"]]
         )
         progress((int(block[0].log_time[-1]) - first) / max(last - first, 1))
+
+
+def _rows_of_arrays(reader: Bag, topic: str) -> Iterator[NDArray[np.float64]]:
+    origin: int | None = None
+    for table in sample_blocks(reader, topic):
+        if origin is None:
+            origin = CSV_EPOCH_NS if CSV_SOURCE in reader.custom_data else int(table[STAMP][0])
+        yield np.column_stack(
+            [(table[STAMP] - origin) * 1e-9, table[DISPLACEMENT] * METRE_IN_MM, table[FORCE]]
+        )
 
 
 def bag_to_bag(

@@ -20,7 +20,7 @@ from hc_logger.playback import Playback
 from hc_logger.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
 from hc_logger.qos_profiles import publisher_profile
 from hc_logger.selection import TopicSelection, full_name
-from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE
+from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE, SAMPLES_TYPE
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -109,7 +109,7 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _sample_topics(self) -> list[str]:
         """Return the played topics of samples; without any, those of somebody's sensors."""
-        for types in ((SAMPLE_TYPE,), (FORCE_TYPE, *POSITION_TYPES)):
+        for types in ((SAMPLE_TYPE,), (SAMPLES_TYPE,), (FORCE_TYPE, *POSITION_TYPES)):
             topics = self._reader.topics
             found = [n for n in self._publishers_by_topic if topics[n].definition.name in types]
             if found:

@@ -20,9 +20,10 @@ from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
 from hc_logger.recorded import Recording, findings_of, has_sensors, has_several_sensors, only_topic
+from hc_logger.sample_arrays import DISPLACEMENT, FORCE, SEQUENCE, STAMP, all_samples
 from hc_logger.selection import full_name
-from hc_logger.type_names import SAMPLE_TYPE
-from hc_msgs_py.topics import SAMPLE
+from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
+from hc_msgs_py.topics import SAMPLE, SAMPLES
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 __all__ = ["Recording", "read_recording", "stamps_from_seconds"]
@@ -96,7 +97,7 @@ def _steps(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _read_bag(path: Path, topic: str) -> Recording:
     with open_bag(path) as reader:
-        name = full_name(topic) if topic else only_topic(reader, SAMPLE_TYPE, SAMPLE)
+        name = full_name(topic) if topic else sample_topic(reader)
         if name is None and has_sensors(reader):
             from hc_logger.sensors import read_sensors  # loads the estimator package
 
@@ -107,24 +108,38 @@ def _read_bag(path: Path, topic: str) -> Recording:
             if not topic and has_several_sensors(reader):
                 has += ": several sensors, name them (force.topic, position.topic)"
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
-        table = records(reader.topics[name].definition, reader.columns(name), SAMPLE_FIELDS)
+        definition = reader.topics[name].definition
+        if definition.name == SAMPLES_TYPE:
+            table = all_samples(reader, name)
+            stamp = table[STAMP].copy()
+        else:
+            table = records(definition, reader.columns(name), SAMPLE_FIELDS)
+            stamp = stamps(table)
         if not len(table):
             raise BagError(f"{path}: no sample on {name}{_because(reader)}")
         problems = tuple(reader.problems)
-    stamp = stamps(table)
     time_s = (stamp - stamp[0]) * 1e-9
-    displacement_mm = table["displacement"] * METRE_IN_MM
-    rows = np.column_stack([displacement_mm, table["force"]])
+    displacement_mm = table[DISPLACEMENT] * METRE_IN_MM
+    rows = np.column_stack([displacement_mm, table[FORCE]])
     return Recording(
         path,
         True,
         time_s,
         stamp,
-        table["sequence"].copy(),
+        table[SEQUENCE].copy(),
         displacement_mm,
-        table["force"].copy(),
+        table[FORCE].copy(),
         findings_of(rows, np.diff(stamp), problems),
     )
+
+
+def sample_topic(bag: Bag) -> str | None:
+    """Return the topic of the samples, one a message or many; None if there is none.
+
+    Raises:
+        BagError: if there are several and none is the usual one.
+    """
+    return only_topic(bag, SAMPLE_TYPE, SAMPLE) or only_topic(bag, SAMPLES_TYPE, SAMPLES)
 
 
 def _because(reader: Bag) -> str:

@@ -25,8 +25,10 @@ from rclpy.exceptions import ParameterException
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from hc_msgs_py import realtime
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.middleware import NoSecurityError, set_defaults
+from hc_msgs_py.realtime import RealtimeError
 
 SPIN_TIMEOUT_S = 0.1
 
@@ -88,9 +90,11 @@ def run_node(
     # rcl would write its own line about arguments that it cannot read, before ours.
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.FATAL)
     try:
+        realtime.stay_on_processors()
+        realtime.wanted_priority()
         set_defaults()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except (RCLError, UnknownROSArgsError, NoSecurityError) as error:
+    except (RCLError, UnknownROSArgsError, NoSecurityError, RealtimeError) as error:
         print(_without_source_lines(_one_line(error)), file=sys.stderr)  # noqa: T201
         return 2
     rclpy.logging.set_logger_level("rcl", rclpy.logging.LoggingSeverity.INFO)
@@ -108,12 +112,13 @@ def run_node(
         gc.freeze()
         status = 0
         try:
+            realtime.enter()
             # spin() of this executor busy-loops in these wheels; spin_once with a timeout works.
             # Nothing but this function shuts the context down, so it is not asked each time.
             with ClockWatch(executor, lambda: node.timers):
                 while stopped_by is None and not node.finished():
                     executor.spin_once(timeout_sec=SPIN_TIMEOUT_S)
-        except NodeStartError as error:
+        except (NodeStartError, RealtimeError) as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201
             status = 1
         except Exception as error:  # noqa: BLE001 - whatever it is, the node ends and says so

@@ -5,11 +5,15 @@ from __future__ import annotations
 from typing import Final
 
 SAMPLE: Final = "indenter/sample"
+SAMPLES: Final = "indenter/samples"
 WRENCH: Final = "indenter/wrench"
 JOINT_STATES: Final = "indenter/joint_states"
 TIP: Final = "indenter/tip"
 TRUTH: Final = "indenter/truth"
 ESTIMATE: Final = "hc/estimate"
+ESTIMATES: Final = "hc/estimates"
+TACTILE_SAMPLE: Final = "tactile/sample"
+TACTILE_ESTIMATE: Final = "tactile/estimate"
 RECONSTRUCTED_WRENCH: Final = "hc/reconstructed_wrench"
 CONFIGURATION: Final = "hc/configuration"
 EVENTS: Final = "hc/events"
@@ -18,6 +22,7 @@ DIAGNOSTICS: Final = "/diagnostics"
 
 NODE_INDENTER: Final = "indenter"
 NODE_ESTIMATOR: Final = "estimator"
+NODE_ARRAY_ESTIMATOR: Final = "array_estimator"
 NODE_RECORDER: Final = "recorder"
 NODE_PLAYER: Final = "player"
 NODE_DASHBOARD: Final = "dashboard"

@@ -56,7 +56,11 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._setting_names: list[str] = []
         self._next_rig: Rig | None = None
         self._declare_settings()
-        self._outputs = Outputs(self, with_sensors=options.side != "master")
+        self._together = options.samples_per_message
+        self._outputs = Outputs(
+            self, with_sensors=options.side != "master", together=self._together
+        )
+        self._outputs.set_scenario(options.scenario, self._rig.seed)
         self._published_before = 0
         self._overruns_before = 0
         self._timeouts_before = 0
@@ -84,7 +88,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _make_sampler(self) -> DeadlineThread:
         return DeadlineThread(
-            self._rig.rate_hz * self._options.rate,
+            self._rig.rate_hz * self._options.rate / self._together,
             self._publish,
             time.time_ns,  # the node's clock, unless that is the simulated one made here
         )
@@ -154,6 +158,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             return
         with self._changing:
             self._outputs.first_sequence += self._rig.sequence
+            self._outputs.set_scenario(rig.scenario, rig.seed)
             self._rig = rig
         self._options = self._options._replace(scenario=rig.scenario)
         for name, value in rig.settings().items():
@@ -202,13 +207,19 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return lines
 
     def _publish(self, _index: int, stamp_ns: int) -> bool:
-        """Take one sample and publish it; the sampler's thread calls this."""
+        """Take and publish a sample, or those of one message; the sampler's thread calls this.
+
+        Of several samples the last is due now.
+        """
         with self._changing:
-            if self._rig.finished:
-                return False
-            if self._simulated is not None:
-                stamp_ns = self._simulated.move_to(self._rig.sequence)
-            self._outputs.publish(stamp_ns, self._rig.step())
+            period_ns = 1e9 / self._rig.rate_hz
+            for place in range(1 - self._together, 1):
+                if self._rig.finished:
+                    self._outputs.flush()
+                    return False
+                if self._simulated is not None:
+                    stamp_ns = self._simulated.move_to(self._rig.sequence)
+                self._outputs.publish(stamp_ns + round(place * period_ns), self._rig.step())
         if self._simulated is not None:
             self._simulated.wait()
         return True

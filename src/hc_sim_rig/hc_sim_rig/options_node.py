@@ -7,6 +7,7 @@ from typing import NamedTuple
 from rclpy.node import Node
 
 from hc_msgs_py.parameters import declare
+from hc_msgs_py.wire_arrays import MOST_SAMPLES
 from hc_sim_rig.scenario import Scenario, load_scenario
 
 
@@ -22,6 +23,7 @@ class Options(NamedTuple):
     time: str
     rate: float
     lockstep_timeout_s: float
+    samples_per_message: int
 
 
 def declare_options(node: Node) -> Options:
@@ -104,7 +106,22 @@ def declare_options(node: Node) -> Options:
             unit="s",
             read_only=True,
         ),
+        samples_per_message=declare(
+            node,
+            "samples_per_message",
+            1,
+            "1: every sample is a message on indenter/sample; more: so many are taken at once and "
+            "published in one message on indenter/samples, when the last of them is due",
+            minimum=1,
+            maximum=MOST_SAMPLES,
+            read_only=True,
+        ),
     )
+    if options.samples_per_message > 1 and (options.time != "system" or options.side != "both"):
+        raise ValueError(
+            f"parameter samples_per_message is {options.samples_per_message}, must be 1 with "
+            f"side {options.side}, time {options.time}"
+        )
     if options.time == "system" and options.rate != 1.0:
         raise ValueError(
             f"parameter rate is {options.rate:g}, must be 1 while time is system "

@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from geometry_msgs.msg import PointStamped, WrenchStamped
-from hc_msgs.msg import IndenterSample, IndenterTruth
+from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth, TactileSample
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from hc_msgs_py.conversion import fill_force
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TIP, TRUTH, WRENCH
+from hc_msgs_py.topics import (
+    FRAME_INDENTER_TIP,
+    JOINT_STATES,
+    SAMPLE,
+    SAMPLES,
+    TACTILE_SAMPLE,
+    TIP,
+    TRUTH,
+    WRENCH,
+)
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder
+from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
 from hc_sim_rig.records import RigSample
+from hc_sim_rig.scenario import Scenario
+from hc_sim_rig.taxels import TaxelPad
 
 LISTENERS_EVERY = 20
 """Samples between two looks at who listens to the topics that not everybody needs."""
 TIP_EVERY = 10
 """Samples between two positions of the tip: sideways it is slow."""
 FRAME_STAGE = "stage"
+FRAME_PAD = "tactile_pad"
 
 
 class Outputs:
@@ -30,16 +45,22 @@ class Outputs:
         first_sequence: sequence of the rig's first sample; not 0 once the scenario was changed.
     """
 
-    def __init__(self, node: Node, with_sensors: bool) -> None:
+    def __init__(self, node: Node, with_sensors: bool, together: int = 1) -> None:
         """Make the publishers and declare whom ~/ready waits for.
 
         Args:
             node: the node that publishes.
             with_sensors: False for a master alone, whose host has no sensors.
+            together: samples that are published in one message; 1: on indenter/sample, each in one
+                of its own; more: on indenter/samples.
         """
         self._node = node
         self._with_sensors = with_sensors
-        self._sample = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._together = together
+        self._waiting: list[tuple[int, int, float, float]] = []
+        kind = IndenterSample if together == 1 else IndenterSamples
+        self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_QOS)
+        self._samples_encoder = SamplesEncoder()
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
         self._joints = node.create_publisher(JointState, JOINT_STATES, SAMPLE_QOS)
@@ -52,7 +73,7 @@ class Outputs:
         self._tip_message = PointStamped()
         self._tip_message.header.frame_id = FRAME_STAGE
         self._by_topic = {
-            SAMPLE: self._sample,
+            self.sample_topic: self._sample,
             TRUTH: self._truth,
             WRENCH: self._wrench,
             JOINT_STATES: self._joints,
@@ -61,20 +82,44 @@ class Outputs:
         for topic in self._by_topic:
             declare(
                 node,
-                expected_parameter(topic),
+                self._expected_parameter(topic),
                 0,
                 f"subscribers of {topic} that ~/ready waits for",
                 minimum=0,
                 maximum=1000,
             )
+        self._pad: TaxelPad | None = None
+        self._tactile: Any = None
+        self._tactile_encoder = ArraysEncoder(TactileSample, FRAME_PAD)
         self.published = 0
         self.first_sequence = 0
+
+    def set_scenario(self, scenario: Scenario, seed: int) -> None:
+        """Publish the readings of the scenario's tactile array from now on, if it has one."""
+        self._pad = None
+        if scenario.taxels is None:
+            return
+        sensors = scenario.sensors
+        if self._tactile is None:
+            self._tactile = self._node.create_publisher(TactileSample, TACTILE_SAMPLE, SAMPLE_QOS)
+        self._pad = TaxelPad(
+            scenario.taxels, sensors.displacement.noise_std_mm, sensors.force.noise_std_n, seed
+        )
+
+    @property
+    def sample_topic(self) -> str:
+        """Where the samples go."""
+        return SAMPLE if self._together == 1 else SAMPLES
+
+    def _expected_parameter(self, topic: str) -> str:
+        """The same name for either topic of the samples."""
+        return expected_parameter(SAMPLE if topic == SAMPLES else topic)
 
     def missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
         lines = []
         for topic, publisher in self._by_topic.items():
-            expected = self._node.get_parameter(expected_parameter(topic)).value
+            expected = self._node.get_parameter(self._expected_parameter(topic)).value
             found = publisher.get_subscription_count()
             if found < expected:
                 lines.append(f"{topic} has {found} of {expected} subscribers")
@@ -89,6 +134,8 @@ class Outputs:
             self._tip_wanted = self._tip.get_subscription_count() > 0
         if self._with_sensors:
             self._publish_sensors(stamp_ns, sample)
+        if self._pad is not None:
+            self._publish_taxels(self._pad, stamp_ns, sample)
         if self._joints_wanted:
             self._publish_joints(stamp_ns, sample)
         self.published += 1
@@ -96,9 +143,16 @@ class Outputs:
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read, and the truth behind it."""
         sequence = self.first_sequence + sample.sequence
-        self._sample.publish(
-            self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
-        )
+        if self._together == 1:
+            self._sample.publish(
+                self._sample_encoder.encode(
+                    stamp_ns, sequence, sample.displacement_mm, sample.force_n
+                )
+            )
+        else:
+            self._waiting.append((stamp_ns, sequence, sample.displacement_mm, sample.force_n))
+            if len(self._waiting) == self._together:
+                self.flush()
         if self._truth_wanted:
             self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._wrench_wanted:
@@ -106,6 +160,26 @@ class Outputs:
             self._wrench.publish(self._wrench_message)
         if self._tip_wanted and self.published % TIP_EVERY == 0:
             self._publish_tip(stamp_ns, sample)
+
+    def flush(self) -> None:
+        """Publish the samples that wait for their message to be full."""
+        if self._waiting:
+            stamps, sequences, displacements, forces = zip(*self._waiting, strict=True)
+            self._waiting.clear()
+            self._sample.publish(
+                self._samples_encoder.encode(stamps, sequences[0], displacements, forces)
+            )
+
+    def _publish_taxels(self, pad: TaxelPad, stamp_ns: int, sample: RigSample) -> None:
+        """Publish what the taxels read."""
+        displacements_mm, forces_n = pad.readings(sample.truth)
+        record = self._tactile_encoder.record(len(forces_n), stamp_ns)
+        record["sequence"] = self.first_sequence + sample.sequence
+        record["columns"] = pad.taxels.columns
+        record["pitch"] = pad.taxels.pitch_mm / METRE_IN_MM
+        record["displacement"] = displacements_mm / METRE_IN_MM
+        record["force"] = forces_n
+        self._tactile.publish(record.tobytes())
 
     def _publish_tip(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish where the tip is: x sideways, z up, so that penetration is negative."""

@@ -19,6 +19,7 @@ from hc_sim_rig.motions import Motion
 from hc_sim_rig.profile import profile_at
 from hc_sim_rig.schema import ScenarioError, Section, build, number, section, word
 from hc_sim_rig.sensors import Sensors
+from hc_sim_rig.taxels import Taxels
 from hc_sim_rig.tissues import (
     HuntCrossleyTissue,
     KelvinVoigtTissue,
@@ -51,6 +52,7 @@ class Scenario(Section):
     seed: int = number(1, minimum=0, maximum=2**63 - 1)
     transition_time_s: float = number(0.3, minimum=0.0, maximum=60.0, unit="s")
     sensors: Sensors = section(Sensors)
+    taxels: Taxels | None = None
 
     def __post_init__(self) -> None:
         """Check what several sections say together."""
@@ -69,6 +71,8 @@ class Scenario(Section):
             raise ScenarioError(
                 "tissue.inclusion is felt by moving sideways only: name drive.lateral (of a stage)"
             )
+        if self.taxels is not None and not isinstance(self.tissue, HuntCrossleyTissue):
+            raise ScenarioError("taxels press on a tissue of kind hunt_crossley only")
         if self.at_end == "loop":
             self._check_loop()
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural, positive
+from hc_msgs_py.realtime import DEFAULT_PRIORITY
 
 HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the documents"
 
@@ -52,6 +53,48 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "effort", help="teleoperation without a force sensor, by noise and friction"
     )
     effort.add_argument("--quick", action="store_true", help="one seed")
+    latency = commands.add_parser(
+        "latency", help="stamp to estimate as distributions: by rate, subscribers, idle and loaded"
+    )
+    latency.add_argument(
+        "--duration", type=positive, default=60.0, metavar="S", help="of each case (60)"
+    )
+    latency.add_argument(
+        "--rate",
+        type=positive,
+        action="append",
+        metavar="HZ",
+        help="samples a second, may be given several times (1000, 2000, 4000, 7000)",
+    )
+    latency.add_argument(
+        "--subscribers",
+        type=natural,
+        action="append",
+        metavar="N",
+        help="of hc/estimate beside the recorder, may be given several times (1, 4)",
+    )
+    latency.add_argument(
+        "--machine",
+        choices=("idle", "loaded", "both"),
+        default="both",
+        help="loaded: a compiler runs on the last processor (both)",
+    )
+    latency.add_argument(
+        "--together",
+        type=positive,
+        metavar="HZ",
+        help="messages a second at most: samples of higher rates travel in arrays",
+    )
+    latency.add_argument("--filter", metavar="F", help="filter of the estimator")
+    latency.add_argument(
+        "--realtime",
+        nargs="?",
+        type=int,
+        const=DEFAULT_PRIORITY,
+        metavar="PRIORITY",
+        help="real-time scheduling, as of hc run",
+    )
+    latency.add_argument("--picture", metavar="FILE", help="draw the distributions (.png, .svg)")
     viewers = commands.add_parser(
         "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
     )
@@ -61,7 +104,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, arrays, accuracy, bags, soak, viewers, teleoperation, effort):
+    for command in (speed, arrays, latency, accuracy, bags, soak, viewers, teleoperation, effort):
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -70,6 +113,7 @@ def run(arguments: argparse.Namespace) -> int:
     actions = {
         "speed": _speed,
         "arrays": _arrays,
+        "latency": _latency,
         "accuracy": _accuracy,
         "bags": _bags,
         "soak": _soak,
@@ -102,6 +146,42 @@ def _arrays(arguments: argparse.Namespace) -> int:
     with progress_bar("arrays") as progress:
         figures = run_array_speed(arguments.channels, progress=progress)
     _show(figures, arguments.json)
+    return 0
+
+
+def _latency(arguments: argparse.Namespace) -> int:
+    from hc_bringup.bench_latency import RATES_HZ, SUBSCRIBERS, bench_latency, draw, text_table
+    from hc_bringup.commands.run import ask_for_realtime
+    from hc_bringup.live import Display
+    from hc_bringup.summary import to_json
+
+    for number in arguments.subscribers or ():
+        if not 1 <= number <= 64:
+            raise UserError(f"--subscribers {number} is not from 1 to 64", WRONG_USE)
+    picture = Path(arguments.picture) if arguments.picture is not None else None
+    if picture is not None and not (
+        picture.suffix in (".png", ".svg") and picture.absolute().parent.is_dir()
+    ):
+        raise UserError(
+            f"--picture {picture}: give a .png or .svg in a folder that exists", WRONG_USE
+        )
+    ask_for_realtime(arguments.realtime, None)
+    loads = {"idle": (False,), "loaded": (True,), "both": (False, True)}[arguments.machine]
+    with Display(enabled=not arguments.json, with_keys=False) as display:
+        cases = bench_latency(
+            arguments.duration,
+            arguments.rate or RATES_HZ,
+            arguments.subscribers or SUBSCRIBERS,
+            loads,
+            filter_name=arguments.filter,
+            together_hz=arguments.together,
+            show=display.show,
+        )
+    if picture is not None:
+        draw(cases, picture)
+    for case in cases:
+        del case["latencies_s"]
+    print(to_json({"cases": cases}) if arguments.json else text_table(cases))
     return 0
 
 

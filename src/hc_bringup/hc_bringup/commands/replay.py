@@ -133,7 +133,9 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
             )
         )
     if bag is not None:
-        topics = ["indenter/sample"] + ["hc/estimate"] * with_estimator
+        arrays = settings.get("input.source") == "samples"
+        samples = "indenter/samples" if arrays else "indenter/sample"
+        topics = [samples] + ["hc/estimate"] * with_estimator
         nodes.append(
             NodePlan(
                 "recorder",

@@ -16,6 +16,16 @@ from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural, positive, seconds
 from hc_bringup.parameter_file import read_yaml
+from hc_msgs_py.realtime import (
+    CPUS_VARIABLE,
+    DEFAULT_PRIORITY,
+    PRIORITY_VARIABLE,
+    RealtimeError,
+    check_permission,
+    processors,
+    wanted_priority,
+)
+from hc_msgs_py.topics import SAMPLE, SAMPLES
 
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
@@ -53,6 +63,18 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="[NODE.]NAME=VALUE",
         help="a parameter of a node, of the estimator without NODE; may be given several times",
     )
+    parser.add_argument(
+        "--realtime",
+        nargs="?",
+        type=int,
+        const=DEFAULT_PRIORITY,
+        metavar="PRIORITY",
+        help="real-time scheduling (SCHED_FIFO) and locked memory for all nodes; priority from 1 "
+        f"to 99 ({DEFAULT_PRIORITY}); the system must permit it",
+    )
+    parser.add_argument(
+        "--cpus", metavar="LIST", help="processors that the nodes stay on, like 0,2-3"
+    )
     parser.add_argument("--headless", action="store_true", help="no live display")
     parser.add_argument(
         "--dashboard",
@@ -73,11 +95,13 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.plan import load_plan
     from hc_bringup.runner import Runner
 
+    ask_for_realtime(arguments.realtime, arguments.cpus)
     plan = load_plan(find_config(arguments.config))
     if arguments.duration is not None:
         plan = dataclasses.replace(plan, duration_s=arguments.duration)
     for node, parameters in given_parameters(plan, arguments).items():
         plan = with_parameters(plan, node, parameters)
+    plan = with_array_messages(plan)
     bag = None
     if plan.node("recorder") is not None:
         bag = new_bag_folder(arguments.bag)
@@ -101,6 +125,23 @@ def run(arguments: argparse.Namespace) -> int:
     if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
         show_ending(bag)
     return 0
+
+
+def ask_for_realtime(priority: int | None, cpus: str | None) -> None:
+    """Ask for real-time scheduling, and for processors, by the environment of the nodes to come.
+
+    Raises:
+        UserError: if there are no such processors, or the system does not permit it.
+    """
+    try:
+        if cpus is not None:
+            processors(cpus)
+            os.environ[CPUS_VARIABLE] = cpus
+        if priority is not None:
+            os.environ[PRIORITY_VARIABLE] = str(priority)
+            check_permission(wanted_priority())
+    except RealtimeError as error:
+        raise UserError(str(error), WRONG_USE) from error
 
 
 def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict[str, Any]]:
@@ -140,6 +181,26 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
             raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
         found[node][name] = value
     return found
+
+
+def with_array_messages(plan: Any) -> Any:
+    """Return a plan in which all others take many samples in a message where the rig sends such."""
+    rig, estimator, recorder = map(plan.node, ("indenter", "estimator", "recorder"))
+    if rig is None:
+        return plan
+    together = (file_parameters(rig) | dict(rig.parameters)).get("samples_per_message", 1)
+    if together == 1:
+        return plan
+    if estimator is not None:
+        settings = file_parameters(estimator) | dict(estimator.parameters)
+        if settings.get("input.source", "sample") == "sample":
+            plan = with_parameters(plan, "estimator", {"input.source": "samples"})
+    if recorder is not None:
+        settings = file_parameters(recorder) | dict(recorder.parameters)
+        topics = settings.get("expected_topics", [])
+        renamed = [SAMPLES if name == SAMPLE else name for name in topics]
+        plan = with_parameters(plan, "recorder", {"expected_topics": renamed or [""]})
+    return plan
 
 
 def show_ending(bag: Path) -> None:

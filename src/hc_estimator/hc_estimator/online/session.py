@@ -11,11 +11,14 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from hc_estimator.estimate import Estimate, Rejection
 from hc_estimator.estimator import Estimator
 from hc_estimator.input.stream_guard import Break, StreamGuard, StreamSample
 from hc_estimator.online.contacts import ContactSummary, ContactTracker
 from hc_estimator.online.vocabulary import (
+    Batch,
     Cause,
     Counters,
     Event,
@@ -72,6 +75,7 @@ class EstimationSession:
         self.silent_what = "sample"
         self.last_estimate: Estimate | None = None
         self._listener = listener
+        self._at: tuple[int, int] | None = None  # the sample of a batch that is spoken of now
         self._origin_ns: int | None = None
         self._last_time_ns: int | None = None
         self._displacement_ns: int | None = None  # when its last reading came
@@ -178,8 +182,8 @@ class EstimationSession:
     def report(self, kind: EventKind, reason: str) -> None:
         """Tell the listener of an event at the last sample."""
         guard = self.guard
-        event = Event(kind, guard.last_stamp_ns or 0, guard.last_sequence, reason)
-        self._listener.on_event(event)
+        stamp_ns, sequence = self._at or (guard.last_stamp_ns or 0, guard.last_sequence)
+        self._listener.on_event(Event(kind, stamp_ns, sequence, reason))
 
     def end(self) -> None:
         """The stream is over: report the contact that still goes on."""
@@ -202,6 +206,25 @@ class EstimationSession:
             self._use(stamp_ns, sequence, displacement_mm, force_n)
         else:
             self._out_of_place(StreamSample(stamp_ns, sequence, displacement_mm, force_n))
+
+    def process_many(self, batch: Batch) -> None:
+        """Take in samples that wait together: the numbers and events of `process` one by one.
+
+        Those that follow one another go through the estimator in one compiled call. What comes of
+        them is told after that: first all estimates, then the events in the order of the samples.
+        """
+        guard = self.guard
+        begin = 0
+        stamps, sequences = batch.stamps_ns.tolist(), batch.sequences.tolist()
+        self.counters.received += len(stamps)
+        for i, (stamp_ns, sequence) in enumerate(zip(stamps, sequences, strict=True)):
+            if guard.is_next(stamp_ns, sequence):
+                continue
+            self._use_many(batch.part(begin, i))
+            one = (float(batch.displacements_mm[i]), float(batch.forces_n[i]))
+            self._out_of_place(StreamSample(stamp_ns, sequence, *one))
+            begin = i + 1
+        self._use_many(batch.part(begin, len(stamps)))
 
     def check_silence(self, now_ns: int) -> bool:
         """Say whether the input is silent; to be called some times a second.
@@ -263,11 +286,7 @@ class EstimationSession:
     def _use(self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float) -> None:
         origin = self._origin_ns
         if origin is None:
-            origin = self._origin_ns = stamp_ns
-            self.revision = self.revision._replace(
-                valid_from_sequence=sequence, time_origin_ns=origin
-            )
-            self._listener.on_revision(self.revision)
+            origin = self._begin(stamp_ns, sequence)
         before = time.perf_counter_ns()
         estimate = self.estimator.step((stamp_ns - origin) * 1e-9, displacement_mm, force_n)
         after = time.perf_counter_ns()
@@ -279,7 +298,55 @@ class EstimationSession:
         self.last_estimate = estimate
         # First of all the estimate goes out; what follows may take its time.
         self._listener.on_estimate(stamp_ns, sequence, force_n, estimate, computation_ns)
-        if self._silent and not self._is_overdue(after):
+        self._watch(after, stamp_ns, sequence, displacement_mm, force_n, estimate)
+
+    def _use_many(self, batch: Batch) -> None:
+        """As `_use` for each of them; events carry stamp and number of their sample."""
+        count = len(batch.stamps_ns)
+        rows = list(zip(*(column.tolist() for column in batch), strict=True))
+        if count <= 1:
+            for row in rows:
+                self._use(*row)
+            return
+        origin = self._origin_ns
+        if origin is None:
+            origin = self._begin(*rows[0][:2])
+        before = time.perf_counter_ns()
+        times = (batch.stamps_ns - np.int64(origin)) * 1e-9
+        series = self.estimator.run(times, batch.displacements_mm, batch.forces_n)
+        after = time.perf_counter_ns()
+        self._last_time_ns = rows[-1][0]
+        self.counters.estimates += count
+        each_ns = (after - before) // count
+        self._listener.on_estimates(batch, series, each_ns)
+        for i, (stamp_ns, sequence, displacement_mm, force_n) in enumerate(rows):
+            estimate = self.last_estimate = series[i]
+            self._at = (stamp_ns, sequence)
+            self._note_arrival(after, displacement_mm, force_n)
+            self.computation.add(each_ns)
+            self._watch(after, stamp_ns, sequence, displacement_mm, force_n, estimate)
+        self._at = None
+
+    def _begin(self, stamp_ns: int, sequence: int) -> int:
+        """Count time from this sample on; returns its stamp."""
+        self._origin_ns = stamp_ns
+        self.revision = self.revision._replace(
+            valid_from_sequence=sequence, time_origin_ns=stamp_ns
+        )
+        self._listener.on_revision(self.revision)
+        return stamp_ns
+
+    def _watch(
+        self,
+        now_ns: int,
+        stamp_ns: int,
+        sequence: int,
+        displacement_mm: float,
+        force_n: float,
+        estimate: Estimate,
+    ) -> None:
+        """Look for what is worth an event, and for contacts."""
+        if self._silent and not self._is_overdue(now_ns):
             self._silent = False
             self.report(EventKind.INPUT_RECOVERED, "samples come again")
         self._watch_rejection(estimate)

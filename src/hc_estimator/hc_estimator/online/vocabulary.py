@@ -1,4 +1,4 @@
-"""What a session says and counts: kinds of events, causes of revisions, settings, counters."""
+"""What a session hears, says and counts: batches, events, revisions, settings, counters."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import dataclasses
 from enum import IntEnum
 from typing import NamedTuple, Protocol
 
-from hc_estimator.estimate import Estimate, Rejection
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.estimate import Estimate, EstimateSeries, Rejection
 from hc_estimator.online.contacts import ContactSummary
 
 LOADED_STATE = "loaded_state"
@@ -69,6 +72,25 @@ class Revision(NamedTuple):
     cause: Cause
 
 
+class Batch(NamedTuple):
+    """Samples that wait together, in the order in which they came, an element each."""
+
+    stamps_ns: NDArray[np.int64]
+    sequences: NDArray[np.uint64]
+    displacements_mm: NDArray[np.float64]
+    forces_n: NDArray[np.float64]
+
+    def part(self, begin: int, end: int) -> Batch:
+        """Those from one place up to another."""
+        chosen = slice(begin, end)
+        return Batch(
+            self.stamps_ns[chosen],
+            self.sequences[chosen],
+            self.displacements_mm[chosen],
+            self.forces_n[chosen],
+        )
+
+
 class Listener(Protocol):
     """Who hears what the session says."""
 
@@ -76,6 +98,9 @@ class Listener(Protocol):
         self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
     ) -> None:
         """A sample was taken in; the estimate after it."""
+
+    def on_estimates(self, batch: Batch, series: EstimateSeries, computation_ns: int) -> None:
+        """Samples were taken in together; the estimate after each, and the time for one."""
 
     def on_event(self, event: Event) -> None:
         """Something happened."""

@@ -21,6 +21,8 @@ from rclpy.subscription import Subscription
 from hc_estimator.input.publishers import PublisherLines
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 
+MOST_TOGETHER = 256
+"""Messages that are handed on in one piece."""
 SLICE_S = 0.01
 """So long a channel works off its backlog before others have their turn."""
 LATELY_NS = 2_000_000_000
@@ -32,7 +34,7 @@ class SubscriptionError(Exception):
 
 
 class Channel:
-    """Hands on, one by one, the messages of one publisher of a topic.
+    """Hands on the messages of one publisher of a topic: one by one, or those that wait together.
 
     Attributes:
         topic: name of the topic as it was given.
@@ -41,6 +43,7 @@ class Channel:
         received: messages that came, whoever sent them.
         received_ns: when the message that is handed on now came, by the system's clock.
         lines: tells the publishers apart.
+        most_waiting: messages that waited at once, the most since somebody set it to 0.
     """
 
     def __init__(
@@ -53,6 +56,8 @@ class Channel:
         skip: Callable[[int], None],
         fail: Callable[[Exception], None],
         raw: bool = False,
+        take_many: Callable[[list[Any]], None] | None = None,
+        samples_in: Callable[[Any], int] | None = None,
     ) -> None:
         """Subscribe.
 
@@ -61,9 +66,11 @@ class Channel:
             message_type: class of the messages.
             topic: name of the topic.
             take: takes one message.
-            skip: hears how many messages were left out.
+            skip: hears how many samples were left out.
             fail: hears of what `take` raised where no executor would.
             raw: hand on the messages' bytes.
+            take_many: takes several messages that wait; None hands them to `take`.
+            samples_in: returns how many samples a message holds; None: one.
 
         Raises:
             SubscriptionError: if the middleware refuses; it has one type for each topic of a
@@ -76,10 +83,12 @@ class Channel:
         self.maximum_backlog = STREAM_DEPTH
         self.received = 0
         self.received_ns = 0
+        self.most_waiting = 0
         self._node = node
         self._message_type = message_type
         self._raw = raw
         self._take, self._skip, self._fail = take, skip, fail
+        self._take_many, self._samples_in = take_many, samples_in
         self._waiting: deque[tuple[Any, dict[str, Any]]] = deque()
         self._continues = False
         self._closed = False
@@ -154,24 +163,34 @@ class Channel:
                 if taken is None:
                     break
                 waiting.append(taken)
+        self.most_waiting = max(self.most_waiting, len(waiting))
         surplus = len(waiting) - self.maximum_backlog
         if surplus > 0:
-            for _ in range(surplus):
-                waiting.popleft()
-            self._skip(surplus)
+            skipped = [waiting.popleft()[0] for _ in range(surplus)]
+            count = self._samples_in
+            self._skip(surplus if count is None else sum(map(count, skipped)))
 
     def _work(self, deadline_s: float) -> None:
         waiting = self._waiting
-        lines = self.lines
         while waiting:
-            message, info = waiting.popleft()
-            self.received += 1
-            self.received_ns = _came_ns(info)
-            if lines.follows(info["publication_sequence_number"], info["received_timestamp"]):
-                self._take(message)
+            if self._take_many is not None and len(waiting) > 1:
+                several = [waiting.popleft() for _ in range(min(len(waiting), MOST_TOGETHER))]
+                messages = [message for message, info in several if self._follows(info)]
+                if messages:
+                    self._take_many(messages)
+            else:
+                message, info = waiting.popleft()
+                if self._follows(info):
+                    self._take(message)
             if waiting and time.perf_counter() > deadline_s:
                 self._go_on_later()
                 return
+
+    def _follows(self, info: Mapping[str, Any]) -> bool:
+        """Count a message; returns whether it is of the publisher that is followed."""
+        self.received += 1
+        self.received_ns = _came_ns(info)
+        return self.lines.follows(info["publication_sequence_number"], info["received_timestamp"])
 
     def _go_on_later(self) -> None:
         if not self._continues:

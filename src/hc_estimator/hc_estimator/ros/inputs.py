@@ -1,17 +1,19 @@
-"""The topic indenter/sample as the node's input, and what every input has in common."""
+"""The topics indenter/sample and indenter/samples as the node's input; what all inputs share."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
-from hc_msgs.msg import IndenterSample
+from hc_msgs.msg import IndenterSample, IndenterSamples
 from rclpy.node import Node
 
 from hc_estimator.input.contact_frame import NormalFinder
+from hc_estimator.online.vocabulary import Batch
 from hc_estimator.ros.channel import Channel
-from hc_msgs_py.topics import SAMPLE
+from hc_msgs_py.topics import SAMPLE, SAMPLES
 from hc_msgs_py.wire import SampleDecoder
+from hc_msgs_py.wire_arrays import Samples, SamplesDecoder, decode_samples
 
 
 class Receiver(Protocol):
@@ -21,6 +23,9 @@ class Receiver(Protocol):
         self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
     ) -> None:
         """Take in a sample."""
+
+    def on_samples(self, batch: Batch) -> None:
+        """Take in samples that wait together."""
 
     def on_skip(self, number: int) -> None:
         """Hear that samples were left out, and their numbers with them."""
@@ -62,7 +67,10 @@ class Input(Protocol):
 
 
 class SampleInput:
-    """Subscribes to indenter/sample and hands every sample on, less the zeros."""
+    """Subscribes to indenter/sample and hands every sample on, less the zeros.
+
+    Samples that wait are decoded together and handed on as one batch.
+    """
 
     def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
         """Start listening.
@@ -76,7 +84,12 @@ class SampleInput:
         self._receiver = receiver
         self._decoder = SampleDecoder()
         self._frame_id = ""
-        self._channel = Channel(
+        self._channel = self._subscribe(node, receiver)
+        self.channels = (self._channel,)
+        self.configure(values)
+
+    def _subscribe(self, node: Node, receiver: Receiver) -> Channel:
+        return Channel(
             node,
             IndenterSample,
             SAMPLE,
@@ -84,9 +97,8 @@ class SampleInput:
             skip=receiver.on_skip,
             fail=receiver.on_failure,
             raw=True,
+            take_many=self._take_many,
         )
-        self.channels = (self._channel,)
-        self.configure(values)
 
     def configure(self, values: Mapping[str, Any]) -> None:
         """Take other zeros and another limit of the backlog."""
@@ -110,12 +122,74 @@ class SampleInput:
         except ValueError:
             self.undecodable += 1
             return
-        if decoder.frame_id != self._frame_id:
-            self._frame_id = decoder.frame_id
-            self._receiver.on_frame(self._frame_id)
+        self._hear_frame(decoder.frame_id)
         self._receiver.on_sample(
             stamp_ns, sequence, displacement_mm - self._position_zero, force_n - self._force_zero
         )
+
+    def _take_many(self, messages: list[bytes]) -> None:
+        samples = decode_samples(self._decoder, messages)
+        if samples is None or self._decoder.frame_id != self._frame_id:
+            for message in messages:
+                self._take(message)
+        else:
+            self._hand_on(samples)
+
+    def _hear_frame(self, frame_id: str) -> None:
+        if frame_id != self._frame_id:
+            self._frame_id = frame_id
+            self._receiver.on_frame(frame_id)
+
+    def _hand_on(self, samples: Samples) -> None:
+        stamps, sequences, displacements, forces = samples
+        self._receiver.on_samples(
+            Batch(stamps, sequences, displacements - self._position_zero, forces - self._force_zero)
+        )
+
+
+class ArrayInput(SampleInput):
+    """Subscribes to indenter/samples: each message is a batch."""
+
+    def _subscribe(self, node: Node, receiver: Receiver) -> Channel:
+        self._arrays = SamplesDecoder()
+        self._per_message = 1
+        return Channel(
+            node,
+            IndenterSamples,
+            SAMPLES,
+            self._take,
+            skip=receiver.on_skip,
+            fail=receiver.on_failure,
+            raw=True,
+            samples_in=self._samples_in,
+        )
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take other zeros and another limit of the backlog, which counts samples."""
+        super().configure(values)
+        self._maximum_backlog = values["input.maximum_backlog"]
+        self._limit()
+
+    def _limit(self) -> None:
+        self._channel.maximum_backlog = max(1, self._maximum_backlog // self._per_message)
+
+    def _samples_in(self, data: bytes) -> int:
+        try:
+            return len(SamplesDecoder().decode(data).stamps_ns)
+        except ValueError:
+            return 0
+
+    def _take(self, data: bytes) -> None:
+        try:
+            samples = self._arrays.decode(data)
+        except ValueError:
+            self.undecodable += 1
+            return
+        if len(samples.stamps_ns) != self._per_message:
+            self._per_message = len(samples.stamps_ns)
+            self._limit()
+        self._hear_frame(self._arrays.frame_id)
+        self._hand_on(samples)
 
 
 def missing_publishers(channels: Sequence[Channel], expected: int) -> list[str]:

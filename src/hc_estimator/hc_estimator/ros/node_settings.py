@@ -108,8 +108,9 @@ NODE_SETTINGS = _table(
     setting(
         "input.source",
         "sample",
-        "sample: the topic indenter/sample; sensors: a force and a position sensor of one's own.",
-        choices=("sample", "sensors"),
+        "sample: the topic indenter/sample; samples: indenter/samples, many in a message; sensors: "
+        "a force and a position sensor of one's own.",
+        choices=("sample", "samples", "sensors"),
     ),
     *_sensor_settings(
         "force",
@@ -304,6 +305,13 @@ NODE_SETTINGS = _table(
         "Subscribers of hc/estimate that ~/ready waits for.",
         minimum=0,
         maximum=1000,
+    ),
+    setting(
+        "output.estimates",
+        "each",
+        "each: a message on hc/estimate for every sample; arrays: one on hc/estimates for all "
+        "samples that came together; both.",
+        choices=("each", "arrays", "both"),
     ),
     setting(
         "tare.samples",

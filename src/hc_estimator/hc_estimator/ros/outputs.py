@@ -8,21 +8,23 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from hc_msgs.msg import (
     ContactSummary,
     EstimatorConfiguration,
     EstimatorEvent,
     HuntCrossleyEstimate,
+    HuntCrossleyEstimates,
 )
 from rclpy.node import Node
 
-from hc_estimator import Estimate, Estimator, __version__
+from hc_estimator import Estimate, EstimateSeries, Estimator, __version__
 from hc_estimator.online import contacts
 from hc_estimator.online.latency import LatencyClock
-from hc_estimator.online.vocabulary import LOADED_STATE, Event, Revision
+from hc_estimator.online.vocabulary import LOADED_STATE, Batch, Event, Revision
 from hc_msgs_py.conversion import (
     Configuration,
     fill_contact,
@@ -35,11 +37,33 @@ from hc_msgs_py.topics import (
     CONFIGURATION,
     CONTACTS,
     ESTIMATE,
+    ESTIMATES,
     EVENTS,
     FRAME_INDENTER_TIP,
     RECONSTRUCTED_WRENCH,
 )
 from hc_msgs_py.wire import EstimateEncoder
+from hc_msgs_py.wire_arrays import (
+    ArraysEncoder,
+    Samples,
+    encode_estimates,
+    fill_estimate_arrays,
+)
+
+EACH: Final = "each"
+ARRAYS: Final = "arrays"
+_COLUMNS: Final = (
+    "displacement",
+    "velocity",
+    "force_predicted",
+    "force_reconstructed",
+    "nis",
+    "contact",
+    "change_detected",
+    "model_mismatch",
+    "rejected",
+)
+"""Of HuntCrossleyEstimates, beside the parameters and what comes from the sample."""
 
 
 class Outputs:
@@ -47,6 +71,8 @@ class Outputs:
 
     Attributes:
         frame_id: frame of the samples.
+        form: each, arrays or both: an hc/estimate a sample, or an hc/estimates a batch.
+        wrenches_left_out: of samples that waited together, all but the last.
         wrench_wanted: whether somebody listens to the wrench, as `look_who_listens` saw it last.
     """
 
@@ -58,11 +84,15 @@ class Outputs:
         )
         self._events = node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
         self._contacts = node.create_publisher(ContactSummary, CONTACTS, CONFIGURATION_QOS)
+        self._arrays = node.create_publisher(HuntCrossleyEstimates, ESTIMATES, ESTIMATE_QOS)
         self._encoder = EstimateEncoder()
+        self._arrays_encoder = ArraysEncoder(HuntCrossleyEstimates)
+        self.form = EACH
         self._clock = node.get_clock()
         self._latency = LatencyClock()
         self._wrench_message = WrenchStamped()
         self.wrench_wanted = False
+        self.wrenches_left_out = 0
         self.frame_id = ""
         self.set_frame(FRAME_INDENTER_TIP)
 
@@ -70,6 +100,7 @@ class Outputs:
         """Name the frame of the samples in what is published from now on."""
         self.frame_id = frame_id
         self._encoder.set_frame(frame_id)
+        self._arrays_encoder.set_frame(frame_id)
         self._wrench_message.header.frame_id = frame_id
 
     def look_who_listens(self) -> None:
@@ -78,8 +109,9 @@ class Outputs:
 
     @property
     def estimate_subscribers(self) -> int:
-        """Matched subscribers of hc/estimate."""
-        return int(self._estimate.get_subscription_count())
+        """Matched subscribers of hc/estimate, or of hc/estimates where only that is published."""
+        publisher = self._arrays if self.form == ARRAYS else self._estimate
+        return int(publisher.get_subscription_count())
 
     def publish_estimate(
         self,
@@ -96,11 +128,13 @@ class Outputs:
             The latency [ns]: from the stamp to now, by the node's clock; that the system's clock
             is set meanwhile does not count.
         """
-        now_ns: int = self._clock.now().nanoseconds
-        if self._clock.ros_time_is_active:
-            latency_ns = now_ns - stamp_ns
-        else:
-            latency_ns = self._latency.latency_ns(stamp_ns, now_ns, time.monotonic_ns())
+        latency_ns = self._latency_of(stamp_ns)
+        if self.form != EACH:
+            one = np.array([stamp_ns]), np.array([sequence]), np.empty(1), np.array([force_n])
+            self._publish_arrays(Batch(*one), estimate, computation_ns, latency_ns, revision)
+            if self.form == ARRAYS:
+                self._publish_wrench(stamp_ns, estimate.force_reconstructed)
+                return latency_ns
         self._estimate.publish(
             self._encoder.encode(
                 estimate,
@@ -112,10 +146,71 @@ class Outputs:
                 latency_ns * 1e-9,
             )
         )
-        if self.wrench_wanted:
-            fill_force(self._wrench_message, stamp_ns, estimate.force_reconstructed)
-            self._wrench.publish(self._wrench_message)
+        self._publish_wrench(stamp_ns, estimate.force_reconstructed)
         return latency_ns
+
+    def publish_estimates(
+        self, batch: Batch, series: EstimateSeries, computation_ns: int, revision: int
+    ) -> list[int]:
+        """Publish the estimates of samples that were taken in together.
+
+        Args:
+            batch: the samples, no more than a message holds (hc_msgs_py.wire_arrays).
+            series: their estimates.
+            computation_ns: wall time for one of them [ns].
+            revision: of the configuration.
+
+        Returns:
+            The latencies [ns].
+        """
+        count = len(batch.stamps_ns)
+        newest_ns = int(batch.stamps_ns[-1])
+        latency_ns = self._latency_of(newest_ns)
+        now_ns = newest_ns + latency_ns
+        if self.form != EACH:
+            self._publish_arrays(batch, series, computation_ns * count, latency_ns, revision)
+        if self.form != ARRAYS:
+            seconds = computation_ns * 1e-9
+            samples = Samples(*batch)
+            for data in encode_estimates(series, samples, self.frame_id, revision, seconds, now_ns):
+                self._estimate.publish(data)
+        # The wrench is for looking at: of samples that waited the newest will do.
+        if self.wrench_wanted:
+            self._publish_wrench(int(batch.stamps_ns[-1]), float(series.force_reconstructed[-1]))
+            self.wrenches_left_out += count - 1
+        latencies: list[int] = (now_ns - batch.stamps_ns).tolist()
+        return latencies
+
+    def _latency_of(self, stamp_ns: int) -> int:
+        """From a stamp to now [ns]; that the system's clock is set meanwhile does not count."""
+        now_ns: int = self._clock.now().nanoseconds
+        if self._clock.ros_time_is_active:
+            return now_ns - stamp_ns
+        return self._latency.latency_ns(stamp_ns, now_ns, time.monotonic_ns())
+
+    def _publish_arrays(
+        self,
+        batch: Batch,
+        series: EstimateSeries | Estimate,
+        computation_ns: int,
+        latency_ns: int,
+        revision: int,
+    ) -> None:
+        first = int(batch.stamps_ns[0])
+        record = self._arrays_encoder.record(len(batch.stamps_ns), first)
+        record["configuration_revision"] = revision
+        record["computation_time"] = computation_ns * 1e-9
+        record["latency"] = latency_ns * 1e-9
+        record["time_offset"] = batch.stamps_ns - first
+        record["sequence"] = batch.sequences
+        record["force_measured"] = batch.forces_n
+        fill_estimate_arrays(record, series, _COLUMNS)
+        self._arrays.publish(record.tobytes())
+
+    def _publish_wrench(self, stamp_ns: int, force_n: float) -> None:
+        if self.wrench_wanted:
+            fill_force(self._wrench_message, stamp_ns, force_n)
+            self._wrench.publish(self._wrench_message)
 
     def publish_configuration(
         self,

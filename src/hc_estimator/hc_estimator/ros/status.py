@@ -18,6 +18,8 @@ _QUANTILES = (("p50", 0.5), ("p99", 0.99))
 WAITING_S = 5.0
 """So long nobody may have found whom the node waits for without a warning."""
 SHARE_REFUSED = 0.05
+SHARE_WAITING = 0.25
+"""More than this share of the allowed backlog waits: the node falls behind, and says so."""
 _REFUSED = {
     Rejection.NOT_FINITE: "a reading is no finite number",
     Rejection.TIME_REPEATED: "their stamp is that of the sample before",
@@ -32,10 +34,12 @@ class StatusReporter:
 
     Attributes:
         latency: stamp to publication, since the last status; the node adds to it.
+        wrenches_left_out: of samples that waited together; the node writes it.
     """
 
     def __init__(self, session: EstimationSession) -> None:
         self.latency = DurationHistogram()
+        self.wrenches_left_out = 0
         self._session = session
         self._total_latency = DurationHistogram()
         self._total_computation = DurationHistogram()
@@ -78,11 +82,15 @@ class StatusReporter:
         values |= _quantiles("computation", session.computation, self._total_computation)
         values |= self._health(since)
         values |= source.counters
+        values["wrenches_left_out"] = self.wrenches_left_out
         for channel in source.channels:
             values[f"publishers of {channel.topic}"] = channel.publishers
             values[f"messages of other publishers on {channel.topic}"] = channel.lines.foreign
             values[f"messages lost on {channel.topic}"] = channel.lines.lost
+            values[f"most messages waiting on {channel.topic}"] = channel.most_waiting
         level, message = self._judge(since, source, suspicions)
+        for channel in source.channels:
+            channel.most_waiting = 0
         return Status(level, message, values)
 
     def _counts(self, source: Input) -> dict[str, float]:
@@ -154,6 +162,11 @@ class StatusReporter:
         if not session.guard.counted:
             problems.append("the numbers of the samples are no count: losses cannot be told")
         problems += _refusals(since)
+        problems += [
+            f"cannot keep up: {channel.most_waiting} messages waited on {channel.topic}"
+            for channel in source.channels
+            if channel.most_waiting > SHARE_WAITING * channel.maximum_backlog
+        ]
         for name in ("lost", "skipped", "strays"):
             if since[name]:
                 problems.append(f"{since[name]:.0f} samples {name}")

@@ -42,6 +42,11 @@ class ZeroSetting:
         self._zeroing = Zeroing()
         self._together = Together()
 
+    @property
+    def active(self) -> bool:
+        """Whether zeros are looked for."""
+        return self._zeroing.active
+
     def tare(self) -> str:
         """Begin a tare; returns what to tell the user.
 

@@ -1,0 +1,126 @@
+"""Options of live runs: arrays of samples, real-time scheduling, the latency bench."""
+
+import numpy as np
+import pytest
+
+from hc_bringup import bench_latency
+from hc_bringup.commands.run import with_array_messages, with_parameters
+from hc_bringup.paths import find_config
+from hc_bringup.plan import load_plan
+
+
+def test_all_nodes_take_arrays_where_the_rig_sends_them():
+    plan = load_plan(find_config("run"))
+    assert with_array_messages(plan) == plan
+    plan = with_array_messages(with_parameters(plan, "indenter", {"samples_per_message": 4}))
+    assert plan.node("estimator").parameters["input.source"] == "samples"
+    topics = plan.node("recorder").parameters["expected_topics"]
+    assert topics == ["indenter/samples", "hc/estimate"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("run", "--realtime", "100"), "HC_REALTIME is '100', not a whole number from 1 to 99"),
+        (("run", "--cpus", "70000"), "processors '70000' are not"),
+        (("run", "--cpus", "a,b"), "processors 'a,b' are not a list like 0,2-3"),
+        (("bench", "latency", "--subscribers", "0"), "--subscribers 0 is not from 1 to 64"),
+        (("bench", "latency", "--picture", "no/such/folder.png"), "in a folder that exists"),
+        (("bench", "latency", "--realtime", "0"), "HC_REALTIME is '0'"),
+    ],
+)
+def test_what_cannot_be_is_one_line(shell, monkeypatch, words, said):
+    monkeypatch.setenv("HC_REALTIME", "")
+    monkeypatch.setenv("HC_CPUS", "")
+    status, out, err = shell(*words)
+    assert (status, out) == (2, "")
+    assert said in err
+    assert err.count("\n") == 1
+
+
+def test_real_time_that_is_not_permitted_is_said_before_anything_starts(shell, monkeypatch):
+    import os
+
+    def refuse(*_arguments):
+        raise PermissionError(1, "no")
+
+    monkeypatch.setenv("HC_REALTIME", "")
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    status, _out, err = shell("run", "--realtime")
+    assert status == 2
+    assert "Operation not permitted" in err
+    assert "CAP_SYS_NICE" in err
+
+
+def case(rate_hz, subscribers, loaded, seed):
+    latencies = np.random.default_rng(seed).lognormal(-8.0, 0.5, 2000)
+    return {
+        "rate_hz": rate_hz,
+        "subscribers": subscribers,
+        "loaded": loaded,
+        "samples_per_message": 1,
+        "samples": 2000,
+        "lost": 0,
+        "skipped": 0,
+        "latency_us": bench_latency._quantiles(latencies),
+        "arrival_us": bench_latency._quantiles(latencies),
+        "cpu_percent": {"indenter": 1.0, "estimator": 2.0, "recorder": 3.0},
+        "latencies_s": latencies,
+    }
+
+
+def test_table_and_picture_of_the_latencies(tmp_path):
+    cases = [case(1000.0, 1, False, 1), case(4000.0, 4, True, 2)]
+    table = bench_latency.text_table(cases).splitlines()
+    assert len(table) == 4
+    assert table[2].startswith("| 1 kHz | 1 | as it is | 2000 | 0 |")
+    bench_latency.draw(cases, tmp_path / "latency.png")
+    assert (tmp_path / "latency.png").stat().st_size > 10_000
+
+
+def test_quantiles_of_nothing_are_none():
+    assert np.isnan(list(bench_latency._quantiles(np.empty(0)).values())).all()
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_recording_of_arrays_is_read_like_any_other(command_line, tmp_path):
+    """Rig, estimator and recorder with four samples a message; the bag into CSV and estimates."""
+    import json
+
+    done = command_line.run(
+        *("run", "--headless", "--json", "--duration", "4", "--bag", str(tmp_path / "bag")),
+        *("--scenario", "multisine", "--filter", "ukf"),
+        *("--param", "indenter.samples_per_message=4", "--param", "output.estimates=both"),
+        timeout=110.0,
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["estimates"] == summary["samples"] > 2000
+    read = command_line.run("estimate", str(tmp_path / "bag"), "--verify", "--json")
+    figures = json.loads(read.stdout)
+    assert figures["samples"] == summary["samples"]
+    assert figures["compared"] == summary["estimates"]
+    assert figures["different"] == 0
+    csv = tmp_path / "samples.csv"
+    done = command_line.run("bag", "convert", str(tmp_path / "bag"), str(csv))
+    assert done.returncode == 0, done.stderr
+    assert len(csv.read_text().splitlines()) == summary["samples"] + 1
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_latency_bench_measures_a_short_case(command_line, tmp_path):
+    import json
+
+    done = command_line.run(
+        *("bench", "latency", "--duration", "3", "--rate", "1000", "--subscribers", "1"),
+        *("--machine", "loaded", "--filter", "ukf", "--json"),
+        *("--picture", str(tmp_path / "latency.png")),
+        timeout=110.0,
+    )
+    assert done.returncode == 0, done.stderr
+    [only] = json.loads(done.stdout)["cases"]
+    assert only["samples"] > 1000
+    assert 0.0 < only["latency_us"]["p50"] <= only["latency_us"]["p99"]
+    assert (tmp_path / "latency.png").is_file()

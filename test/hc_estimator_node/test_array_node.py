@@ -1,0 +1,89 @@
+"""The node array_estimator, and the stream of a tactile array behind it."""
+
+import numpy as np
+import pytest
+from hc_msgs.msg import TactileEstimate
+from rclpy.serialization import deserialize_message
+
+from hc_estimator import EstimatorArray
+from hc_estimator.online.array_stream import ArrayStream
+from hc_msgs_py.qos import ESTIMATE_QOS
+
+START = 1_700_000_000_000_000_000
+MS = 1_000_000
+
+
+def make(taxels):
+    return EstimatorArray("ekf", taxels)
+
+
+@pytest.fixture
+def stream():
+    return ArrayStream(make, maximum_gap_s=60.0)
+
+
+def readings(number, taxels=3):
+    depth = 2.0 + np.sin(0.01 * number)
+    return np.full(taxels, depth), 0.2 * np.arange(1, taxels + 1) * depth**1.5
+
+
+def feed(stream, numbers, taxels=3, shift_ns=0):
+    return [stream.take(START + shift_ns + n * MS, n, *readings(n, taxels)) for n in numbers]
+
+
+def test_the_numbers_are_those_of_the_array_alone(stream):
+    series = feed(stream, range(200))
+    alone = make(3)
+    for number, estimates in enumerate(series):
+        expected = alone.step(number * MS * 1e-9, *readings(number))
+        np.testing.assert_array_equal(estimates.parameters, expected.parameters)
+    assert (stream.received, stream.used, stream.lost, stream.restarts) == (200, 200, 0, 0)
+
+
+def test_losses_are_counted_and_late_samples_left_out(stream):
+    feed(stream, [0, 1, 2, 7, 8])
+    assert stream.lost == 4
+    assert feed(stream, [6, 8]) == [None, None]
+    assert (stream.late, stream.used) == (2, 5)
+
+
+@pytest.mark.parametrize("shift_s", [-30, 120])
+def test_a_jump_of_the_stamps_starts_afresh(stream, shift_s):
+    feed(stream, range(100))
+    [estimates] = feed(stream, [100], shift_ns=shift_s * 10**9)
+    assert "jumped" in stream.fresh.reason
+    assert stream.restarts == 1
+    expected = make(3).step(0.0, *readings(100))
+    np.testing.assert_array_equal(estimates.parameters, expected.parameters)
+
+
+def test_another_number_of_taxels_starts_afresh(stream):
+    feed(stream, range(10))
+    [estimates] = feed(stream, [10], taxels=5)
+    assert len(estimates) == stream.taxels == 5
+    assert "5 taxels instead of 3" in stream.fresh.reason
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_rig_and_the_node_find_the_lump(start_process, end_process, probe):
+    estimates = []
+    probe.node.create_subscription(
+        TactileEstimate,
+        "tactile/estimate",
+        lambda data: estimates.append(deserialize_message(data, TactileEstimate)),
+        ESTIMATE_QOS,
+        raw=True,
+    )
+    node = start_process("hc_estimator.ros.array_node", filter="ekf")
+    rig = start_process("hc_sim_rig.node", scenario="taxels")
+    probe.wait(lambda: len(estimates) > 1500, 90.0, "estimates of taxels")
+    message = estimates[-1]
+    assert len(message.stiffness) == 64
+    assert (message.columns, message.header.frame_id) == (8, "tactile_pad")
+    force = np.array(message.force_reconstructed).reshape(8, 8)
+    assert np.unravel_index(force.argmax(), force.shape) in [(3, 4), (3, 5)]
+    stiffness = np.array(message.stiffness).reshape(8, 8)
+    assert stiffness[3, 4] > 2.0 * stiffness[7, 0]
+    assert end_process(rig) == 0
+    assert end_process(node) == 0
