@@ -24,6 +24,7 @@ from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
 from hc_estimator.ros.channel import SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation
+from hc_estimator.ros.effort import EffortInput
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import (
     Input,
@@ -52,6 +53,7 @@ from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
+_INPUTS = {"sample": SampleInput, "sensors": SensorInput, "effort": EffortInput}
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
@@ -194,7 +196,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         """Make the input that the settings ask for; where that cannot be, `_watch` tries again."""
         self._wants_input = True
         values = self._settings.values
-        kind = SampleInput if values["input.source"] == "sample" else SensorInput
+        kind = _INPUTS[values["input.source"]]
         try:
             self._input = kind(self, self, values)
             self._cannot_listen = ""
@@ -311,8 +313,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
                 self._input = None
             self._listen()
         text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
-        sensors = self._settings.values["input.source"] == "sensors"
-        ways = READING if sensors else {"input.source", *ZEROS}
+        own = self._settings.values["input.source"] != "sample"
+        ways = READING if own else {"input.source", *ZEROS}
         if not ways.isdisjoint(changed):
             self._zeros.give_up("a sensor is read otherwise from now on")
             self._zeros.forget()

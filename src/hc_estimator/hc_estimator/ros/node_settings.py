@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
-from typing import Any
-
 from hc_estimator.input.mapping import AXES
 from hc_estimator.online.vocabulary import SessionSettings
+from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
+from hc_estimator.ros.node_setting import NodeSetting
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
 MISSING_READINGS = "missing_readings"
@@ -48,43 +46,10 @@ READING = frozenset(
             for sensor in ("force", "position")
             for name in ("topic", "axis", "direction", "sign", "scale", "zero", "time_offset")
         ),
+        *(setting.name for setting in EFFORT_SETTINGS),
     )
 )
 """Settings that say how a sensor is read: what was learnt with others belongs to other readings."""
-
-
-@dataclasses.dataclass(frozen=True)
-class NodeSetting:
-    """One setting of the node; its type is that of the default."""
-
-    name: str
-    default: Any
-    description: str
-    minimum: float | None = None
-    maximum: float | None = None
-    choices: tuple[str, ...] = ()
-    unit: str = ""
-    read_only: bool = False
-
-    def check(self, value: Any) -> None:
-        """Refuse a word that is no choice and a number that is not finite or out of range.
-
-        Raises:
-            ValueError: names the parameter, its value and what is allowed.
-        """
-        if self.choices and value not in self.choices:
-            raise ValueError(
-                f"parameter {self.name} = {value!r} is not one of {', '.join(self.choices)}"
-            )
-        if isinstance(self.default, (int, float)) and not isinstance(self.default, bool):
-            low = -math.inf if self.minimum is None else self.minimum
-            high = math.inf if self.maximum is None else self.maximum
-            if not (math.isfinite(value) and low <= value <= high):
-                unit = f" {self.unit}" if self.unit else ""
-                raise ValueError(
-                    f"parameter {self.name} = {value!r} is not a number from {low:g} to "
-                    f"{high:g}{unit}"
-                )
 
 
 def _table(*settings: NodeSetting) -> dict[str, NodeSetting]:
@@ -145,8 +110,9 @@ NODE_SETTINGS = _table(
     NodeSetting(
         "input.source",
         "sample",
-        "sample: the topic indenter/sample; sensors: a force and a position sensor of one's own.",
-        choices=("sample", "sensors"),
+        "sample: the topic indenter/sample; sensors: a force and a position sensor of one's own; "
+        "effort: a joint's position and motor effort, no force sensor.",
+        choices=("sample", "sensors", "effort"),
     ),
     *_sensor_settings(
         "force",
@@ -162,6 +128,7 @@ NODE_SETTINGS = _table(
         "mm",
         "the type that input.position.type says",
     ),
+    *EFFORT_SETTINGS,
     NodeSetting(
         "input.position.type",
         "joint",

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hc_estimator.input.effort_filters import METHODS as FORCE_FILTERS
 from hc_sim_rig.bilateral.layout import METHODS, Constants
 from hc_sim_rig.drives import Link
 from hc_sim_rig.schema import Section, number, section, word
@@ -109,6 +110,7 @@ class Feedback(Section):
     force_source: str = word(
         "sensor", "sensor", "effort", about="of the estimator: a sensor, or the motor's effort"
     )
+    force_filter: str = word("observer", *FORCE_FILTERS, about="with the effort as force source")
     friction_known: float = number(
         1.0, minimum=0.0, maximum=2.0, about="share of the dry friction that is taken off"
     )
