@@ -30,15 +30,17 @@ class Outputs:
         first_sequence: sequence of the rig's first sample; not 0 once the scenario was changed.
     """
 
-    def __init__(self, node: Node, with_sensors: bool) -> None:
+    def __init__(self, node: Node, with_sensors: bool, with_truth: bool | None = None) -> None:
         """Make the publishers and declare whom ~/ready waits for.
 
         Args:
             node: the node that publishes.
             with_sensors: False for a master alone, whose host has no sensors.
+            with_truth: publish the truth behind the readings; as with_sensors if None.
         """
         self._node = node
         self._with_sensors = with_sensors
+        self._with_truth = with_sensors if with_truth is None else with_truth
         self._sample = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
@@ -89,18 +91,19 @@ class Outputs:
             self._tip_wanted = self._tip.get_subscription_count() > 0
         if self._with_sensors:
             self._publish_sensors(stamp_ns, sample)
+        if self._with_truth and self._truth_wanted:
+            sequence = self.first_sequence + sample.sequence
+            self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._joints_wanted:
             self._publish_joints(stamp_ns, sample)
         self.published += 1
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
-        """Publish what the sensors read, and the truth behind it."""
+        """Publish what the sensors read."""
         sequence = self.first_sequence + sample.sequence
         self._sample.publish(
             self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
         )
-        if self._truth_wanted:
-            self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._wrench_wanted:
             fill_force(self._wrench_message, stamp_ns, sample.force_n)
             self._wrench.publish(self._wrench_message)

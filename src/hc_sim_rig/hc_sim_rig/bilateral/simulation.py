@@ -152,7 +152,9 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
     memory[[layout.MEMORY_MASTER_BEFORE, layout.MEMORY_SLAVE_BEFORE]] = start
     memory[layout.MEMORY_WAVE_COMMAND] = start
     memory[layout.MEMORY_TANK] = feedback.tank_mj
-    model = np.zeros(1 + layout.MODEL_SIZE)
+    memory[layout.MEMORY_SLAVE_STIFFNESS] = settings.slave.stiffness_low
+    memory[layout.MEMORY_SLAVE_TANK] = settings.slave.tank_mj
+    model = np.zeros(layout.SLAVE_MODEL_SIZE)
     rows = np.zeros((samples, layout.OUT_COLUMNS))
     constants, links, draws = settings.constants(), np.stack([link, link]), _draws(network, samples)
     block = BLOCK_SAMPLES if mediator is not None else samples
@@ -184,7 +186,8 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
                 effort = part[:, layout.OUT_EFFORT_READING]
                 position, force = observer.run(time, position, effort)
             mediator.take(time, position, force)
-            model[:] = mediator.model
+            model[: layout.MODEL_SURE] = mediator.model
+            model[layout.MODEL_SURE] = mediator.sure
     lost = (int(packets[0, PACKETS_LOST]), int(packets[1, PACKETS_LOST]))
     share = mediator.trusted_share if mediator is not None else 0.0
     return BilateralSeries(rows, task, settings, lost, share)
