@@ -48,6 +48,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "effort", help="teleoperation without a force sensor, by noise and friction"
     )
     effort.add_argument("--quick", action="store_true", help="one seed")
+    impedance = commands.add_parser(
+        "impedance", help="the slave's controller that adapts to the estimate, beside fixed ones"
+    )
+    impedance.add_argument("--quick", action="store_true", help="one seed")
     viewers = commands.add_parser(
         "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
     )
@@ -57,7 +61,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, arrays, accuracy, bags, soak, viewers, teleoperation, effort):
+    measured = (speed, arrays, accuracy, bags, soak, viewers, teleoperation, effort, impedance)
+    for command in measured:
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -72,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
         "viewers": _viewers,
         "teleoperation": _teleoperation,
         "effort": _effort,
+        "impedance": _impedance,
     }
     return actions[arguments.action](arguments)
 
@@ -190,6 +196,17 @@ def _effort(arguments: argparse.Namespace) -> int:
     with progress_bar("effort") as progress:
         result = run_effort(quick=arguments.quick, progress=progress)
     print(to_json(result) if arguments.json else text_tables(result))
+    return 0
+
+
+def _impedance(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_bringup.summary import to_json
+    from hc_evaluation.teleoperation.impedance import run_impedance, text_table
+
+    with progress_bar("impedance") as progress:
+        result = run_impedance(quick=arguments.quick, progress=progress)
+    print(to_json(result) if arguments.json else text_table(result))
     return 0
 
 
