@@ -264,7 +264,7 @@ def test_the_slave_stays_when_nothing_comes_and_follows_no_jump(
     places = []
     for k in range(3000):
         if k < 1000:  # a command that is 20 mm away at once
-            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 1e3, 0.0, 0.0), k * MS)
+            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 0.0, 0.0), k * MS)
         places.append(slave.step(k * MS, SlaveModel()).true_position_mm)
     steps = np.abs(np.diff(places))
     assert steps.max() < 1.2  # 500 mm/s, and what a step of the velocity overshoots

@@ -150,7 +150,9 @@ def _declared() -> dict[str, list[tuple[str, ...]]]:
     from hc_logger.player_node import PlayerNode
     from hc_logger.recorder_node import RecorderNode
     from hc_logger.writer import BagWriter
+    from hc_sim_rig.master_node import MasterNode
     from hc_sim_rig.node import IndenterNode
+    from hc_sim_rig.slave_node import SlaveNode
 
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
@@ -162,6 +164,8 @@ def _declared() -> dict[str, list[tuple[str, ...]]]:
             "estimator": (EstimatorNode, {}),
             "recorder": (RecorderNode, {"output": (f"{bag}_new", "")}),
             "player": (PlayerNode, {"bag": (str(bag), "")}),
+            "master": (MasterNode, {"start_paused": ("true", "false"), "link.port": ("1", "47111")}),
+            "slave": (SlaveNode, {"start_paused": ("true", "false"), "link.port": ("1", "47112")}),
             "dashboard": (DashboardNode, {"port": ("0", str(DEFAULT_PORT))}),
         }
         return {name: _of_node(*made) for name, made in nodes.items()}

@@ -290,7 +290,8 @@ class SlaveSide:
             self._command += min(max(change, -longest), longest)
             self._lateral = newest.lateral_mm
             if abs(change) <= longest:
-                wanted_velocity = newest.velocity_mm_s
+                fastest = FASTEST_COMMAND_MM_S
+                wanted_velocity = min(max(newest.velocity_mm_s, -fastest), fastest)
         noise = self._random.standard_normal(3) * self._noise
         true_position, true_velocity = float(y[layout.Y_SLAVE]), float(y[layout.Y_SLAVE_VELOCITY])
         true_force = tissue_force(y, self._lateral, constants)

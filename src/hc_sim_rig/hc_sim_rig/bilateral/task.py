@@ -161,9 +161,9 @@ def recorded_task(path: Path, rate_hz: float, surface_mm: float = 0.0) -> Task:
     if not (np.isfinite(table).all() and (np.diff(time) > 0.0).all()):
         raise ScenarioError(f"the motion {path} has times that do not rise, or no numbers")
     seconds = float(time[-1] - time[0])
-    even = time[0] + np.arange(round(seconds * rate_hz) + 1) / rate_hz
-    if not 2 <= len(even) <= LONGEST_MOTION_S * rate_hz:
+    if not 2.0 / rate_hz <= seconds <= LONGEST_MOTION_S:
         raise ScenarioError(f"the motion {path} lasts {seconds:g} s, at most {LONGEST_MOTION_S:g}")
+    even = time[0] + np.arange(round(seconds * rate_hz) + 1) / rate_hz
     displacement = np.interp(even, time, table[:, names.index("displacement_mm")]) + surface_mm
     lateral = np.zeros(len(even))
     if "lateral_mm" in names:
