@@ -69,7 +69,10 @@ def declare_link(node: Node, side: str, seed: int) -> UdpLink:
     port = {"minimum": 1, "maximum": 65535}
     added = {"minimum": 0.0, "maximum": 10.0, "unit": "s"}
     bind = own("bind", "127.0.0.1", "address of this host that the link listens on")
-    here = own("port", PORTS[side], "UDP port that the link listens on", **port)
+    free = {"minimum": 0, "maximum": 65535}
+    here = own(
+        "port", PORTS[side], "UDP port that the link listens on; 0: one that is free", **free
+    )
     peer = own("peer", "127.0.0.1", f"host of the {other}; datagrams of others are refused")
     there = own("peer_port", PORTS[other], f"UDP port of the {other}", **port)
     delay = own("added_delay", 0.0, "what is sent is held back so long", **added)

@@ -24,7 +24,7 @@ from hc_sim_rig.bilateral import (
 
 SEEDS = 3
 QUICK_SEEDS = 1
-ROUND_TRIPS_MS = (0.0, 100.0, 300.0, 1000.0)
+ROUND_TRIPS_MS = (0.0, 300.0, 1000.0)
 DEFAULT = SlaveArm()
 CONTROLLERS: dict[str, SlaveArm] = {
     "stiff": DEFAULT,

@@ -66,7 +66,7 @@ class SlaveArm(Section):
     effort_noise_std_n: float = number(0.01, minimum=0.0, maximum=10.0, unit="N")
     dry_friction_n: float = number(0.0, minimum=0.0, maximum=100.0, unit="N")
     impedance: str = word("fixed", "fixed", "adaptive", about="adaptive: to the estimate")
-    stiffness_low: float = number(0.4, above=0.0, maximum=1e3, unit="N/mm", about="when unsure")
+    stiffness_low: float = number(1.0, above=0.0, maximum=1e3, unit="N/mm", about="when unsure")
     stiffness_high: float = number(10.0, above=0.0, maximum=1e3, unit="N/mm")
     stiffness_ratio: float = number(8.0, above=0.0, maximum=1e3, about="over the tissue's")
     stiffness_rate: float = number(10.0, above=0.0, maximum=1e4, unit="N/mm/s")
