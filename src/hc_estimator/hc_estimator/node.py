@@ -24,11 +24,9 @@ from hc_estimator.online.vocabulary import Cause, Event, EventKind, Revision
 from hc_estimator.ros.channel import SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation
-from hc_estimator.ros.effort import EffortInput
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import (
     Input,
-    SampleInput,
     missing_publishers,
     publisher_conflict,
 )
@@ -38,10 +36,10 @@ from hc_estimator.ros.node_settings import (
     READING,
 )
 from hc_estimator.ros.outputs import Outputs
-from hc_estimator.ros.sensors import SensorInput
 from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.settings_meaning import session_settings
+from hc_estimator.ros.sources import INPUTS
 from hc_estimator.ros.state_keeper import StateKeeper, parameters_of, try_out
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
@@ -53,7 +51,6 @@ from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
-_INPUTS = {"sample": SampleInput, "sensors": SensorInput, "effort": EffortInput}
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
@@ -196,7 +193,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         """Make the input that the settings ask for; where that cannot be, `_watch` tries again."""
         self._wants_input = True
         values = self._settings.values
-        kind = _INPUTS[values["input.source"]]
+        kind = INPUTS[values["input.source"]]
         try:
             self._input = kind(self, self, values)
             self._cannot_listen = ""

@@ -15,12 +15,26 @@ from hc_sim_rig.bilateral.udp_link import Added, UdpLink
 PORTS = {"master": 47111, "slave": 47112}
 
 
-def declare_settings(node: Node, sections: Sequence[str]) -> Bilateral:
+# What a live master has of the feedback: the rest is of the slave, or of methods that run offline.
+LIVE_FEEDBACK = (
+    "method",
+    "update_rate_n_per_s",
+    "update_time_s",
+    "largest_damping",
+    "controller_damping",
+    "tank_mj",
+)
+
+
+def declare_settings(
+    node: Node, sections: Sequence[str], feedback: Sequence[str] = LIVE_FEEDBACK
+) -> Bilateral:
     """Declare every field of some sections as a parameter; return the set-up with their values.
 
     Args:
         node: the node.
         sections: names of fields of Bilateral, for example "slave".
+        feedback: of section "feedback" only these fields.
 
     Raises:
         ScenarioError: a value cannot be.
@@ -32,6 +46,8 @@ def declare_settings(node: Node, sections: Sequence[str]) -> Bilateral:
         part = getattr(default, section)
         values = {}
         for field in dataclasses.fields(part):
+            if section == "feedback" and field.name not in feedback:
+                continue
             limits = field.metadata
             text = f"{field.name.replace('_', ' ')} of the {section}"
             values[field.name] = declare(
