@@ -15,6 +15,9 @@ from hc_estimator.input.effort_filters import (
     error_in_motion,
     make_force_filter,
 )
+from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
+from hc_estimator.ros.node_settings import MISSING_READINGS, NODE_SETTINGS, READING
+from hc_estimator.ros.settings_meaning import check_together, effort_settings
 from hc_evaluation.reproduction import position_filters
 
 STEP = 0.001
@@ -175,3 +178,20 @@ def test_what_cannot_be_is_named(name: str, value: object) -> None:
 def test_the_error_in_motion_grows_with_friction() -> None:
     assert error_in_motion(SLAVE) == pytest.approx(0.02)
     assert error_in_motion(dataclasses.replace(SLAVE, dry_friction_n=1.0)) == pytest.approx(0.12)
+
+
+def test_the_nodes_settings_are_checked_and_become_the_filters() -> None:
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()}
+    values |= {MISSING_READINGS: True, "input.source": "effort"}
+    assert effort_settings(values) == EffortSettings()
+    check_together(values)
+    wrong = {
+        "input.effort.mass": 0.0,
+        "input.effort.tissue": [1.0, 2.0],
+        "input.effort.force_jerk": 0.0,
+        "input.position.type": "pose",
+    }
+    for name, value in wrong.items():
+        with pytest.raises(ValueError, match=f"parameter {name}"):
+            check_together(values | {name: value})
+    assert {setting.name for setting in EFFORT_SETTINGS} <= READING

@@ -99,8 +99,14 @@ class EffortSettings:
                 )
         if not math.isfinite(self.surface_mm):
             raise ValueError(f"surface_mm = {self.surface_mm!r} is not a finite number")
-        positive = ("mass_kg", "friction_velocity_mm_s", "bandwidth_hz", "position_noise_mm")
-        positive += ("effort_noise_n", "force_jerk")
+        positive = (
+            "mass_kg",
+            "friction_velocity_mm_s",
+            "bandwidth_hz",
+            "position_noise_mm",
+            "effort_noise_n",
+            "force_jerk",
+        )
         for name in (*positive, "damping", "spring", "dry_friction_n"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0) or (value == 0.0 and name in positive):
