@@ -24,12 +24,8 @@ from hc_estimator import (
     available_state_spaces,
     parameter_specifications,
 )
-from hc_estimator.ros.node_settings import (
-    CHOICE_NAMES,
-    MISSING_READINGS,
-    NODE_SETTINGS,
-    NodeSetting,
-)
+from hc_estimator.ros.node_setting import NodeSetting
+from hc_estimator.ros.node_settings import CHOICE_NAMES, MISSING_READINGS, NODE_SETTINGS
 from hc_estimator.ros.settings_meaning import check_together
 from hc_msgs_py.node_main import NodeStartError
 from hc_msgs_py.parameters import declare
