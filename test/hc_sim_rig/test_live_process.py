@@ -201,7 +201,7 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
 
 def test_nodes_say_in_one_line_what_cannot_be(start: Start, ros_domain: int) -> None:
     for module, name, value, word in (
-        ("master", "feedback.method", "wave_variables", "does not run live"),
+        ("master", "feedback.method", "wave_variables", "is not one of model_mediated, direct"),
         ("slave", "slave.stiffness_low", "50.0", "stiffness_low is 50"),
         ("master", "motion", "/no/such/file.csv", "cannot read the motion"),
         ("slave", "link.bind", "192.0.2.1", "link from 192.0.2.1"),

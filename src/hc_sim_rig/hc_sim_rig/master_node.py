@@ -25,7 +25,6 @@ from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_sim_rig.bilateral.sides import (
-    LIVE_METHODS,
     SILENCE_S,
     MasterSample,
     MasterSide,
@@ -64,11 +63,6 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             read_only=True,
         )
         settings = declare_settings(self, ("operator", "device", "feedback"))
-        if settings.feedback.method not in LIVE_METHODS:
-            raise ValueError(
-                f"parameter feedback.method = {settings.feedback.method!r} does not run live: "
-                f"{', '.join(LIVE_METHODS)} do"
-            )
         self._axis = AXES.index(
             declare(self, "device.axis", "z", "axis of the press", choices=AXES, read_only=True)
         )

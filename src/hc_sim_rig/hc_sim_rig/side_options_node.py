@@ -10,6 +10,7 @@ from rclpy.node import Node
 
 from hc_msgs_py.parameters import declare
 from hc_sim_rig.bilateral.parts import Bilateral
+from hc_sim_rig.bilateral.sides import LIVE_METHODS
 from hc_sim_rig.bilateral.udp_link import Added, UdpLink
 
 PORTS = {"master": 47111, "slave": 47112}
@@ -55,9 +56,10 @@ def declare_settings(
                 f"{section}.{field.name}",
                 getattr(part, field.name),
                 f"{text}: {limits['about']}" if limits.get("about") else text,
-                minimum=limits.get("minimum"),
+                # What must lie above a number: the section itself says so of the number itself.
+                minimum=limits.get("minimum") if limits.get("above") is None else limits["above"],
                 maximum=limits.get("maximum"),
-                choices=limits.get("choices", ()),
+                choices=LIVE_METHODS if field.name == "method" else limits.get("choices", ()),
                 unit=limits.get("unit", ""),
                 read_only=True,
             )
