@@ -190,12 +190,12 @@ def run_known_tissue(seed: int = 0) -> list[dict[str, Any]]:
         )
         for method in ("extended", "unscented"):
             told = settings_of(method, 0.01, friction, 0.0)
-            place, force = force_observer(told).run(
+            place, found_n = force_observer(told).run(
                 series.time_s,
                 series.column(layout.OUT_POSITION_READING),
                 series.column(layout.OUT_EFFORT_READING),
             )
-            error = float(np.sqrt(np.mean((force - series.tissue_force_n) ** 2)))
+            error = float(np.sqrt(np.mean((found_n - series.tissue_force_n) ** 2)))
             rows.append(
                 {
                     "estimator": f"{method}, force a state",
