@@ -76,7 +76,8 @@ def main() -> None:
                 "poses": pace.report.acts,
                 "forces": sum(begin < at < silent for at, _ in forces),
                 "force_before_n": max(abs(force) for at, force in forces if at < third),
-                "force_pressed_n": sum(pressed) / max(len(pressed), 1),
+                # A stall of the machine is a silent device for a moment: those forces are zero.
+                "force_pressed_n": sorted(pressed)[len(pressed) // 2] if pressed else 0.0,
                 "force_after_silence_n": forces[-1][1],
             }
         )
