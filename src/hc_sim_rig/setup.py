@@ -16,6 +16,8 @@ setup(
     entry_points={
         "console_scripts": [
             "indenter = hc_sim_rig.node:main",
+            "master = hc_sim_rig.master_node:main",
+            "slave = hc_sim_rig.slave_node:main",
         ]
     },
     zip_safe=False,

@@ -31,7 +31,7 @@ TRANSITIONS = (
     Transition.TRANSITION_CLEANUP,
 )
 WORDS = {
-    "input.source": ["sample", "sensors"],
+    "input.source": ["sample", "sensors", "effort"],
     "input.position.type": ["joint", "pose", "transform"],
     "input.force.topic": ["a/wrench", "b/wrench", "not a name", ""],
     "input.position.topic": ["a/arm", "b/arm", "1/2", "indenter/sample"],

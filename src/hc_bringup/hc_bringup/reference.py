@@ -210,18 +210,27 @@ def _declared() -> dict[str, list[ParameterSpecification]]:
     from hc_logger.player_node import PlayerNode
     from hc_logger.recorder_node import RecorderNode
     from hc_logger.writer import BagWriter
+    from hc_sim_rig.master_node import MasterNode
     from hc_sim_rig.node import IndenterNode
+    from hc_sim_rig.side_options_node import PORTS
+    from hc_sim_rig.slave_node import SlaveNode
 
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / "bag"
         with BagWriter(bag) as writer:  # a player needs something to play
             writer.write(writer.add_topic("/empty", "std_msgs/msg/Empty"), 0, b"\0\1\0\0\0")
+        waits = ("true", "false")  # a side that runs would look for the other one
         # What a node cannot do without here, and what the page says instead of that.
         nodes: dict[str, tuple[Callable[[], Any], dict[str, tuple[str, Any]]]] = {
             "indenter": (IndenterNode, {}),
             "estimator": (EstimatorNode, {}),
             "recorder": (RecorderNode, {"output": (f"{bag}_new", "")}),
             "player": (PlayerNode, {"bag": (str(bag), "")}),
+            "master": (
+                MasterNode,
+                {"start_paused": waits, "link.port": ("0", str(PORTS["master"]))},
+            ),
+            "slave": (SlaveNode, {"start_paused": waits, "link.port": ("0", str(PORTS["slave"]))}),
             "dashboard": (DashboardNode, {"port": ("0", DEFAULT_PORT)}),
         }
         return {name: _of_node(*made) for name, made in nodes.items()}

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -27,9 +26,7 @@ from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import (
-    ArrayInput,
     Input,
-    SampleInput,
     missing_publishers,
     publisher_conflict,
 )
@@ -39,10 +36,10 @@ from hc_estimator.ros.node_settings import (
     READING,
 )
 from hc_estimator.ros.outputs import Outputs
-from hc_estimator.ros.sensors import SensorInput
 from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.settings_meaning import session_settings
+from hc_estimator.ros.sources import INPUTS
 from hc_estimator.ros.state_keeper import StateKeeper, parameters_of, try_out
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
@@ -56,13 +53,6 @@ from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
 
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
-
-
-_INPUTS: dict[str, Callable[..., Input]] = {
-    "sample": SampleInput,
-    "samples": ArrayInput,
-    "sensors": SensorInput,
-}
 
 
 class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
@@ -205,7 +195,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self._wants_input = True
         values = self._settings.values
         try:
-            self._input = _INPUTS[values["input.source"]](self, self, values)
+            self._input = INPUTS[values["input.source"]](self, self, values)
             self._cannot_listen = ""
         except SubscriptionError as error:
             self._cannot_listen = str(error)
@@ -346,8 +336,8 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
                 self._input = None
             self._listen()
         text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
-        sensors = self._settings.values["input.source"] == "sensors"
-        ways = READING if sensors else {"input.source", *ZEROS}
+        own = self._settings.values["input.source"] != "sample"
+        ways = READING if own else {"input.source", *ZEROS}
         if not ways.isdisjoint(changed):
             self._zeros.give_up("a sensor is read otherwise from now on")
             self._zeros.forget()

@@ -45,7 +45,13 @@ class Outputs:
         first_sequence: sequence of the rig's first sample; not 0 once the scenario was changed.
     """
 
-    def __init__(self, node: Node, with_sensors: bool, together: int = 1) -> None:
+    def __init__(
+        self,
+        node: Node,
+        with_sensors: bool,
+        together: int = 1,
+        with_truth: bool | None = None,
+    ) -> None:
         """Make the publishers and declare whom ~/ready waits for.
 
         Args:
@@ -53,9 +59,11 @@ class Outputs:
             with_sensors: False for a master alone, whose host has no sensors.
             together: samples that are published in one message; 1: on indenter/sample, each in one
                 of its own; more: on indenter/samples.
+            with_truth: publish the truth behind the readings; as with_sensors if None.
         """
         self._node = node
         self._with_sensors = with_sensors
+        self._with_truth = with_sensors if with_truth is None else with_truth
         self._together = together
         self._waiting: list[tuple[int, int, float, float]] = []
         kind = IndenterSample if together == 1 else IndenterSamples
@@ -136,12 +144,15 @@ class Outputs:
             self._publish_sensors(stamp_ns, sample)
         if self._pad is not None:
             self._publish_taxels(self._pad, stamp_ns, sample)
+        if self._with_truth and self._truth_wanted:
+            sequence = self.first_sequence + sample.sequence
+            self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._joints_wanted:
             self._publish_joints(stamp_ns, sample)
         self.published += 1
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
-        """Publish what the sensors read, and the truth behind it."""
+        """Publish what the sensors read."""
         sequence = self.first_sequence + sample.sequence
         if self._together == 1:
             self._sample.publish(
@@ -153,8 +164,6 @@ class Outputs:
             self._waiting.append((stamp_ns, sequence, sample.displacement_mm, sample.force_n))
             if len(self._waiting) == self._together:
                 self.flush()
-        if self._truth_wanted:
-            self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
         if self._wrench_wanted:
             fill_force(self._wrench_message, stamp_ns, sample.force_n)
             self._wrench.publish(self._wrench_message)

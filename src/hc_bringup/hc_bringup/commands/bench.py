@@ -95,6 +95,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="real-time scheduling, as of hc run",
     )
     latency.add_argument("--picture", metavar="FILE", help="draw the distributions (.png, .svg)")
+    impedance = commands.add_parser(
+        "impedance", help="the slave's controller that adapts to the estimate, beside fixed ones"
+    )
+    impedance.add_argument("--quick", action="store_true", help="one seed")
     viewers = commands.add_parser(
         "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
     )
@@ -104,7 +108,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     accuracy.add_argument(
         "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
     )
-    for command in (speed, arrays, latency, accuracy, bags, soak, viewers, teleoperation, effort):
+    measured = (
+        speed,
+        arrays,
+        latency,
+        accuracy,
+        bags,
+        soak,
+        viewers,
+        teleoperation,
+        effort,
+        impedance,
+    )
+    for command in measured:
         command.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -120,6 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
         "viewers": _viewers,
         "teleoperation": _teleoperation,
         "effort": _effort,
+        "impedance": _impedance,
     }
     return actions[arguments.action](arguments)
 
@@ -278,6 +295,17 @@ def _effort(arguments: argparse.Namespace) -> int:
     with progress_bar("effort") as progress:
         result = run_effort(quick=arguments.quick, progress=progress)
     print(to_json(result) if arguments.json else text_tables(result))
+    return 0
+
+
+def _impedance(arguments: argparse.Namespace) -> int:
+    from hc_bringup.progress import progress_bar
+    from hc_bringup.summary import to_json
+    from hc_evaluation.teleoperation.impedance import run_impedance, text_table
+
+    with progress_bar("impedance") as progress:
+        result = run_impedance(quick=arguments.quick, progress=progress)
+    print(to_json(result) if arguments.json else text_table(result))
     return 0
 
 

@@ -31,6 +31,7 @@ class DisturbanceObserver:
         *,
         mass_kg: float,
         damping: float = 0.0,
+        spring: float = 0.0,
         dry_friction_n: float = 0.0,
         friction_velocity_mm_s: float = 0.5,
         bandwidth_hz: float = 15.0,
@@ -40,6 +41,7 @@ class DisturbanceObserver:
         Args:
             mass_kg: what the motor moves [kg].
             damping: viscous friction [N s/mm].
+            spring: of the tool's drive about position zero [N/mm].
             dry_friction_n: dry friction [N], f(v) = dry_friction tanh(v / friction_velocity).
             friction_velocity_mm_s: see there [mm/s].
             bandwidth_hz: of the low-pass [Hz].
@@ -50,6 +52,7 @@ class DisturbanceObserver:
         given = {
             "mass_kg": mass_kg,
             "damping": damping,
+            "spring": spring,
             "dry_friction_n": dry_friction_n,
             "friction_velocity_mm_s": friction_velocity_mm_s,
             "bandwidth_hz": bandwidth_hz,
@@ -61,6 +64,7 @@ class DisturbanceObserver:
                 raise ValueError(f"{name} is 0, must be above it")
         self._mass = 1e-3 * mass_kg  # N s^2/mm
         self._damping = damping
+        self._spring = spring
         self._friction = dry_friction_n
         self._friction_velocity = friction_velocity_mm_s
         self._rate = 2.0 * math.pi * bandwidth_hz
@@ -110,7 +114,8 @@ class DisturbanceObserver:
         # A difference of two middles belongs to the reading between them: so do these means.
         place, speed, push, dry = (0.5 * (a + b) for a, b in zip(before, self._second, strict=True))
         acceleration = (self._second[1] - before[1]) / elapsed
-        return place, push - self._damping * speed - dry - self._mass * acceleration
+        held = self._damping * speed + self._spring * place + dry
+        return place, push - held - self._mass * acceleration
 
     def run(
         self, time_s: FloatArray, position_mm: FloatArray, effort_n: FloatArray

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hc_estimator.input.mapping import AXES
 from hc_estimator.online.vocabulary import SessionSettings
+from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
 from hc_msgs_py.specification import ParameterSpecification, setting
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
@@ -45,6 +46,7 @@ READING = frozenset(
             for sensor in ("force", "position")
             for name in ("topic", "axis", "direction", "sign", "scale", "zero", "time_offset")
         ),
+        *(setting.name for setting in EFFORT_SETTINGS),
     )
 )
 """Settings that say how a sensor is read: what was learnt with others belongs to other readings."""
@@ -109,8 +111,9 @@ NODE_SETTINGS = _table(
         "input.source",
         "sample",
         "sample: the topic indenter/sample; samples: indenter/samples, many in a message; sensors: "
-        "a force and a position sensor of one's own.",
-        choices=("sample", "samples", "sensors"),
+        "a force and a position sensor of one's own; effort: a joint's position and motor effort, "
+        "no force sensor.",
+        choices=("sample", "samples", "sensors", "effort"),
     ),
     *_sensor_settings(
         "force",
@@ -126,6 +129,7 @@ NODE_SETTINGS = _table(
         "mm",
         "the type that input.position.type says",
     ),
+    *EFFORT_SETTINGS,
     setting(
         "input.position.type",
         "joint",

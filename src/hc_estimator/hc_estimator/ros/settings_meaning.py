@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -16,6 +17,7 @@ from hc_estimator.input.contact_frame import (
     unit_quaternion,
     unit_vector,
 )
+from hc_estimator.input.effort_filters import EffortSettings
 from hc_estimator.input.mapping import Mapping as AxisMapping
 from hc_estimator.input.mapping import make_mapping
 from hc_estimator.online.vocabulary import SessionSettings
@@ -58,6 +60,20 @@ def check_together(values: Mapping[str, Any]) -> None:
             f"parameter {MISSING_READINGS} = False does not go with input.source = 'sensors': its "
             "samples hold the reading of one sensor each"
         )
+    if values["input.source"] == "effort" and values["input.position.type"] != "joint":
+        raise ValueError(
+            f"parameter input.position.type = {values['input.position.type']!r} has no effort: "
+            "input.source = 'effort' needs 'joint'"
+        )
+    if values["input.source"] == "effort" and values["input.contact.frame"] == "surface":
+        raise ValueError(
+            "parameter input.contact.frame = 'surface' needs a wrench: input.source = 'effort' has "
+            "none"
+        )
+    try:
+        effort_settings(values)
+    except ValueError as error:
+        raise ValueError(f"parameter input.effort.{error}") from error
     for sensor in ("force", "position", "contact"):
         topic = values[f"input.{sensor}.topic"]
         try:
@@ -152,3 +168,29 @@ def session_settings(values: Mapping[str, Any]) -> SessionSettings:
         contact_minimum_s=values["contact.minimum_duration"],
         contact_release_s=values["contact.release_time"],
     )
+
+
+def effort_settings(values: Mapping[str, Any]) -> EffortSettings:
+    """Return the settings of the node's parameters `input.effort.*`.
+
+    Displacement is counted from `input.position.zero`, so there is where the tissue begins.
+
+    Raises:
+        ValueError: names what cannot be, below `input.effort.`.
+    """
+    names = {field.name for field in dataclasses.fields(EffortSettings)} - {"surface_mm"}
+    given = {name: values[f"input.effort.{_setting(name)}"] for name in names}
+    given |= {name: tuple(given[name]) for name in ("tissue", "sigma")}
+    try:
+        return EffortSettings(**given, surface_mm=values["input.position.zero"])
+    except ValueError as error:
+        name, space, rest = str(error).partition(" ")
+        raise ValueError(f"{_setting(name)}{space}{rest}") from error
+
+
+def _setting(name: str) -> str:
+    """The node's name of a setting: its unit stands in its description."""
+    for unit in ("_mm_s", "_kg", "_hz", "_mm", "_n"):
+        if name.endswith(unit):
+            return name.removesuffix(unit)
+    return name

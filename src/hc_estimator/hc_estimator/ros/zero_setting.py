@@ -9,13 +9,14 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from hc_estimator.input.contact_frame import NormalFinder, raised
+from hc_estimator.input.effort_filters import error_in_motion
 from hc_estimator.input.tare import TareResult
 from hc_estimator.input.together import Together
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.vocabulary import EventKind
 from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.settings import Settings
-from hc_estimator.ros.settings_meaning import contact_frame
+from hc_estimator.ros.settings_meaning import contact_frame, effort_settings
 from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
 
 
@@ -65,7 +66,10 @@ class ZeroSetting:
             NotPossibleError: with the reason.
         """
         values = self._settings.values
-        told = self._zeroing.find_surface(forced=values["tare.force"])
+        least_n = 0.0
+        if values["input.source"] == "effort":
+            least_n = error_in_motion(effort_settings(values))
+        told = self._zeroing.find_surface(forced=values["tare.force"], least_noise_n=least_n)
         wanted = values["input.contact.frame"], values["input.contact.normal_from"]
         source = self._source()
         if source is not None and wanted == ("surface", "find_surface"):

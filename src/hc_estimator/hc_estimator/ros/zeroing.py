@@ -53,14 +53,18 @@ class Zeroing:
         self._deadline_s = now_s + PATIENCE_S
         return f"takes the mean of the next {samples} samples; hc/events says when it is done"
 
-    def find_surface(self, *, forced: bool) -> str:
+    def find_surface(self, *, forced: bool, least_noise_n: float = 0.0) -> str:
         """Find the surface in the next approach; returns what to tell the user.
+
+        Args:
+            forced: do it although the tool presses or moves.
+            least_noise_n: error in motion of a force that is calculated, not measured [N].
 
         Raises:
             NotPossibleError: if the tool presses, unless it is forced.
         """
         self._refuse_press(forced)
-        self._collector = SurfaceFinder()
+        self._collector = SurfaceFinder(least_noise_n)
         return "press from free motion into the tissue; hc/events says where the surface was"
 
     def cancel(self) -> bool:

@@ -33,7 +33,7 @@ SEEDS = 3
 QUICK_SEEDS = 1
 PAPER_VELOCITY_STD_CM_S = 0.02
 """sigma_2 of paper C's table II."""
-# Source, noise of the effort [N], dry friction [N], share of it that the observer knows.
+# Source or filter, noise of the effort [N], dry friction [N], share of it that the filter knows.
 CASES = (
     ("sensor", 0.01, 0.0, 1.0),
     ("effort", 0.01, 0.0, 1.0),
@@ -45,6 +45,11 @@ CASES = (
     ("effort", 0.01, 0.3, 1.0),
     ("effort", 0.01, 0.3, 0.8),
     ("effort", 0.01, 0.3, 0.0),
+    *(
+        (method, noise, friction, known)
+        for method in ("extended", "unscented", "sir_pf")
+        for noise, friction, known in ((0.01, 0.0, 1.0), (0.2, 0.0, 1.0), (0.01, 0.3, 0.8))
+    ),
 )
 COLUMNS = (
     ("source", "force_source", "{}"),
@@ -62,7 +67,10 @@ COLUMNS = (
 
 
 def settings_of(source: str, noise: float, friction: float, known: float) -> Bilateral:
-    """The simulation of a case."""
+    """The simulation of a case; a source that is a filter's name is effort through that filter."""
+    if source not in ("sensor", "effort"):
+        plain = settings_of("effort", noise, friction, known)
+        return replace(plain, feedback=replace(plain.feedback, force_filter=source))
     return Bilateral(
         network=Network(round_trip_ms=ROUND_TRIP_MS),
         slave=SlaveArm(effort_noise_std_n=noise, dry_friction_n=friction),
@@ -82,6 +90,9 @@ def force_read(series: BilateralSeries) -> tuple[float, float]:
         series.column(layout.OUT_POSITION_READING),
         series.column(layout.OUT_EFFORT_READING),
     )
+    if settings.feedback.force_filter != "observer":  # no low-pass, no delay to be taken off
+        error = float(np.sqrt(np.mean((force - true) ** 2)))
+        return error, error
     # Two poles, and the sample of the central difference.
     poles = 2.0 / (2.0 * math.pi * settings.feedback.observer_bandwidth_hz)
     late = round(poles * settings.rate_hz) + 1
@@ -177,6 +188,25 @@ def run_known_tissue(seed: int = 0) -> list[dict[str, Any]]:
                 "force_rmse_in_step_n": in_step,
             }
         )
+        for method in ("extended", "unscented"):
+            told = settings_of(method, 0.01, friction, 0.0)
+            place, found_n = force_observer(told).run(
+                series.time_s,
+                series.column(layout.OUT_POSITION_READING),
+                series.column(layout.OUT_EFFORT_READING),
+            )
+            error = float(np.sqrt(np.mean((found_n - series.tissue_force_n) ** 2)))
+            rows.append(
+                {
+                    "estimator": f"{method}, force a state",
+                    "knows_tissue": "no",
+                    "dry_friction_n": friction,
+                    "position_rmse_um": 1e3
+                    * float(np.sqrt(np.mean((place - series.slave_mm) ** 2))),
+                    "force_rmse_n": error,
+                    "force_rmse_in_step_n": error,
+                }
+            )
         for name, filter, extra in PAPER_FILTERS:
             found = _paper_filter(series, filter, extra)
             force = float(np.sqrt(np.mean((found[:, 2] - series.tissue_force_n) ** 2)))

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from hc_estimator.estimator import DEFAULT_FILTER
 from hc_evaluation.teleoperation.bench import run_case
+from hc_evaluation.teleoperation.impedance import CONTROLLERS, run_controller
 from hc_evaluation.teleoperation.scores import force_at_the_hand
 from hc_sim_rig.bilateral import METHODS, layout
 
@@ -32,6 +33,7 @@ def write_pictures(result: Mapping[str, Any], folder: Path) -> None:
         "teleoperation_methods": draw_methods(),
         "teleoperation_delays": draw_delays(result),
         "teleoperation_contact": draw_first_contact(),
+        "teleoperation_impedance": draw_impedance(),
     }
     for name, figure in figures.items():
         figure.savefig(folder / f"{name}.png", dpi=90, metadata=PLAIN)
@@ -153,4 +155,36 @@ def draw_first_contact(round_trip_ms: float = SHOWN_ROUND_TRIP_MS, seed: int = 0
         axis.margins(y=0.2)
         axis.legend(fontsize=8, loc="upper right", ncols=4)
     figure.suptitle(f"First contact, model mediated, round trip {round_trip_ms:g} ms", fontsize=11)
+    return figure
+
+
+def draw_impedance(round_trip_ms: float = SHOWN_ROUND_TRIP_MS, seed: int = 0) -> Figure:
+    """The slave's controller fixed and adaptive: force in the tissue, stiffness, stretch."""
+    figure = _figure(11.0, 7.5)
+    force, stiffness, stretch = figure.subplots(3, 1, sharex=True)
+    colours = dict(zip(CONTROLLERS, (ORANGE, GREEN, BLUE), strict=True))
+    late = round(0.5 * round_trip_ms)
+    for name, colour in colours.items():
+        series, found = run_controller(name, round_trip_ms, seed)
+        time, tool = series.time_s, series.slave_mm
+        label = (
+            f"{name}: first contact {found['first_contact_n']:.2f} N, "
+            f"tracking {found['tracking_mm']:.2f} mm"
+        )
+        force.plot(time, series.tissue_force_n, color=colour, lw=0.9, label=label)
+        stiffness.plot(time, series.column(layout.OUT_SLAVE_STIFFNESS), color=colour, lw=1.1)
+        stretch.plot(
+            time[late:], series.master_mm[: len(tool) - late] - tool[late:], color=colour, lw=0.8
+        )
+    force.set_ylabel("force in the tissue [N]")
+    stiffness.set_ylabel("stiffness [N/mm]")
+    stiffness.set_yscale("log")
+    stretch.set_ylabel("command less tool [mm]")
+    stretch.set_xlabel("time [s]")
+    force.legend(fontsize=8, loc="upper right")
+    for axis in (force, stiffness, stretch):
+        axis.grid(alpha=0.3, linewidth=0.5)
+    figure.suptitle(
+        f"The slave's controller, model mediated, round trip {round_trip_ms:g} ms", fontsize=11
+    )
     return figure

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.contact import hunt_crossley_force
+from hc_sim_rig.bilateral.adaptation_kernel import adapted_impedance
 from hc_sim_rig.bilateral.layout import (
     BACKWARD,
     DIRECT,
@@ -24,6 +25,8 @@ from hc_sim_rig.bilateral.layout import (
     MEMORY_MODEL,
     MEMORY_RENDERED,
     MEMORY_SLAVE_BEFORE,
+    MEMORY_SLAVE_STIFFNESS,
+    MEMORY_SLAVE_TANK,
     MEMORY_SLAVE_VELOCITY,
     MEMORY_TANK,
     MEMORY_WAVE_COMMAND,
@@ -43,6 +46,8 @@ from hc_sim_rig.bilateral.layout import (
     OUT_POSITION_READING,
     OUT_SLAVE,
     OUT_SLAVE_LATERAL,
+    OUT_SLAVE_STIFFNESS,
+    OUT_SLAVE_TANK,
     OUT_SLAVE_VELOCITY,
     OUT_TANK,
     OUT_TIME,
@@ -233,7 +238,7 @@ def advance(
         packets: (2, PACKET_COLUMNS) of channel_kernel, changed in place.
         ring: (2, RING, 2) of channel_kernel, changed in place.
         sent: (2, N + 1, SENT_COLUMNS) what was sent at each sample; the last row holds zeros.
-        model: (1 + MODEL_SIZE,) 1 if the slave has a model, and it.
+        model: (SLAVE_MODEL_SIZE,) 1 if the slave has a model, it, and 1 if it is sure.
         y: (Y_SIZE,) moving state, changed in place.
         memory: (MEMORY_SIZE,) changed in place.
         out: (N, OUT_COLUMNS) result.
@@ -290,6 +295,17 @@ def advance(
             stiffness, damping = constants.slave_stiffness, constants.slave_controller_damping
             if method == POSITION_POSITION:  # one spring and damper, at both ends
                 stiffness, damping = constants.position_stiffness, constants.position_damping
+            elif constants.adaptive > 0.0:
+                stiffness, damping = adapted_impedance(
+                    command - slave,
+                    command_velocity - slave_velocity,
+                    slave,
+                    model,
+                    constants,
+                    memory,
+                )
+            else:
+                memory[MEMORY_SLAVE_STIFFNESS] = stiffness
             slave_force = stiffness * (command - slave) + damping * (
                 command_velocity - slave_velocity
             )
@@ -368,6 +384,8 @@ def advance(
         row[OUT_EFFORT_READING] = slave_force + noise[k, 3]
         row[OUT_UPDATE_CHANGE] = change
         row[OUT_TANK] = memory[MEMORY_TANK]
+        row[OUT_SLAVE_STIFFNESS] = memory[MEMORY_SLAVE_STIFFNESS]
+        row[OUT_SLAVE_TANK] = memory[MEMORY_SLAVE_TANK]
         for side in range(2):
             row[OUT_WAVE_STORED + side] = (
                 memory[MEMORY_WAVE_ENERGY_SENT + side] - memory[MEMORY_WAVE_ENERGY_USED + side]

@@ -27,6 +27,8 @@ SENT_KNOWN: Final = 6  # 1: the model is one
 SENT_MODEL: Final = 7
 MODEL_SIZE: Final = 5
 SENT_COLUMNS: Final = SENT_MODEL + MODEL_SIZE
+MODEL_SURE: Final = 1 + MODEL_SIZE  # after 1 if there is a model, and the model: 1 if it is sure
+SLAVE_MODEL_SIZE: Final = MODEL_SURE + 1
 
 # The moving state.
 Y_MASTER: Final = 0
@@ -51,7 +53,10 @@ MEMORY_MODEL: Final = 15  # the model that is rendered
 MEMORY_TANK: Final = 20  # [mJ] energy that the renderer may still give
 MEMORY_ELASTIC: Final = 21  # [mJ] in the rendered spring
 MEMORY_FORCE_BEFORE: Final = 22  # [N] rendered since the last sample
-MEMORY_SIZE: Final = 23
+MEMORY_SLAVE_STIFFNESS: Final = 23  # [N/mm] of the slave's controller, where it adapts
+MEMORY_SLAVE_TANK: Final = 24  # [mJ] energy that its spring may still take
+MEMORY_SLAVE_DEPTH: Final = 25  # [mm] of the last seconds
+MEMORY_SIZE: Final = 26
 
 # Columns of the result, one row a sample.
 OUT_TIME: Final = 0
@@ -73,7 +78,9 @@ OUT_WAVE_STORED: Final = 15  # two columns: energy in the waves under way
 OUT_WAVE_PORTS: Final = 17  # [mJ] what master and slave have put into the waves, less what came out
 OUT_MODEL: Final = 18  # the model that is rendered; NaN without one
 OUT_EFFORT_READING: Final = OUT_MODEL + MODEL_SIZE  # [N] of the slave's motor
-OUT_COLUMNS: Final = OUT_EFFORT_READING + 1
+OUT_SLAVE_STIFFNESS: Final = OUT_EFFORT_READING + 1  # [N/mm] of the slave's controller
+OUT_SLAVE_TANK: Final = OUT_SLAVE_STIFFNESS + 1  # [mJ]
+OUT_COLUMNS: Final = OUT_SLAVE_TANK + 1
 
 FRICTION_VELOCITY: Final = 0.5
 """[mm/s] Speed at which dry friction has reached tanh(1) of its value (smooth at rest)."""
@@ -103,6 +110,14 @@ class Constants(NamedTuple):
     slave_controller_damping: float
     slave_force_limit: float
     slave_friction: float
+    # its adaptation to the estimate
+    adaptive: float  # 1: it adapts
+    stiffness_low: float
+    stiffness_high: float
+    stiffness_ratio: float
+    stiffness_rate: float
+    stiffness_force_rate: float
+    slave_tank: float
     # tissue
     surface: float
     stiffness: float

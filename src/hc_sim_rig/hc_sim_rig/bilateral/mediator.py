@@ -54,7 +54,7 @@ class Mediator:
         self._least_contact = max(PROVISIONAL_FORCE, CLEAR * least_noise_n)
         self._surface = 0.0
         self._zero = 0.0
-        self._depth = 0.0
+        self._gate = ModelGate()
         self._first_force: list[float] = []
         self.model = np.zeros(1 + MODEL_SIZE)
         """1 if there is a model; K, B, n, p, surface."""
@@ -101,21 +101,51 @@ class Mediator:
 
     def _estimate(self, time_s: Array, position_mm: Array, force_n: Array) -> None:
         series = self._estimator.run(time_s, position_mm - self._surface, force_n - self._zero)
-        fading = math.exp(-len(time_s) / (DEPTH_MEMORY_S * self._rate))
-        self._depth = max(self._depth * fading, float(np.max(position_mm)) - self._surface)
+        self._gate.went(float(np.max(position_mm)) - self._surface, len(time_s) / self._rate)
         parameters = np.array(series.parameters[-1])
         surface = self._surface + float(series.contact_position[-1])
-        relative = self._relative_std(parameters, np.array(series.covariance[-1]))
-        sane = bool(np.all(np.isfinite(parameters)) and math.isfinite(surface)) and bool(
-            np.all(parameters >= LOWEST) and np.all(parameters <= HIGHEST)
-        )
-        if sane and relative <= LARGEST_RELATIVE_STD:
+        if self._gate.trusts(parameters, np.array(series.covariance[-1]), surface):
             self.model[0] = 1.0
             self.model[1:5] = parameters
             self.model[5] = surface
             self.trusted += 1
         else:
             self.distrusted += 1
+
+    @property
+    def sure(self) -> float:
+        """1 while the newest estimate counts."""
+        return float(self._gate.sure)
+
+
+class ModelGate:
+    """Says whether an estimate is good enough to act on."""
+
+    def __init__(self) -> None:
+        self._depth = 0.0
+        self.relative_std = math.inf
+        """Of the model's force at working depth, by the estimate's covariance."""
+        self.sure = False
+
+    def went(self, depth_mm: float, seconds: float) -> None:
+        """Hear how deep the tool was; the depth of the last seconds is the working depth."""
+        fading = math.exp(-seconds / DEPTH_MEMORY_S)
+        self._depth = max(self._depth * fading, depth_mm)
+
+    def trusts(self, parameters: Array, covariance: Array, surface_mm: float) -> bool:
+        """Whether the estimate counts.
+
+        Args:
+            parameters: K, B, n, p, shape (4,).
+            covariance: of them, shape (4, 4).
+            surface_mm: contact position.
+        """
+        self.relative_std = self._relative_std(parameters, covariance)
+        sane = bool(np.all(np.isfinite(parameters)) and math.isfinite(surface_mm)) and bool(
+            np.all(parameters >= LOWEST) and np.all(parameters <= HIGHEST)
+        )
+        self.sure = sane and self.relative_std <= LARGEST_RELATIVE_STD
+        return self.sure
 
     def _relative_std(self, parameters: Array, covariance: Array) -> float:
         """Standard deviation of the model's force at working depth and speed, over the force."""

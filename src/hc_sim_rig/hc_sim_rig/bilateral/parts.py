@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hc_estimator.input.effort_filters import METHODS as FORCE_FILTERS
 from hc_sim_rig.bilateral.layout import METHODS, Constants
 from hc_sim_rig.drives import Link
-from hc_sim_rig.schema import Section, number, section, word
+from hc_sim_rig.schema import ScenarioError, Section, number, section, word
 
 PLAYOUT_DEVIATIONS = 3.0
 PLAYOUT_SAMPLES = 9
@@ -64,6 +65,26 @@ class SlaveArm(Section):
     force_noise_std_n: float = number(0.01, minimum=0.0, maximum=10.0, unit="N")
     effort_noise_std_n: float = number(0.01, minimum=0.0, maximum=10.0, unit="N")
     dry_friction_n: float = number(0.0, minimum=0.0, maximum=100.0, unit="N")
+    impedance: str = word("fixed", "fixed", "adaptive", about="adaptive: to the estimate")
+    stiffness_low: float = number(1.0, above=0.0, maximum=1e3, unit="N/mm", about="when unsure")
+    stiffness_high: float = number(10.0, above=0.0, maximum=1e3, unit="N/mm")
+    stiffness_ratio: float = number(8.0, above=0.0, maximum=1e3, about="over the tissue's")
+    stiffness_rate: float = number(10.0, above=0.0, maximum=1e4, unit="N/mm/s")
+    stiffness_force_rate_n_s: float = number(20.0, above=0.0, maximum=1e4, unit="N/s")
+    tank_mj: float = number(2.0, minimum=0.0, maximum=1e3, unit="mJ")
+
+    def __post_init__(self) -> None:
+        """Check the values.
+
+        Raises:
+            ScenarioError: if a value cannot be.
+        """
+        super().__post_init__()
+        if self.stiffness_low > self.stiffness_high:
+            raise ScenarioError(
+                f"stiffness_low is {self.stiffness_low:g}, must not be above stiffness_high, "
+                f"{self.stiffness_high:g}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +130,7 @@ class Feedback(Section):
     force_source: str = word(
         "sensor", "sensor", "effort", about="of the estimator: a sensor, or the motor's effort"
     )
+    force_filter: str = word("observer", *FORCE_FILTERS, about="with the effort as force source")
     friction_known: float = number(
         1.0, minimum=0.0, maximum=2.0, about="share of the dry friction that is taken off"
     )
@@ -162,6 +184,13 @@ class Bilateral(Section):
             slave_controller_damping=slave.controller_damping,
             slave_force_limit=slave.force_limit_n,
             slave_friction=slave.dry_friction_n,
+            adaptive=float(slave.impedance == "adaptive"),
+            stiffness_low=slave.stiffness_low,
+            stiffness_high=slave.stiffness_high,
+            stiffness_ratio=slave.stiffness_ratio,
+            stiffness_rate=slave.stiffness_rate,
+            stiffness_force_rate=slave.stiffness_force_rate_n_s,
+            slave_tank=slave.tank_mj,
             surface=tissue.surface_mm,
             stiffness=tissue.stiffness,
             damping=tissue.damping,

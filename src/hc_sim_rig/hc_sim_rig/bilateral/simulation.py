@@ -6,13 +6,18 @@ the block's readings, and its model is what the packets of the next block carry.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.estimator import available_filters
-from hc_estimator.input.effort import DisturbanceObserver
+from hc_estimator.input.effort_filters import (
+    EffortSettings,
+    ForceFilter,
+    error_in_motion,
+    make_force_filter,
+)
 from hc_sim_rig.bilateral import layout
 from hc_sim_rig.bilateral.kernel import advance
 from hc_sim_rig.bilateral.mediator import Mediator
@@ -34,9 +39,6 @@ from hc_sim_rig.schema import ScenarioError
 
 Array = NDArray[np.float64]
 
-OBSERVED_ERROR_N = 0.02
-UNKNOWN_SHARE = 0.1
-"""Of the dry friction: nobody knows it better, and the observer sees its turns late."""
 BLOCK_SAMPLES = 10
 """The model is renewed at a hundredth of a second."""
 
@@ -113,7 +115,7 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
         if feedback.filter not in available_filters():
             known = ", ".join(available_filters())
             raise ScenarioError(f"filter is {feedback.filter!r}, must be one of {known}")
-        mediator = Mediator(feedback.filter, rate, _error_in_motion(settings))
+        mediator = Mediator(feedback.filter, rate, least_noise_n(settings))
     observer = force_observer(settings) if feedback.force_source == "effort" else None
     if task is None:
         task = palpation_task(rate, settings.tissue.surface_mm)
@@ -150,7 +152,9 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
     memory[[layout.MEMORY_MASTER_BEFORE, layout.MEMORY_SLAVE_BEFORE]] = start
     memory[layout.MEMORY_WAVE_COMMAND] = start
     memory[layout.MEMORY_TANK] = feedback.tank_mj
-    model = np.zeros(1 + layout.MODEL_SIZE)
+    memory[layout.MEMORY_SLAVE_STIFFNESS] = settings.slave.stiffness_low
+    memory[layout.MEMORY_SLAVE_TANK] = settings.slave.tank_mj
+    model = np.zeros(layout.SLAVE_MODEL_SIZE)
     rows = np.zeros((samples, layout.OUT_COLUMNS))
     constants, links, draws = settings.constants(), np.stack([link, link]), _draws(network, samples)
     block = BLOCK_SAMPLES if mediator is not None else samples
@@ -182,30 +186,45 @@ def simulate(settings: Bilateral, seed: int = 0, task: Task | None = None) -> Bi
                 effort = part[:, layout.OUT_EFFORT_READING]
                 position, force = observer.run(time, position, effort)
             mediator.take(time, position, force)
-            model[:] = mediator.model
+            model[: layout.MODEL_SURE] = mediator.model
+            model[layout.MODEL_SURE] = mediator.sure
     lost = (int(packets[0, PACKETS_LOST]), int(packets[1, PACKETS_LOST]))
     share = mediator.trusted_share if mediator is not None else 0.0
     return BilateralSeries(rows, task, settings, lost, share)
 
 
-def force_observer(settings: Bilateral) -> DisturbanceObserver:
-    """The observer that takes the place of the slave's force sensor, told what it is told."""
-    slave, feedback = settings.slave, settings.feedback
-    return DisturbanceObserver(
+def effort_settings(settings: Bilateral) -> EffortSettings:
+    """What the filter that takes the place of the slave's force sensor is told.
+
+    Paper C's particles know the tissue (with p = 1) and not its lump.
+    """
+    slave, feedback, tissue = settings.slave, settings.feedback, settings.tissue
+    return EffortSettings(
+        method=feedback.force_filter,
         mass_kg=slave.mass_kg,
         damping=slave.damping,
         dry_friction_n=feedback.friction_known * slave.dry_friction_n,
         friction_velocity_mm_s=layout.FRICTION_VELOCITY,
         bandwidth_hz=feedback.observer_bandwidth_hz,
+        position_noise_mm=max(slave.position_noise_std_mm, 1e-6),
+        effort_noise_n=max(slave.effort_noise_std_n, 1e-3),
+        tissue=(tissue.stiffness, tissue.damping, tissue.displacement_exponent),
+        surface_mm=tissue.surface_mm,
     )
 
 
-def _error_in_motion(settings: Bilateral) -> float:
+def force_observer(settings: Bilateral) -> ForceFilter:
+    """The filter that takes the place of the slave's force sensor."""
+    return make_force_filter(effort_settings(settings))
+
+
+def least_noise_n(settings: Bilateral) -> float:
     """Error of the force in free motion that no noise at rest shows [N]; a sensor has none."""
     if settings.feedback.force_source == "sensor":
         return 0.0
-    unknown = UNKNOWN_SHARE + abs(1.0 - settings.feedback.friction_known)
-    return OBSERVED_ERROR_N + unknown * settings.slave.dry_friction_n
+    unknown = abs(1.0 - settings.feedback.friction_known) * settings.slave.dry_friction_n
+    true = replace(effort_settings(settings), dry_friction_n=settings.slave.dry_friction_n)
+    return error_in_motion(true) + unknown
 
 
 def _draws(seed: np.random.SeedSequence, samples: int) -> Array:

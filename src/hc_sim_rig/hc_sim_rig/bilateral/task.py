@@ -7,10 +7,13 @@ surface at zero. The hand itself follows with its own mass and is pushed back by
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hc_sim_rig.schema import ScenarioError
 
 Array = NDArray[np.float64]
 
@@ -25,6 +28,7 @@ PALPATION_HZ = 1.0
 PALPATION_CYCLES = 6
 HOLD_MM = 4.0
 HOLD_S = 12.0
+LONGEST_MOTION_S = 3600.0
 SETTLING_S = 2.0
 """After a hold or a palpation begins; what is judged comes after it."""
 
@@ -125,6 +129,47 @@ def palpation_task(rate_hz: float, surface_mm: float = 0.0) -> Task:
         tuple(presses),
         tuple(first_presses),
     )
+
+
+def recorded_task(path: Path, rate_hz: float, surface_mm: float = 0.0) -> Task:
+    """A recorded hand motion as the task: where the arm pulls the hand to.
+
+    Args:
+        path: CSV with a heading and the columns time_s and displacement_mm, and lateral_mm if the
+            hand moved sideways too.
+        rate_hz: samples per second, to which the recording is interpolated.
+        surface_mm: displacement 0 of the recording.
+
+    Returns:
+        The task. Its parts are those that scores need: `hold` is the last fifth, `palpation` the
+        middle, `first_contact` the first fifth; there are no presses.
+
+    Raises:
+        ScenarioError: the file cannot be read, has other columns, or times that do not rise.
+    """
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            names = [name.strip() for name in file.readline().split(",")]
+            table = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"cannot read the motion {path}: {error}") from error
+    missing = [name for name in ("time_s", "displacement_mm") if name not in names]
+    if missing or table.shape[0] < 2 or table.shape[1] != len(names):
+        wrong = f"has no column {missing[0]}" if missing else "is no table of two rows or more"
+        raise ScenarioError(f"the motion {path} {wrong}")
+    time = table[:, names.index("time_s")]
+    if not (np.isfinite(table).all() and (np.diff(time) > 0.0).all()):
+        raise ScenarioError(f"the motion {path} has times that do not rise, or no numbers")
+    seconds = float(time[-1] - time[0])
+    if not 2.0 / rate_hz <= seconds <= LONGEST_MOTION_S:
+        raise ScenarioError(f"the motion {path} lasts {seconds:g} s, at most {LONGEST_MOTION_S:g}")
+    even = time[0] + np.arange(round(seconds * rate_hz) + 1) / rate_hz
+    displacement = np.interp(even, time, table[:, names.index("displacement_mm")]) + surface_mm
+    lateral = np.zeros(len(even))
+    if "lateral_mm" in names:
+        lateral = np.interp(even, time, table[:, names.index("lateral_mm")])
+    ends = [Span(share * seconds, (share + 0.2) * seconds) for share in (0.0, 0.4, 0.8)]
+    return Task(displacement, lateral, ends[0], ends[1], ends[2], (), ())
 
 
 def _minimum_jerk(seconds: float, rate_hz: float) -> Array:

@@ -1,0 +1,128 @@
+"""The node's input without a force sensor: one joint's position and motor effort.
+
+A sensor_msgs/JointState says where the tool is and what its motor pushes; a filter of
+input/effort_filters makes the contact force of it. What it finds is handed on as samples and, as
+with other sensors of one's own, published on indenter/sample if wanted.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hc_msgs.msg import IndenterSample
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+
+from hc_estimator.input.contact_frame import NormalFinder
+from hc_estimator.input.effort_filters import EffortSettings, ForceFilter, make_force_filter
+from hc_estimator.ros.channel import Channel
+from hc_estimator.ros.inputs import Receiver
+from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
+from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.topics import SAMPLE
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
+from hc_msgs_py.wire import SampleEncoder
+
+
+class EffortInput:
+    """Subscribes to a joint's position and effort, and hands on displacement and force."""
+
+    def __init__(self, node: Node, receiver: Receiver, values: Mapping[str, Any]) -> None:
+        """Start listening.
+
+        Raises:
+            SubscriptionError: if the topic cannot be subscribed to.
+        """
+        self.position: tuple[tuple[float, float, float], str] | None = None
+        self.undecodable = 0
+        self.normal_finder: NormalFinder | None = None
+        self._node = node
+        self._receiver = receiver
+        self._missing_joint = self._unused = self._sequence = 0
+        self._origin_ns = 0
+        self._frame_id = ""
+        self._encoder = SampleEncoder()
+        self._joints = Channel(
+            node,
+            JointState,
+            values["input.position.topic"],
+            self._take,
+            skip=self._on_skip,
+            fail=receiver.on_failure,
+        )
+        self.channels = (self._joints,)
+        self._samples = None
+        if values["input.publish_samples"]:
+            self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._reading: tuple[Any, ...] = ()
+        self._filter: ForceFilter = make_force_filter(EffortSettings())
+        self.configure(values)
+
+    def configure(self, values: Mapping[str, Any]) -> None:
+        """Take other settings; the filter begins anew if it, or what it is given, is another."""
+        self._force_zero = values["input.force.zero"]
+        self._position_zero = values["input.position.zero"]
+        self._mapping = sensor_mapping(values, "position")
+        self._effort_factor = values["input.position.sign"] * values["input.effort.scale"]
+        self._offset_ns = round(values["input.position.time_offset"] * 1e9)
+        self._joint = values["input.position.joint"]
+        self._joints.maximum_backlog = values["input.maximum_backlog"]
+        wanted = effort_settings(values)
+        if wanted.method != "sir_pf":  # the others know no tissue
+            wanted = dataclasses.replace(wanted, surface_mm=0.0)
+        reading = (self._mapping, self._effort_factor, self._offset_ns, self._joint, wanted)
+        if reading != self._reading:
+            self._reading = reading
+            self._filter = make_force_filter(wanted)
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """Messages without the joint or its effort, and readings that were none."""
+        return {"joint_missing": self._missing_joint, "effort_unused": self._unused}
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._joints.close()
+        if self._samples is not None:
+            self._node.destroy_publisher(self._samples)
+
+    def _on_skip(self, number: int) -> None:
+        self._sequence += number
+        self._receiver.on_skip(number)
+
+    def _take(self, message: Any) -> None:
+        index = 0
+        if self._joint:
+            try:
+                index = message.name.index(self._joint)
+            except ValueError:  # many drivers publish their joints in several messages
+                self._missing_joint += 1
+                return
+        if index >= len(message.position) or index >= len(message.effort):
+            self._missing_joint += 1
+            return
+        if message.header.frame_id != self._frame_id:
+            self._frame_id = message.header.frame_id
+            self._encoder.set_frame(self._frame_id)
+            self._receiver.on_frame(self._frame_id)
+        stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._offset_ns
+        position_mm = self._mapping.of_scalar(message.position[index] * METRE_IN_MM)
+        effort_n = self._effort_factor * message.effort[index]
+        # Seconds since the first message: those since 1970 would lose the step's last digits.
+        self._origin_ns = self._origin_ns or stamp_ns
+        time_s = (stamp_ns - self._origin_ns) * 1e-9
+        reading_mm, reading_n = self._filter.step(time_s, position_mm, effort_n)
+        sequence, self._sequence = self._sequence, self._sequence + 1
+        if math.isnan(reading_mm):
+            self._unused += 1
+            return
+        # The estimator gets what a recorder gets, to the last bit.
+        displacement_mm = sent_mm(reading_mm - self._position_zero)
+        force_n = reading_n - self._force_zero
+        if self._samples is not None:
+            encoded = self._encoder.encode(stamp_ns, sequence, displacement_mm, force_n)
+            self._samples.publish(encoded)
+        self._receiver.on_sample(stamp_ns, sequence, displacement_mm, force_n)

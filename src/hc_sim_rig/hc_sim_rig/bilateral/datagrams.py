@@ -1,0 +1,127 @@
+"""What master and slave send each other: one datagram of fixed size a sample, and its meaning.
+
+Both directions have the same layout (little-endian): a word that tells the program and version,
+who sends, a sequence number, three times for the clock exchange, then numbers in mm, mm/s and N.
+Whatever is not such a datagram is refused with the reason; nothing that arrives is ever executed.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Final, NamedTuple
+
+from hc_sim_rig.bilateral.layout import MODEL_SIZE
+
+WORD: Final = b"hct1"
+MASTER: Final = 0
+SLAVE: Final = 1
+_LAYOUT: Final = struct.Struct(f"<4sBBHIqqq4d{MODEL_SIZE}d4dd")
+SIZE: Final = _LAYOUT.size
+NEVER: Final = -1
+"""Echo of somebody who has heard nothing yet."""
+LARGEST_MM = 1e4
+LARGEST_N = 1e4
+
+
+class Datagram(NamedTuple):
+    """One sample of one side.
+
+    Attributes:
+        side: MASTER or SLAVE, who sends.
+        sequence: counts the datagrams of this side.
+        sent_ns: when it left, by the sender's clock.
+        echo_ns: `sent_ns` of the newest datagram that the sender has got, NEVER before one.
+        heard_ns: when that one arrived, by the sender's clock.
+        position_mm: of the hand, or of the tool.
+        velocity_mm_s: the same.
+        lateral_mm: sideways.
+        force_n: rendered at the hand, or read at the tool.
+        model: K, B, n, p, surface [mm]; of the slave, NaN before there is one.
+        deviations: standard deviations of K, B, n, p.
+        relative_std: of the model's force at working depth; infinite while it is not known.
+        sure: whether the newest estimate counts; the model is the newest one that did.
+    """
+
+    side: int
+    sequence: int
+    sent_ns: int
+    echo_ns: int
+    heard_ns: int
+    position_mm: float
+    velocity_mm_s: float
+    lateral_mm: float
+    force_n: float
+    model: tuple[float, ...] = (math.nan,) * MODEL_SIZE
+    deviations: tuple[float, ...] = (math.nan,) * 4
+    relative_std: float = math.inf
+    sure: bool = False
+
+    def encode(self) -> bytes:
+        """Return the bytes that are sent."""
+        return _LAYOUT.pack(
+            WORD,
+            self.side,
+            self.sure,
+            0,
+            self.sequence & 0xFFFFFFFF,
+            self.sent_ns,
+            self.echo_ns,
+            self.heard_ns,
+            self.position_mm,
+            self.velocity_mm_s,
+            self.lateral_mm,
+            self.force_n,
+            *self.model,
+            *self.deviations,
+            self.relative_std,
+        )
+
+
+def decode(data: bytes) -> Datagram:
+    """Read a datagram.
+
+    Raises:
+        ValueError: it is none, or says what cannot be.
+    """
+    if len(data) != SIZE:
+        raise ValueError(f"{len(data)} bytes, not {SIZE}")
+    word, side, sure, _, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
+    if word != WORD:
+        raise ValueError(f"begins with {word!r}, not {WORD!r}")
+    if side not in (MASTER, SLAVE):
+        raise ValueError(f"is of side {side}")
+    position, velocity, lateral, force = numbers[:4]
+    motion = (position, velocity / 10.0, lateral)
+    if not (all(abs(v) <= LARGEST_MM for v in motion) and abs(force) <= LARGEST_N):
+        raise ValueError("motion or force is out of range or no number")
+    model = tuple(numbers[4 : 4 + MODEL_SIZE])
+    if not all(map(math.isnan, model)) and not _possible(model):
+        raise ValueError("the model is out of range or no number")
+    deviations = tuple(numbers[4 + MODEL_SIZE : 8 + MODEL_SIZE])
+    return Datagram(
+        side,
+        sequence,
+        sent,
+        echo,
+        heard,
+        position,
+        velocity,
+        lateral,
+        force,
+        model,
+        deviations,
+        numbers[-1],
+        bool(sure),
+    )
+
+
+def _possible(model: tuple[float, ...]) -> bool:
+    stiffness, damping, exponent, velocity_exponent, surface = model
+    return (
+        0.0 < stiffness <= 100.0
+        and 0.0 <= damping <= 100.0
+        and 0.2 <= exponent <= 6.0
+        and 0.1 <= velocity_exponent <= 4.0
+        and abs(surface) <= LARGEST_MM
+    )

@@ -1,0 +1,121 @@
+"""Compiled parts of one side each, for master and slave as live nodes: `kernel.py` cut in two.
+
+The equations are those of the simulation, and most of the code: a side that stands alone integrates
+only its own half.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_sim_rig.bilateral.adaptation_kernel import adapted_impedance
+from hc_sim_rig.bilateral.kernel import integrate, measured_velocity, tissue_at
+from hc_sim_rig.bilateral.layout import (
+    DIRECT,
+    MEMORY_MASTER_BEFORE,
+    MEMORY_MASTER_VELOCITY,
+    MEMORY_SLAVE_BEFORE,
+    MEMORY_SLAVE_VELOCITY,
+    SENT_FORCE,
+    Y_SIZE,
+    Y_SLAVE,
+    Y_SLAVE_VELOCITY,
+    Constants,
+)
+from hc_sim_rig.bilateral.rendering_kernel import render
+from hc_sim_rig.compilation import compiled
+
+FAR = -1e6
+"""[mm] Where the tool is while only the hand is moved: nowhere near tissue."""
+
+
+@compiled
+def hand_force(
+    position: float,
+    arrived: NDArray[np.float64],
+    constants: Constants,
+    memory: NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """Force at the hand [N], its velocity as measured [mm/s], change of force by the update [N].
+
+    Args:
+        position: reading of the hand's position [mm].
+        arrived: (SENT_COLUMNS,) newest packet; zeros before one has come.
+        constants: of the run; method direct or model mediated.
+        memory: (MEMORY_SIZE,), changed in place.
+    """
+    velocity = measured_velocity(
+        position, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, constants, memory
+    )
+    change = 0.0
+    if int(constants.method) == DIRECT:
+        force = arrived[SENT_FORCE]
+        force = min(max(force, -constants.force_limit), constants.force_limit)
+    else:
+        force, change = render(position, velocity, arrived, constants, memory)
+    memory[MEMORY_MASTER_BEFORE] = position
+    return force, velocity, change
+
+
+@compiled
+def move_hand(
+    wish: float,
+    wish_rate: float,
+    tremor: float,
+    force: float,
+    constants: Constants,
+    y: NDArray[np.float64],
+) -> None:
+    """Bring the simulated hand to the next sample; `y` is (Y_SIZE,), changed in place."""
+    y[Y_SLAVE], y[Y_SLAVE_VELOCITY] = FAR, 0.0
+    integrate(y, np.empty((3, Y_SIZE)), wish, wish_rate, tremor, 0.0, force, 0.0, constants)
+
+
+@compiled
+def slave_force(
+    position: float,
+    command: float,
+    command_velocity: float,
+    model: NDArray[np.float64],
+    constants: Constants,
+    memory: NDArray[np.float64],
+) -> tuple[float, float]:
+    """Force of the slave's controller [N], and its velocity as measured [mm/s].
+
+    Args:
+        position: reading of the slave's position [mm].
+        command: position of the master as it arrived [mm].
+        command_velocity: its velocity [mm/s].
+        model: as in `adapted_impedance`.
+        constants: of the run.
+        memory: (MEMORY_SIZE,), changed in place.
+    """
+    velocity = measured_velocity(
+        position, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants, memory
+    )
+    memory[MEMORY_SLAVE_BEFORE] = position
+    stretch, rate = command - position, command_velocity - velocity
+    stiffness, damping = constants.slave_stiffness, constants.slave_controller_damping
+    if constants.adaptive > 0.0:
+        stiffness, damping = adapted_impedance(stretch, rate, position, model, constants, memory)
+    force = stiffness * stretch + damping * rate
+    return min(max(force, -constants.slave_force_limit), constants.slave_force_limit), velocity
+
+
+@compiled
+def move_slave(lateral: float, force: float, constants: Constants, y: NDArray[np.float64]) -> None:
+    """Bring the simulated slave to the next sample; `y` is (Y_SIZE,), changed in place.
+
+    Its hand stays where it is: that half of the state is the other side's.
+    """
+    hand = y[0]
+    y[1] = 0.0
+    integrate(y, np.empty((3, Y_SIZE)), hand, 0.0, 0.0, lateral, 0.0, force, constants)
+    y[0] = hand
+
+
+@compiled
+def tissue_force(y: NDArray[np.float64], lateral: float, constants: Constants) -> float:
+    """True force of the tissue on the slave [N]."""
+    return float(tissue_at(y[Y_SLAVE], y[Y_SLAVE_VELOCITY], lateral, constants))

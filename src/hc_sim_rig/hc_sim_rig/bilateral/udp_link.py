@@ -1,0 +1,175 @@
+"""The way between the two sides: UDP, and delay, jitter and loss of its own where it is wanted.
+
+A datagram each way per sample, never repeated and never waited for: what is late is superseded by
+the next one. The receiver keeps the newest. With `added` a side holds back and drops what it sends,
+so that two sides on one machine are far apart; between two hosts the network does that.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import random
+import socket
+from typing import NamedTuple
+
+from hc_sim_rig.bilateral.clock_offset import ClockOffset
+from hc_sim_rig.bilateral.datagrams import NEVER, SIZE, Datagram, decode
+
+MOST_AT_ONCE = 1000
+"""Datagrams that are read at one sample; more wait."""
+
+
+class Added(NamedTuple):
+    """Delay, its standard deviation [s] and share lost, of what is sent."""
+
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    loss: float = 0.0
+
+
+class LinkError(ValueError):
+    """Why a link cannot be, in one line."""
+
+
+class UdpLink:
+    """One side of the link.
+
+    Attributes:
+        newest: the newest datagram of the other side; None before one has come.
+        clock: the other side's clock.
+        sent, unsent, received, overtaken, refused, lost: datagrams. Unsent ones the network did
+            not take; overtaken ones were older than one that was there; refused ones were no
+            datagrams of ours; lost ones never came, by their numbers.
+        why_refused: reason of the last one that was refused.
+    """
+
+    def __init__(
+        self, side: int, bind: str, port: int, peer: str, peer_port: int, added: Added, seed: int
+    ) -> None:
+        """Open the socket.
+
+        Raises:
+            LinkError: an address cannot be, or the port is in use.
+        """
+        self._side = side
+        self._added = added
+        self._random = random.Random(seed)
+        self._waiting: list[tuple[int, int, bytes]] = []
+        self.newest: Datagram | None = None
+        self.clock = ClockOffset()
+        self.sent = self.unsent = self.received = self.overtaken = self.refused = 0
+        self.why_refused = ""
+        self._first_sequence = 0
+        self._heard_ns = NEVER
+        try:
+            family, _, _, _, address = socket.getaddrinfo(peer, peer_port, type=socket.SOCK_DGRAM)[
+                0
+            ]
+            self._peer = address
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
+            self._socket.setblocking(False)
+            self._socket.bind((bind, port))
+        except (OSError, OverflowError) as error:
+            raise LinkError(f"link from {bind}:{port} to {peer}:{peer_port}: {error}") from error
+
+    @property
+    def port(self) -> int:
+        """Port that this side listens on."""
+        return int(self._socket.getsockname()[1])
+
+    @property
+    def lost(self) -> int:
+        """Datagrams of the other side that never came, or have not come yet."""
+        if self.newest is None:
+            return 0
+        expected = self.newest.sequence - self._first_sequence + 1
+        return max(0, expected - self.received)
+
+    def age_s(self, now_ns: int) -> float:
+        """Time since the newest datagram left, by both clocks; infinite before one has come."""
+        if self.newest is None:
+            return math.inf
+        return (now_ns - (self.newest.sent_ns - self.clock.offset_ns)) * 1e-9
+
+    def silence_s(self, now_ns: int) -> float:
+        """Time since the newest datagram came; infinite before one has come."""
+        return math.inf if self._heard_ns == NEVER else (now_ns - self._heard_ns) * 1e-9
+
+    def receive(self, now_ns: int) -> None:
+        """Read what has come; `newest` is the newest of it.
+
+        Args:
+            now_ns: by this side's clock.
+        """
+        for _ in range(MOST_AT_ONCE):
+            try:
+                data, source = self._socket.recvfrom(SIZE + 1)
+            except BlockingIOError:
+                return
+            except ConnectionError:  # the other side is not there: its host says so
+                continue
+            if source[0] != self._peer[0]:
+                self._refuse(f"comes from {source[0]}")
+                continue
+            try:
+                self._take(decode(data), now_ns)
+            except ValueError as error:
+                self._refuse(str(error))
+
+    def send(self, datagram: Datagram, now_ns: int) -> None:
+        """Send a datagram, with the times of the clock exchange put in, and what was held back.
+
+        Args:
+            datagram: its times and its sequence do not matter.
+            now_ns: by this side's clock.
+        """
+        newest = self.newest
+        data = datagram._replace(
+            side=self._side,
+            sequence=self.sent,
+            sent_ns=now_ns,
+            echo_ns=NEVER if newest is None else newest.sent_ns,
+            heard_ns=self._heard_ns,
+        ).encode()
+        self.sent += 1
+        delay, jitter, loss = self._added
+        if self._random.random() >= loss:
+            wait = max(0.0, self._random.gauss(delay, jitter)) if delay or jitter else 0.0
+            heapq.heappush(self._waiting, (now_ns + round(wait * 1e9), self.sent, data))
+        while self._waiting and self._waiting[0][0] <= now_ns:
+            self._put(heapq.heappop(self._waiting)[2])
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _put(self, data: bytes) -> None:
+        try:
+            self._socket.sendto(data, self._peer)
+        except OSError:  # it is lost like any other that gets lost: the next one follows at once
+            self.unsent += 1
+
+    def _refuse(self, reason: str) -> None:
+        self.refused += 1
+        self.why_refused = reason
+
+    def _take(self, datagram: Datagram, now_ns: int) -> None:
+        if datagram.side == self._side:
+            raise ValueError("is of this same side: two masters, or two slaves")
+        newest = self.newest
+        # Numbered lower and sent later: the other side was started again and counts anew.
+        restarted = (
+            newest is not None
+            and datagram.sequence < newest.sequence
+            and datagram.sent_ns > newest.sent_ns
+        )
+        if newest is None or restarted:
+            self._first_sequence, self.received = datagram.sequence, 0
+        self.received += 1
+        if datagram.echo_ns != NEVER:
+            self.clock.add(datagram.echo_ns, datagram.heard_ns, datagram.sent_ns, now_ns)
+        if newest is not None and datagram.sequence <= newest.sequence and not restarted:
+            self.overtaken += 1
+            return
+        self.newest, self._heard_ns = datagram, now_ns

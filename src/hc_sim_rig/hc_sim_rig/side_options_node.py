@@ -1,0 +1,121 @@
+"""Parameters that master and slave nodes share: the link, and sections of a bilateral set-up."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.node import Node
+
+from hc_msgs_py.parameters import declare
+from hc_sim_rig.bilateral.parts import Bilateral
+from hc_sim_rig.bilateral.sides import LIVE_METHODS
+from hc_sim_rig.bilateral.udp_link import Added, UdpLink
+
+PORTS = {"master": 47111, "slave": 47112}
+
+
+# What a live master has of the feedback: the rest is of the slave, or of methods that run offline.
+LIVE_FEEDBACK = (
+    "method",
+    "update_rate_n_per_s",
+    "update_time_s",
+    "largest_damping",
+    "controller_damping",
+    "tank_mj",
+)
+
+
+def declare_settings(
+    node: Node, sections: Sequence[str], feedback: Sequence[str] = LIVE_FEEDBACK
+) -> Bilateral:
+    """Declare every field of some sections as a parameter; return the set-up with their values.
+
+    Args:
+        node: the node.
+        sections: names of fields of Bilateral, for example "slave".
+        feedback: of section "feedback" only these fields.
+
+    Raises:
+        ScenarioError: a value cannot be.
+        ValueError: a value is of the wrong type or out of range.
+    """
+    default = Bilateral()
+    changed = {}
+    for section in sections:
+        part = getattr(default, section)
+        values = {}
+        for field in dataclasses.fields(part):
+            if section == "feedback" and field.name not in feedback:
+                continue
+            limits = field.metadata
+            text = f"{field.name.replace('_', ' ')} of the {section}"
+            values[field.name] = declare(
+                node,
+                f"{section}.{field.name}",
+                getattr(part, field.name),
+                f"{text}: {limits['about']}" if limits.get("about") else text,
+                # What must lie above a number: the section itself says so of the number itself.
+                minimum=limits.get("minimum") if limits.get("above") is None else limits["above"],
+                maximum=limits.get("maximum"),
+                choices=LIVE_METHODS if field.name == "method" else limits.get("choices", ()),
+                unit=limits.get("unit", ""),
+                read_only=True,
+            )
+        changed[section] = dataclasses.replace(part, **values)
+    return dataclasses.replace(default, **changed)
+
+
+def declare_link(node: Node, side: str, seed: int) -> UdpLink:
+    """Declare the link's parameters and open it.
+
+    Args:
+        node: the node.
+        side: "master" or "slave".
+        seed: of delays and losses that are added.
+
+    Raises:
+        LinkError: an address cannot be, or the port is in use.
+        ValueError: a value is of the wrong type or out of range.
+    """
+    other = "slave" if side == "master" else "master"
+
+    def own(name: str, default: Any, text: str, **limits: Any) -> Any:
+        return declare(node, f"link.{name}", default, text, read_only=True, **limits)
+
+    port = {"minimum": 1, "maximum": 65535}
+    added = {"minimum": 0.0, "maximum": 10.0, "unit": "s"}
+    bind = own("bind", "127.0.0.1", "address of this host that the link listens on")
+    free = {"minimum": 0, "maximum": 65535}
+    here = own(
+        "port", PORTS[side], "UDP port that the link listens on; 0: one that is free", **free
+    )
+    peer = own("peer", "127.0.0.1", f"host of the {other}; datagrams of others are refused")
+    there = own("peer_port", PORTS[other], f"UDP port of the {other}", **port)
+    delay = own("added_delay", 0.0, "what is sent is held back so long", **added)
+    jitter = own("added_jitter", 0.0, "standard deviation of the added delay", **added)
+    loss = own("added_loss", 0.0, "share of what is sent that is dropped", minimum=0.0, maximum=1.0)
+    number = 0 if side == "master" else 1
+    return UdpLink(number, bind, here, peer, there, Added(delay, jitter, loss), seed)
+
+
+def link_values(link: UdpLink, now_ns: int) -> dict[str, Any]:
+    """What /diagnostics says of a link."""
+    values: dict[str, Any] = {
+        "link_sent": link.sent,
+        "link_unsent": link.unsent,
+        "link_received": link.received,
+        "link_lost": link.lost,
+        "link_overtaken": link.overtaken,
+        "link_refused": link.refused,
+        "link_age_ms": 1e3 * link.age_s(now_ns),
+        "round_trip_ms": 1e-6 * link.clock.round_trip_ns,
+        "clock_exchanges": link.clock.exchanges,
+        "clock_steps": link.clock.steps,
+        "clock_offset_ms": 1e-6 * link.clock.offset_ns,
+        "clock_offset_bound_ms": 1e-6 * link.clock.bound_ns(now_ns),
+    }
+    if link.why_refused:
+        values["link_why_refused"] = link.why_refused
+    return values

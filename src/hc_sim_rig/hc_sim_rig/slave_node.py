@@ -1,0 +1,292 @@
+"""Node `slave`: the tool's side of a teleoperation, live at 1 kHz, with simulated arm and tissue.
+
+Thin: the link and the estimator's answers go to bilateral/sides, whose readings go out on the
+topics of the rig (indenter/...). The estimator is a node of its own beside this one.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from hc_msgs.msg import EstimatorEvent, HuntCrossleyEstimate
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.node_main import NodeStartError, run_node
+from hc_msgs_py.parameters import declare
+from hc_msgs_py.qos import CONFIGURATION_QOS, ESTIMATE_QOS, SAMPLE_QOS
+from hc_msgs_py.services import add_ready_service
+from hc_msgs_py.topics import ESTIMATE, EVENTS, NODE_ESTIMATOR, NODE_SLAVE, SLAVE_SETPOINT_CP
+from hc_msgs_py.units import METRE_IN_MM, set_stamp
+from hc_sim_rig.bilateral.sides import SILENCE_S, ModelSource, SlaveSample, SlaveSide
+from hc_sim_rig.outputs_node import Outputs
+from hc_sim_rig.pacing import DeadlineThread
+from hc_sim_rig.records import Coupling, Joint, RigSample, Truth
+from hc_sim_rig.side_options_node import declare_link, declare_settings, link_values
+
+ASK_PERIOD_S = 1.0
+"""Between two requests to the estimator to look for the surface."""
+USED_EVERY = 10
+"""Estimates between two that become the model: the model is renewed at a hundredth of a second."""
+LISTENERS_EVERY = 100
+
+
+class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
+    """Follows the master, presses, and sends what the estimator knows."""
+
+    def __init__(self) -> None:
+        """Declare parameters, open the link, compile, and start unless told to wait.
+
+        Raises:
+            ScenarioError: a setting cannot be.
+            ValueError: a parameter's value is not allowed, or the link cannot be.
+        """
+        super().__init__(NODE_SLAVE)
+        seed = declare(self, "seed", 1, "seed of the sensors and of added loss", minimum=0)
+        settings = declare_settings(self, ("slave", "tissue"))
+        self._tissue = settings.tissue
+        self._has_sensor = declare(
+            self,
+            "force_sensor",
+            True,
+            "false: no force sensor; the estimator takes input.source effort on the joint states, "
+            "and the force that is sent is the one that it reads out of them",
+            read_only=True,
+        )
+        self._find_surface = declare(
+            self,
+            "find_surface",
+            True,
+            "ask the estimator for ~/find_surface at the first approach; false: its zeros hold",
+            read_only=True,
+        )
+        start_mm = declare(
+            self,
+            "start_position",
+            -5.0,
+            "where the tool begins, the surface being where tissue.surface_mm says",
+            minimum=-1000.0,
+            maximum=1000.0,
+            unit="mm",
+            read_only=True,
+        )
+        start_paused = declare(
+            self, "start_paused", False, "begin only when ~/run is called with true", read_only=True
+        )
+        self._link = declare_link(self, "slave", seed)
+        self._side = SlaveSide(settings, self._link, start_mm, seed)
+        self._side.warm_up()
+        self._models = ModelSource()
+        self._outputs = Outputs(self, with_sensors=self._has_sensor, with_truth=True)
+        self._setpoint = self.create_publisher(PoseStamped, SLAVE_SETPOINT_CP, SAMPLE_QOS)
+        self._setpoint_wanted = False
+        self._pose = PoseStamped()
+        self._pose.header.frame_id = "stage"
+        self._rate_hz = settings.rate_hz
+        # What is known of the estimator's zero: None until it is to be believed.
+        self._zero_mm: float | None = None if self._find_surface else 0.0
+        self._revision = 0
+        self._asked = self._found = not self._find_surface
+        self._felt_n: float | None = None if self._has_sensor else 0.0
+        self._estimates = self._used = self._before = 0
+        self._estimate_ns = 0
+        self._peak_n = self._largest_stretch_mm = 0.0
+        self._newest: SlaveSample | None = None
+        self.create_subscription(HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS)
+        self.create_subscription(EstimatorEvent, EVENTS, self._on_event, CONFIGURATION_QOS)
+        self._surface_client = self.create_client(Trigger, f"{NODE_ESTIMATOR}/find_surface")
+        self._zero_client = self.create_client(GetParameters, f"{NODE_ESTIMATOR}/get_parameters")
+        self._sampler = DeadlineThread(self._rate_hz, self._act, time.time_ns)
+        self.create_timer(ASK_PERIOD_S, self._ask)
+        self.create_service(SetBool, "~/run", self._run)
+        add_ready_service(self, self._outputs.missing)
+        self._diagnostics = DiagnosticsPublisher(self, "slave arm", self._status)
+        if not start_paused:
+            self._sampler.start()
+
+    def _run(self, request: Any, response: Any) -> Any:
+        """Service ~/run: begin."""
+        if request.data and not self._sampler.started:
+            self._sampler.start()
+        response.success = bool(request.data)
+        response.message = "runs" if request.data else "the slave follows the master"
+        return response
+
+    # The estimator.
+
+    def _ask(self) -> None:
+        """Ask the estimator to look for the surface, until it says that it does."""
+        if not self._sampler.started or not self._surface_client.service_is_ready():
+            return
+        if not self._asked:
+            self._asked = True
+            answer = self._surface_client.call_async(Trigger.Request())
+            answer.add_done_callback(self._on_asked)
+        elif self._found and self._zero_mm is None:
+            self._ask_zero()
+
+    def _on_asked(self, future: Any) -> None:
+        self._asked = bool(future.result().success)
+
+    def _ask_zero(self) -> None:
+        request = GetParameters.Request(names=["input.position.zero"])
+        self._zero_client.call_async(request).add_done_callback(self._on_zero)
+
+    def _on_zero(self, future: Any) -> None:
+        values = future.result().values
+        if values:
+            self._zero_mm = float(values[0].double_value)
+
+    def _on_event(self, message: Any) -> None:
+        """Zeros were taken, or not."""
+        if not self._find_surface or not self._asked:
+            return
+        if message.kind == EstimatorEvent.TARED:
+            self._revision, self._found = message.configuration_revision, True
+            self._zero_mm = None
+            self._ask_zero()
+        elif message.kind == EstimatorEvent.TARE_REFUSED:
+            self._asked = False
+
+    def _on_estimate(self, message: Any) -> None:
+        """An estimate: before the surface is known a force, then a model."""
+        self._estimates += 1
+        displacement_mm = message.displacement * METRE_IN_MM
+        if not self._has_sensor and np.isfinite(message.force_measured):
+            self._felt_n = float(message.force_measured)
+        if self._zero_mm is None or message.configuration_revision < self._revision:
+            if not self._found and np.isfinite(message.force_measured):
+                self._models.feel(displacement_mm, message.force_measured)
+            return
+        if self._estimates % USED_EVERY:
+            return
+        parameters = np.array(
+            [
+                message.stiffness,
+                message.damping,
+                message.displacement_exponent,
+                message.velocity_exponent,
+            ]
+        )
+        covariance = np.array(message.covariance).reshape(4, 4)
+        surface_mm = message.contact_position * METRE_IN_MM
+        stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        seconds = 1e-9 * max(stamp_ns - self._estimate_ns, 0) if self._estimate_ns else 0.0
+        self._estimate_ns = stamp_ns
+        self._models.take(
+            parameters,
+            covariance,
+            self._zero_mm + surface_mm,
+            displacement_mm - surface_mm,
+            seconds,
+        )
+        self._used += 1
+
+    # The sampler's thread.
+
+    def _act(self, index: int, stamp_ns: int) -> bool:
+        """One sample."""
+        sample = self._side.step(time.time_ns(), self._models.current, self._felt_n)
+        self._newest = sample
+        self._peak_n = max(self._peak_n, sample.true_force_n)
+        self._largest_stretch_mm = max(
+            self._largest_stretch_mm, abs(sample.command_mm - sample.position_mm)
+        )
+        self._outputs.publish(stamp_ns, self._as_rig_sample(index, sample))
+        if index % LISTENERS_EVERY == 0:
+            self._setpoint_wanted = self._setpoint.get_subscription_count() > 0
+        if self._setpoint_wanted:
+            set_stamp(self._pose.header.stamp, stamp_ns)
+            self._pose.pose.position.x = sample.lateral_mm / METRE_IN_MM
+            self._pose.pose.position.z = -sample.command_mm / METRE_IN_MM
+            self._setpoint.publish(self._pose)
+        return True
+
+    def _as_rig_sample(self, index: int, sample: SlaveSample) -> RigSample:
+        """The readings as the rig's topics have them; joints are as read, not true."""
+        tissue = self._tissue
+        depth = sample.true_position_mm - tissue.surface_mm
+        parameters = np.array(
+            [
+                tissue.stiffness,
+                tissue.damping,
+                tissue.displacement_exponent,
+                tissue.velocity_exponent,
+            ]
+        )
+        truth = Truth(
+            depth, sample.true_velocity_mm_s, sample.true_force_n, parameters, depth > 0.0
+        )
+        command = Joint(sample.command_mm, 0.0, 0.0)
+        slave = Joint(sample.position_mm, sample.velocity_mm_s, sample.effort_n)
+        coupling = Coupling(0.0, sample.command_mm, 0.0, sample.force_n)
+        return RigSample(
+            index / self._rate_hz,
+            index,
+            sample.position_mm,
+            sample.force_n,
+            truth,
+            command,
+            slave,
+            sample.lateral_mm,
+            coupling,
+        )
+
+    def _status(self) -> Status:
+        """Return what /diagnostics says."""
+        now_ns = time.time_ns()
+        published = self._outputs.published
+        rate, self._before = published - self._before, published
+        known = self._models.current
+        values: dict[str, Any] = {
+            "samples": published,
+            "rate_hz": rate,
+            "overruns": self._sampler.report.overruns,
+            "largest_delay_us": self._sampler.take_largest_delay_ns() / 1000.0,
+            "estimates": self._estimates,
+            "estimates_used": self._used,
+            "surface_found": self._zero_mm is not None,
+            "model_sure": known.sure,
+            "model_relative_std": known.relative_std,
+            "peak_force_n": self._peak_n,
+            "largest_stretch_mm": self._largest_stretch_mm,
+            **link_values(self._link, now_ns),
+        }
+        if self._newest is not None:
+            values |= {"stiffness": self._newest.stiffness, "command_mm": self._newest.command_mm}
+        if not self._sampler.started:
+            return Status(Level.OK, "waits for ~/run", values)
+        if self._link.silence_s(now_ns) > SILENCE_S:
+            return Status(Level.WARN, "nothing comes from the master: stays where it is", values)
+        return Status(Level.OK, "follows", values)
+
+    def finished(self) -> bool:
+        """Whether the node wants to end by itself: never.
+
+        Raises:
+            NodeStartError: if the sampler's thread failed.
+        """
+        if self._sampler.error is not None:
+            raise NodeStartError(f"the slave stopped: {self._sampler.error}")
+        return False
+
+    def close(self) -> None:
+        """End the thread, say the last, close the link."""
+        self._sampler.stop()
+        self._diagnostics.publish_last()
+        self._link.close()
+
+
+def main() -> int:
+    """Run the node; returns the exit status."""
+    return run_node(SlaveNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
