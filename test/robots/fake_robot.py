@@ -53,7 +53,8 @@ DEFAULTS = {
         "scale": 1.0,  # reading per newton
         "in_base": False,  # told in the base frame
         "reaction": 1,  # 1: the force of the tissue on the tool; -1: that of the tool on the tissue
-        "delay_s": 0.0,
+        "delay_s": 0.0,  # from the measurement to the message
+        "late_s": 0.0,  # so much later than the measurement is the stamp
         "jitter_s": 0.0,
     },
     "payload": {"mass": 0.0, "center": [0.0, 0.0, 0.0]},
@@ -68,6 +69,7 @@ DEFAULTS = {
         "unit_per_m": 1.0,
         "noise_mm": 0.005,
         "delay_s": 0.0,
+        "late_s": 0.0,
         "jitter_s": 0.0,
     },
 }
@@ -171,6 +173,7 @@ class Publisher:
 
     def message(self, stream, time_s, stamp_ns):
         told = self.robot.s[stream]
+        time_s -= told["late_s"]
         if stream == "force":
             message = WrenchStamped()
             force, torque = self.robot.wrench(time_s)

@@ -116,7 +116,8 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     _tell(force, found.force, "N")
     _tell(position, found.position, "mm")
     for finding in diagnosis.findings:
-        print(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
+        if not _are_zeros(finding.settings):  # those are told above
+            print(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
     for note in found.notes:
         print(note)
     print("\n".join(estimate_lines(diagnosis)))
@@ -180,6 +181,10 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
         f"{stream.topic}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
         f"{found.rate_hz:.0f} Hz"
     )
+
+
+def _are_zeros(settings: dict[str, Any]) -> bool:
+    return bool(settings) and all(name.endswith(".zero") for name in settings)
 
 
 def _agrees(question: str) -> bool:
