@@ -3,7 +3,8 @@
 numba recompiles a cached function when the file that holds it changes, but not when a function
 that it calls changes in another file. Here every cached kernel carries a hash of all sources of
 this package that kernels are made of instead: an edit anywhere invalidates all of them, a new
-checkout of the same text none. Nothing is compiled at import; the first call (or
+checkout of the same text none. So does an edit of another package's contact law, which is compiled
+into them; a kernel of another package's filter goes with its own folder as well. Nothing is compiled at import; the first call (or
 `Estimator.warm_up`) compiles or loads from the cache.
 """
 
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+
+from hc_estimator.laws_of_others import law_sources, sources_beside
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -32,6 +35,19 @@ def package_stamp() -> str:
         if path.relative_to(root).parts[0] not in WITHOUT_KERNELS:
             content.update(path.relative_to(root).as_posix().encode())
             content.update(path.read_bytes())
+    for path in law_sources():
+        content.update(path.read_bytes())
+    return content.hexdigest()
+
+
+def _stamp_of(function: Callable[..., Any]) -> str:
+    """Stamp of a kernel: that of this package, with its own folder if it comes from another one."""
+    beside = sorted(sources_beside(function))
+    if not beside:
+        return package_stamp()
+    content = hashlib.sha256(package_stamp().encode())
+    for path in beside:
+        content.update(path.read_bytes())
     return content.hexdigest()
 
 
@@ -63,5 +79,5 @@ def _compiled(function: F, *, nogil: bool) -> F:
         plain = numba.njit(error_model="numpy", nogil=nogil)(function)
         return plain  # type: ignore[no-any-return]
     # numba offers no public way to add to the stamp; its index file holds it in this attribute.
-    dispatcher._cache._cache_file._source_stamp = package_stamp()
+    dispatcher._cache._cache_file._source_stamp = _stamp_of(function)
     return dispatcher  # type: ignore[no-any-return]
