@@ -15,7 +15,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from hc_estimator.input.publishers import PublisherLines
@@ -25,6 +28,16 @@ SLICE_S = 0.01
 """So long a channel works off its backlog before others have their turn."""
 LATELY_NS = 2_000_000_000
 """A publisher that sent a message within this time speaks."""
+
+_OVERRIDES = QoSOverridingOptions(
+    (
+        QoSPolicyKind.HISTORY,
+        QoSPolicyKind.DEPTH,
+        QoSPolicyKind.RELIABILITY,
+        QoSPolicyKind.DURABILITY,
+    )
+)
+"""What the parameters qos_overrides.TOPIC.subscription.* may change, as in every ROS 2 node."""
 
 
 class SubscriptionError(Exception):
@@ -53,6 +66,8 @@ class Channel:
         skip: Callable[[int], None],
         fail: Callable[[Exception], None],
         raw: bool = False,
+        qos: QoSProfile = SAMPLE_QOS,
+        one_publisher: bool = True,
     ) -> None:
         """Subscribe.
 
@@ -64,10 +79,14 @@ class Channel:
             skip: hears how many messages were left out.
             fail: hears of what `take` raised where no executor would.
             raw: hand on the messages' bytes.
+            qos: quality of service, unless parameters qos_overrides.TOPIC.subscription.* of the
+                node say otherwise.
+            one_publisher: follow one publisher; false takes what all of them send.
 
         Raises:
             SubscriptionError: if the middleware refuses; it has one type for each topic of a
-                process, and a subscription of another type that was just given up still has it.
+                process, and a subscription of another type that was just given up still has it. Or
+                if a parameter qos_overrides.* is not allowed.
         """
         self.topic = topic
         self.type_name = "/msg/".join(
@@ -83,15 +102,23 @@ class Channel:
         self._waiting: deque[tuple[Any, dict[str, Any]]] = deque()
         self._continues = False
         self._closed = False
+        self._one_publisher = one_publisher
         try:
             self._subscription = node.create_subscription(
-                message_type, topic, self._on_message, SAMPLE_QOS, raw=raw
+                message_type,
+                topic,
+                self._on_message,
+                qos,
+                raw=raw,
+                qos_overriding_options=_OVERRIDES,
             )
         except RCLError as error:
             raise SubscriptionError(
                 f"cannot subscribe to {topic} as {self.type_name}: this node has it with another "
                 "type"
             ) from error
+        except (ValueError, ParameterException, InvalidQosOverridesError) as error:
+            raise SubscriptionError(f"cannot subscribe to {topic}: {error}") from error
         # rclpy's signature check would give a callback of this form the message alone.
         self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo
         self.lines = PublisherLines(self._subscription.get_publisher_count)
@@ -103,8 +130,9 @@ class Channel:
 
     @property
     def speaking(self) -> int:
-        """Number of publishers that sent something lately."""
-        return self.lines.speaking(time.time_ns(), LATELY_NS)
+        """Number of publishers that sent something lately, 1 where all of them are listened to."""
+        number = self.lines.speaking(time.time_ns(), LATELY_NS)
+        return number if self._one_publisher else min(number, 1)
 
     @property
     def publisher_names(self) -> list[str]:
@@ -167,7 +195,8 @@ class Channel:
             message, info = waiting.popleft()
             self.received += 1
             self.received_ns = _came_ns(info)
-            if lines.follows(info["publication_sequence_number"], info["received_timestamp"]):
+            follows = lines.follows(info["publication_sequence_number"], info["received_timestamp"])
+            if follows or not self._one_publisher:
                 self._take(message)
             if waiting and time.perf_counter() > deadline_s:
                 self._go_on_later()

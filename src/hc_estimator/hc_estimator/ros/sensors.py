@@ -1,7 +1,7 @@
 """A force and a position sensor of one's own as the node's input.
 
-Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped or TransformStamped. The
-readings of the two become one stream in the order of their stamps and, so that they can be recorded
+Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped, TransformStamped, or a frame of
+/tf. The readings of the two become one stream in the order of their stamps and, so that they can be recorded
 and plotted like any other source, are published on indenter/sample: NaN for a reading that the
 other sensor does not have at that stamp.
 """
@@ -9,11 +9,12 @@ other sensor does not have at that stamp.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from hc_estimator.input.contact_frame import (
@@ -22,6 +23,7 @@ from hc_estimator.input.contact_frame import (
     rotated,
     unit_quaternion,
 )
+from hc_estimator.input.frames import FrameTree
 from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
@@ -32,6 +34,44 @@ from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 from hc_msgs_py.wire import SampleEncoder
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
+
+_STATIC_QOS = QoSProfile(
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""As tf2 listens to /tf_static: who comes late gets what was told once."""
+
+
+def _tf_message() -> Any:
+    """Return the class of /tf's messages, which not every installation has.
+
+    Raises:
+        SubscriptionError: if this one has not.
+    """
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as error:
+        raise SubscriptionError(
+            "input.position.type = 'tf' needs the package tf2_msgs, which is not installed"
+        ) from error
+    return TFMessage
+
+
+class _Vector(NamedTuple):
+    """A point, or with w an attitude, as messages name their parts."""
+
+    x: float
+    y: float
+    z: float
+    w: float = 1.0
+
+
+class _Header(NamedTuple):
+    """Stamp and frame, as messages name them."""
+
+    stamp: Any
+    frame_id: str
 
 
 class SensorInput:
@@ -55,6 +95,9 @@ class SensorInput:
         self._node = node
         self._receiver = receiver
         self._missing_joint = 0
+        self._missing_frame = 0
+        self._frames = FrameTree()
+        self._fixed_frames: Channel | None = None
         self._skipped_positions = 0
         self._frame_id = ""
         self._encoder = SampleEncoder()
@@ -64,14 +107,16 @@ class SensorInput:
             "joint": self._take_joints,
             "pose": self._take_pose,
             "transform": self._take_transform,
+            "tf": self._take_frames,
         }[kind]
         self._positions = Channel(
             node,
-            _POSITION_TYPES[kind],
+            _tf_message() if kind == "tf" else _POSITION_TYPES[kind],
             values["input.position.topic"],
             take_position,
             skip=self._on_skipped_positions,
             fail=receiver.on_failure,
+            one_publisher=kind != "tf",
         )
         try:
             self._forces = Channel(
@@ -86,6 +131,23 @@ class SensorInput:
             self._positions.close()
             raise
         self.channels = [self._forces, self._positions]
+        if kind == "tf":
+            try:
+                fixed = Channel(
+                    node,
+                    _tf_message(),
+                    f"{values['input.position.topic']}_static",
+                    self._take_fixed_frames,
+                    skip=lambda _number: None,
+                    fail=receiver.on_failure,
+                    qos=_STATIC_QOS,
+                    one_publisher=False,
+                )
+            except SubscriptionError:
+                self._forces.close()
+                self._positions.close()
+                raise
+            self._fixed_frames = fixed
         self._surface = values["input.contact.frame"] == "surface"
         if self._surface and values["input.contact.normal_from"] == "topic":
             try:
@@ -124,6 +186,7 @@ class SensorInput:
         self._position_offset_ns = round(values["input.position.time_offset"] * 1e9)
         self._joint = values["input.position.joint"]
         self._child_frame = values["input.position.child_frame"]
+        self._base_frame = values["input.position.base_frame"]
         self._merger.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
         self._merger.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
         self._merger.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
@@ -136,6 +199,7 @@ class SensorInput:
             self._position_offset_ns,
             self._joint,
             self._child_frame,
+            self._base_frame,
             self._frame,
             self._force_factor,
             self._position_factor,
@@ -154,6 +218,7 @@ class SensorInput:
             "pairing_resets": counters.resets,
             "positions_skipped": self._skipped_positions,
             "joint_missing": self._missing_joint,
+            "frame_missing": self._missing_frame,
             "attitude_missing": self._without_attitude,
         }
 
@@ -161,6 +226,8 @@ class SensorInput:
         """Stop listening."""
         for channel in self.channels:
             channel.close()
+        if self._fixed_frames is not None:
+            self._fixed_frames.close()
         if self._samples is not None:
             self._node.destroy_publisher(self._samples)
 
@@ -212,6 +279,41 @@ class SensorInput:
         if self._child_frame in ("", message.child_frame_id):
             moved = message.transform
             self._add_point(message.header, moved.translation, moved.rotation)
+
+    def _take_fixed_frames(self, message: Any) -> None:
+        self._add_frames(message)
+
+    def _take_frames(self, message: Any) -> None:
+        """Take the pose of the tool's frame, if the message says anything new of it."""
+        newest = self._add_frames(message)
+        tip = self._child_frame
+        base = self._base_frame or self._frames.parent(tip)
+        pose = None if base is None else self._frames.pose(base, tip)
+        if base is None or pose is None:
+            self._missing_frame += 1
+            return
+        moved = [newest[frame] for frame in self._frames.between(base, tip) or () if frame in newest]
+        if not moved:
+            return  # of other frames
+        stamp = max(moved, key=nanoseconds_from_stamp)
+        self._add_point(_Header(stamp, base), _Vector(*pose[0]), _Vector(*pose[1]))
+
+    def _add_frames(self, message: Any) -> dict[str, Any]:
+        """Take in the transforms of a message; return their stamps by frame."""
+        stamps = {}
+        for told in message.transforms:
+            place, turn = told.transform.translation, told.transform.rotation
+            try:
+                turned = unit_quaternion((turn.x, turn.y, turn.z, turn.w))
+            except ValueError:
+                self.undecodable += 1
+                continue
+            # Older software writes a slash before the names of frames.
+            child = told.child_frame_id.removeprefix("/")
+            pose = ((place.x, place.y, place.z), turned)
+            self._frames.add(told.header.frame_id.removeprefix("/"), child, pose)
+            stamps[child] = told.header.stamp
+        return stamps
 
     def _take_surface(self, message: Any) -> None:
         """Take point and normal of the surface from now on."""
