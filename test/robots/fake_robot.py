@@ -14,10 +14,11 @@ import time
 
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.input.contact_frame import (
@@ -165,11 +166,40 @@ class Publisher:
         )
         self.robot = robot
         kinds = {"pose": PoseStamped, "transform": TransformStamped, "joint": JointState}
-        kind = kinds[s["position"]["type"]]
+        kind = TFMessage if s["position"]["type"] == "tf" else kinds[s["position"]["type"]]
         self.publishers = {
             "force": node.create_publisher(WrenchStamped, s["force"]["topic"], qos),
             "position": node.create_publisher(kind, s["position"]["topic"], qos),
         }
+        if kind is TFMessage:
+            self.tell_fixed_frames(node, s["position"])
+
+    def tell_fixed_frames(self, node, told):
+        """Tell the flange's place in the moving frame once, as robot_state_publisher does."""
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.fixed = node.create_publisher(TFMessage, f"{told['topic']}_static", latched)
+        flange = TransformStamped(child_frame_id=told["child"])
+        flange.header.frame_id = "wrist"
+        flange.transform.translation.z = 0.1
+        self.fixed.publish(TFMessage(transforms=[flange]))
+
+    def frames(self, told, place, turned, stamp_ns):
+        """Return the tool's pose as a message of /tf: base, shoulder, wrist, (fixed) tool."""
+        back = rotated(turned, (0.0, 0.0, 0.1))
+        wrist = tuple(p - b for p, b in zip(place, back, strict=True))
+        shoulder = TransformStamped(child_frame_id="shoulder")
+        shoulder.header.frame_id = told["frame"]
+        shoulder.transform.translation.x = 0.3
+        moving = TransformStamped(child_frame_id="wrist")
+        moving.header.frame_id = "shoulder"
+        t, q = moving.transform.translation, moving.transform.rotation
+        t.x, t.y, t.z = wrist[0] - 0.3, wrist[1], wrist[2]
+        q.x, q.y, q.z, q.w = turned
+        other = TransformStamped(child_frame_id="gripper")
+        other.header.frame_id = told["child"]
+        for transform in (shoulder, moving, other):
+            set_stamp(transform.header.stamp, stamp_ns)
+        return TFMessage(transforms=[other, shoulder, moving])
 
     def message(self, stream, time_s, stamp_ns):
         told = self.robot.s[stream]
@@ -190,6 +220,8 @@ class Publisher:
             message = JointState(name=list(wander), position=list(map(float, wander.values())))
         else:
             place, turned = self.robot.pose(time_s)
+            if told["type"] == "tf":
+                return self.frames(told, place, turned, stamp_ns)
             q = dict(zip("xyzw", turned, strict=True))
             if told["type"] == "pose":
                 message = PoseStamped()
