@@ -13,14 +13,14 @@ from hc_bringup.cli import main
 BINARIES = str(Path(sys.executable).parent)
 
 
-def complete(line: str, folder: Path) -> list[str]:
-    """What bash offers for a line with the cursor at its end."""
+def complete(lines: list[str], folder: Path) -> list[list[str]]:
+    """What bash offers for each line with the cursor at its end."""
     script = (
-        'eval "$(hc completion bash)"; COMP_LINE=$1; COMP_POINT=${#1}; COMP_TYPE=9; '
-        '_python_argcomplete hc; printf "%s\\n" "${COMPREPLY[@]}"'
+        'eval "$(hc completion bash)"; COMP_TYPE=9; for COMP_LINE; do COMP_POINT=${#COMP_LINE}; '
+        'COMPREPLY=(); _python_argcomplete hc; echo "${COMPREPLY[@]}"; done'
     )
     done = subprocess.run(
-        ["bash", "--norc", "-c", script, "bash", line],
+        ["bash", "--norc", "-c", script, "bash", *lines],
         cwd=folder,
         env=os.environ | {"PATH": f"{BINARIES}:{os.environ['PATH']}"},
         capture_output=True,
@@ -29,16 +29,18 @@ def complete(line: str, folder: Path) -> list[str]:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return [word.rstrip() for word in done.stdout.splitlines() if word]
+    return [line.split() for line in done.stdout.splitlines()]
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
 def test_bash_completes_commands_options_and_files(tmp_path: Path) -> None:
     (tmp_path / "presses.csv").touch()
-    assert complete("hc est", tmp_path) == ["estimate"]
-    assert {"--filter", "--find-surface"} <= set(complete("hc estimate --fi", tmp_path))
-    assert complete("hc estimate pre", tmp_path) == ["presses.csv"]
-    assert complete("hc bag conv", tmp_path) == ["convert"]
+    lines = ["hc est", "hc estimate --fi", "hc estimate pre", "hc bag conv"]
+    commands, options, files, actions = complete(lines, tmp_path)
+    assert commands == ["estimate"]
+    assert {"--filter", "--find-surface"} <= set(options)
+    assert files == ["presses.csv"]
+    assert actions == ["convert"]
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

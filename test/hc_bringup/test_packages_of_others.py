@@ -138,7 +138,7 @@ def test_the_new_filter_works_and_its_tests_pass(tmp_path: Path) -> None:
     assert found["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.1)
 
 
-LAW = '''
+LAW = """
 import math
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.law import ESTIMATED, ContactLaw
@@ -148,9 +148,11 @@ def force(d, v, K, B, n, p):
     return FACTOR * K * math.expm1(min(n * d, 50.0)) + B * v if d > 0.0 else 0.0
 
 LAW = ContactLaw(force, "F = K (exp(n d) - 1) + B v", fixed=(ESTIMATED, ESTIMATED, ESTIMATED, 1.0))
-'''
+"""
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_a_contact_law_of_another_package_is_compiled_and_never_stale(tmp_path: Path) -> None:
     """One file and one line: its force, a gradient by differences, what it lacks; edits count."""
     points = "[hc.contact_laws]\nfung = fung:LAW\nbad = nowhere:LAW\nodd = os:path\n"

@@ -18,7 +18,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
-from tf2_msgs.msg import TFMessage
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.input.contact_frame import (
@@ -29,6 +28,7 @@ from hc_estimator.input.contact_frame import (
     unit_vector,
 )
 from hc_msgs_py.units import set_stamp
+from tf2_msgs.msg import TFMessage
 
 GRAVITY = (0.0, 0.0, -9.81)
 

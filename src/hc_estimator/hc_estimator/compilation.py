@@ -4,8 +4,8 @@ numba recompiles a cached function when the file that holds it changes, but not 
 that it calls changes in another file. Here every cached kernel carries a hash of all sources of
 this package that kernels are made of instead: an edit anywhere invalidates all of them, a new
 checkout of the same text none. So does an edit of another package's contact law, which is compiled
-into them; a kernel of another package's filter goes with its own folder as well. Nothing is compiled at import; the first call (or
-`Estimator.warm_up`) compiles or loads from the cache.
+into them; a kernel of another package's filter goes with its own folder as well. Nothing is
+compiled at import; the first call (or `Estimator.warm_up`) compiles or loads from the cache.
 """
 
 from __future__ import annotations

@@ -24,11 +24,11 @@ def _points() -> tuple[importlib.metadata.EntryPoint, ...]:
 
 
 def law_sources() -> Iterator[Path]:
-    """Name the files that contact laws of other packages come from; those that are not found not."""
+    """Name the files that contact laws of other packages come from, as far as they are found."""
     for point in _points():
         try:
             specification = importlib.util.find_spec(point.module)
-        except Exception:  # noqa: BLE001, S112 - `add_laws_of_others` says what is wrong
+        except Exception:  # noqa: BLE001 - `add_laws_of_others` says what is wrong
             continue
         if specification is not None and specification.origin is not None:
             path = Path(specification.origin)

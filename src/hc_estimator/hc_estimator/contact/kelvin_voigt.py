@@ -59,6 +59,4 @@ def gradient(
         gradient[3] = velocity
 
 
-LAW = ContactLaw(
-    force, "F = K d + B v", gradient, fixed=(ESTIMATED, ESTIMATED, 1.0, 1.0)
-)
+LAW = ContactLaw(force, "F = K d + B v", gradient, fixed=(ESTIMATED, ESTIMATED, 1.0, 1.0))

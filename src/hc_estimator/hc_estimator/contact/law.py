@@ -29,7 +29,7 @@ class ContactLaw:
         gradient: (d, v, K, B, n, p, gradient) writes the derivatives with respect to the six
             arguments into an array of zeros, shape (6,), where the force is above zero; None takes
             central differences of the force.
-        fixed: what is reported for K, B, n, p that the law lacks, `ESTIMATED` for those that it has.
+        fixed: what is reported for K, B, n, p that the law lacks; `ESTIMATED` for what it has.
         may_pull: True if the force may be negative.
         lagged_velocity: True if p's place in the state is taken by a velocity that lags with the
             setting `relaxation_time`; `force` gets it in the place of p.

@@ -57,7 +57,6 @@ STEP = 1e-6
 """Of the central differences, relative to the argument and to 1 [mm, mm/s, ...]."""
 
 
-
 @compiled
 def _no_gradient(
     displacement: float,
@@ -79,7 +78,10 @@ def _by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable
     """
     function = functions[0]
     if len(functions) == 1:
-        return numba.njit(error_model="numpy")(lambda _model, *arguments: function(*arguments))
+        last: Callable[..., Any] = numba.njit(error_model="numpy")(
+            lambda _model, *arguments: function(*arguments)
+        )
+        return last
     others = _by_code(functions[1:], code + 1)
 
     def choose(model: int, *arguments: Any) -> Any:
@@ -87,7 +89,8 @@ def _by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable
             return function(*arguments)
         return others(model, *arguments)
 
-    return numba.njit(error_model="numpy")(choose)
+    chosen: Callable[..., Any] = numba.njit(error_model="numpy")(choose)
+    return chosen
 
 
 # What the kernels read of the laws, by code.
@@ -146,7 +149,7 @@ def contact_force(
     p = velocity_exponent
     if not _LAGGED[model]:
         p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
-    force = _force(model, displacement, velocity, stiffness, damping, n, p)
+    force: float = _force(model, displacement, velocity, stiffness, damping, n, p)
     return force if _MAY_PULL[model] else max(force, 0.0)
 
 

@@ -38,7 +38,7 @@ class FrameTree:
         return self._above[frame][0] if frame in self._above else None
 
     def between(self, base: str, tip: str) -> frozenset[str] | None:
-        """Return the frames whose transforms say where `tip` is in `base`; None if they are apart."""
+        """Return the frames whose transforms tell where `tip` is in `base`; None if apart."""
         up, down = self._chain(tip), self._chain(base)
         common = next((frame for frame in up if frame in set(down)), None)
         if common is None:

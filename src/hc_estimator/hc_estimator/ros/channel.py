@@ -9,6 +9,7 @@ diagnostics are answered however far behind the node is.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -18,7 +19,7 @@ from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile
-from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from hc_estimator.input.publishers import PublisherLines
@@ -108,7 +109,7 @@ class Channel:
                 message_type,
                 topic,
                 self._on_message,
-                qos,
+                copy.copy(qos),  # rclpy writes the overrides into it
                 raw=raw,
                 qos_overriding_options=_OVERRIDES,
             )
@@ -117,7 +118,11 @@ class Channel:
                 f"cannot subscribe to {topic} as {self.type_name}: this node has it with another "
                 "type"
             ) from error
-        except (ValueError, ParameterException, InvalidQosOverridesError) as error:
+        except (
+            RuntimeError,
+            ValueError,
+            ParameterException,
+        ) as error:  # a parameter qos_overrides.*
             raise SubscriptionError(f"cannot subscribe to {topic}: {error}") from error
         # rclpy's signature check would give a callback of this form the message alone.
         self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo

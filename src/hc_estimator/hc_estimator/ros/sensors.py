@@ -1,9 +1,9 @@
 """A force and a position sensor of one's own as the node's input.
 
 Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped, TransformStamped, or a frame of
-/tf. The readings of the two become one stream in the order of their stamps and, so that they can be recorded
-and plotted like any other source, are published on indenter/sample: NaN for a reading that the
-other sensor does not have at that stamp.
+/tf. The readings of the two become one stream in the order of their stamps and, so that they can be
+recorded and plotted like any other source, are published on indenter/sample: NaN for a reading that
+the other sensor does not have at that stamp.
 """
 
 from __future__ import annotations
@@ -292,7 +292,9 @@ class SensorInput:
         if base is None or pose is None:
             self._missing_frame += 1
             return
-        moved = [newest[frame] for frame in self._frames.between(base, tip) or () if frame in newest]
+        moved = [
+            newest[frame] for frame in self._frames.between(base, tip) or () if frame in newest
+        ]
         if not moved:
             return  # of other frames
         stamp = max(moved, key=nanoseconds_from_stamp)
