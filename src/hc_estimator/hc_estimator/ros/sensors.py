@@ -58,6 +58,11 @@ def _tf_message() -> Any:
     return TFMessage
 
 
+def _name(frame: str) -> str:
+    """Return a frame's name; older software writes a slash before it."""
+    return frame.removeprefix("/")
+
+
 class _Vector(NamedTuple):
     """A point, or with w an attitude, as messages name their parts."""
 
@@ -97,6 +102,8 @@ class SensorInput:
         self._missing_joint = 0
         self._missing_frame = 0
         self._frames = FrameTree()
+        self._moved: dict[str, int] = {}  # stamps [ns] of the frames that are not fixed
+        self._waiting: Any = None  # stamp of a pose that waits for the rest of its frames
         self._fixed_frames: Channel | None = None
         self._skipped_positions = 0
         self._frame_id = ""
@@ -284,21 +291,46 @@ class SensorInput:
         self._add_frames(message)
 
     def _take_frames(self, message: Any) -> None:
-        """Take the pose of the tool's frame, if the message says anything new of it."""
-        newest = self._add_frames(message)
-        tip = self._child_frame
-        base = self._base_frame or self._frames.parent(tip)
-        pose = None if base is None else self._frames.pose(base, tip)
-        if base is None or pose is None:
+        """Take the pose of the tool's frame, if the message says anything new of it.
+
+        Where frames between base and tool come in messages of their own, the pose waits for those of
+        the same stamp: until the first later one.
+        """
+        before = self._waiting
+        told = {_name(t.child_frame_id): t.header.stamp for t in message.transforms}
+        if before is not None and self._newest(told) > nanoseconds_from_stamp(before):
+            self._add_frame(before)
+        self._moved |= {f: nanoseconds_from_stamp(s) for f, s in self._add_frames(message).items()}
+        chain = self._chain()
+        if chain is None:
             self._missing_frame += 1
             return
-        moved = [
-            newest[frame] for frame in self._frames.between(base, tip) or () if frame in newest
-        ]
-        if not moved:
+        newest_ns = self._newest(told)
+        if newest_ns < 0:
             return  # of other frames
-        stamp = max(moved, key=nanoseconds_from_stamp)
-        self._add_point(_Header(stamp, base), _Vector(*pose[0]), _Vector(*pose[1]))
+        stamp = next(s for s in told.values() if nanoseconds_from_stamp(s) == newest_ns)
+        if all(self._moved.get(frame, newest_ns) == newest_ns for frame in chain):
+            self._add_frame(stamp)
+        else:
+            self._waiting = stamp
+
+    def _chain(self) -> frozenset[str] | None:
+        """Return the frames between base and tool; None if they are not known yet."""
+        base = self._base_frame or self._frames.parent(self._child_frame)
+        return None if base is None else self._frames.between(base, self._child_frame)
+
+    def _newest(self, stamps: Mapping[str, Any]) -> int:
+        """Return the newest stamp [ns] of frames between base and tool; -1 without any."""
+        chain = self._chain() or ()
+        return max((nanoseconds_from_stamp(stamps[f]) for f in chain if f in stamps), default=-1)
+
+    def _add_frame(self, stamp: Any) -> None:
+        """Add the pose of the tool's frame, as it is known now, at a stamp."""
+        self._waiting = None
+        base = self._base_frame or self._frames.parent(self._child_frame)
+        pose = None if base is None else self._frames.pose(base, self._child_frame)
+        if base is not None and pose is not None:
+            self._add_point(_Header(stamp, base), _Vector(*pose[0]), _Vector(*pose[1]))
 
     def _add_frames(self, message: Any) -> dict[str, Any]:
         """Take in the transforms of a message; return their stamps by frame."""
@@ -310,10 +342,9 @@ class SensorInput:
             except ValueError:
                 self.undecodable += 1
                 continue
-            # Older software writes a slash before the names of frames.
-            child = told.child_frame_id.removeprefix("/")
+            child = _name(told.child_frame_id)
             pose = ((place.x, place.y, place.z), turned)
-            self._frames.add(told.header.frame_id.removeprefix("/"), child, pose)
+            self._frames.add(_name(told.header.frame_id), child, pose)
             stamps[child] = told.header.stamp
         return stamps
 
