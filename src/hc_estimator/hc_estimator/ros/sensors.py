@@ -293,8 +293,8 @@ class SensorInput:
     def _take_frames(self, message: Any) -> None:
         """Take the pose of the tool's frame, if the message says anything new of it.
 
-        Where frames between base and tool come in messages of their own, the pose waits for those of
-        the same stamp: until the first later one.
+        Where frames between base and tool come in messages of their own, the pose waits for those
+        of the same stamp: until the first later one.
         """
         before = self._waiting
         told = {_name(t.child_frame_id): t.header.stamp for t in message.transforms}
