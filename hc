@@ -21,7 +21,8 @@ fingerprint() { # of what the environment was made from, and of what the message
     environment) { printf '%s\n' "$root"; cat "$root/requirements.lock"; } ;;
     messages) sed '/^# What follows concerns/,$d' "$root/pyproject.toml"
         cat "$root"/src/hc_msgs/CMakeLists.txt \
-        "$root"/src/hc_msgs/package.xml "$root"/src/hc_msgs/wheels_* "$root"/src/hc_msgs/*/*.msg ;;
+        "$root"/src/hc_msgs/package.xml "$root"/src/hc_msgs/wheels_* "$root"/src/hc_msgs/*/*.msg \
+        "$root"/src/hc_msgs/tf2_msgs/*.* "$root"/src/hc_msgs/tf2_msgs/msg/*.msg ;;
     esac | sha256sum
 }
 

@@ -34,6 +34,7 @@ def _prepare(source_folders: list[Path]) -> None:
     os.environ.setdefault("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count() or 1))
     arguments = [
         f"-DCMAKE_PROJECT_hc_msgs_INCLUDE={HERE / 'wheels_fix.cmake'}",
+        "-DHC_FROM_WHEELS=ON",
         f"-DPYTHON_INSTALL_DIR={python_folder}",
         "-DBUILD_TESTING=OFF",
     ]

@@ -1,4 +1,4 @@
-"""Filters and commands from packages outside the tree; hc new filter makes one."""
+"""Filters, contact laws and commands from packages outside the tree; hc new filter makes one."""
 
 import json
 import os
@@ -275,3 +275,67 @@ def test_a_filter_with_memory_beginning_and_handover_of_its_own(tmp_path: Path) 
     # One that can neither tell nor take gets and gives its means as a first guess.
     np.testing.assert_allclose(found["to mute"][0], found["mean"][0], rtol=1e-9)
     np.testing.assert_allclose(found["back from mute"][0], found["mean"][0], rtol=1e-9)
+
+
+LAW = """
+import math
+from hc_estimator.compilation import compiled
+from hc_estimator.contact.law import ESTIMATED, ContactLaw
+
+@compiled
+def force(d, v, K, B, n, p):
+    return FACTOR * K * math.expm1(min(n * d, 50.0)) + B * v if d > 0.0 else 0.0
+
+LAW = ContactLaw(force, "F = K (exp(n d) - 1) + B v", fixed=(ESTIMATED, ESTIMATED, ESTIMATED, 1.0))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_contact_law_of_another_package_is_compiled_and_never_stale(tmp_path: Path) -> None:
+    """One file and one line: its force, a gradient by differences, what it lacks; edits count."""
+    points = "[hc.contact_laws]\nfung = fung:LAW\nbad = nowhere:LAW\nodd = os:path\n"
+    install(tmp_path, "fung", points)
+    code = (
+        "import numpy as np; from hc_estimator.contact import registry as r; "
+        "from hc_estimator import available_contact_models; m = r.CONTACT_MODELS.index('fung'); "
+        "g = np.zeros(6); at = (0.5, 2.0, 0.3, 0.05, 1.5, 1.0); "
+        "r.contact_gradient(m, *at, g); print(r.contact_force(m, *at), *g); "
+        "print(r.contact_force(m, 0.5, -99.0, 0.3, 0.05, 1.5, 1.0), r.fixed_value(m, 3)); "
+        "print(available_contact_models('ekf')[-1], r.PROBLEMS)"
+    )
+    for factor in (1.0, 2.0):
+        (tmp_path / "fung.py").write_text(LAW.replace("FACTOR", str(factor)))
+        done = run(tmp_path, "-c", code)
+        assert done.returncode == 0, done.stderr
+        lines = done.stdout.splitlines()
+        told = [float(word) for word in lines[0].split()]
+        rise = factor * np.expm1(0.75)
+        slope = factor * 0.3 * np.exp(0.75)
+        expected = [0.3 * rise + 0.1, 1.5 * slope, 0.05, rise, 2.0, 0.5 * slope, 0.0]
+        assert told == pytest.approx(expected, rel=1e-6, abs=1e-8)
+        assert lines[1] == "0.0 1.0"  # it does not pull, and has no p
+        assert lines[2].startswith("fung {")
+        assert "'bad': \"nowhere:LAW: ModuleNotFoundError" in lines[2]
+        assert "os:path is a module, no ContactLaw" in lines[2]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_recording_is_estimated_with_a_law_of_another_package(tmp_path: Path) -> None:
+    install(tmp_path, "fung", "[hc.contact_laws]\nfung = fung:LAW\n")
+    (tmp_path / "fung.py").write_text(LAW.replace("FACTOR", "1.0"))
+    time_s = np.arange(0.0, 6.0, 0.002)
+    depth = 1.5 - 1.2 * np.cos(4.0 * time_s)
+    force = 0.2 * np.expm1(0.8 * depth) + 0.03 * 4.8 * np.sin(4.0 * time_s)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(time_s.size)
+    rows = "\n".join(f"{t},{d},{f}" for t, d, f in zip(time_s, depth, force + noise, strict=True))
+    (tmp_path / "presses.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}\n")
+    words = ("estimate", "presses.csv", "--filter", "ekf", "--contact-model", "fung", "--json")
+    done = run(tmp_path, "-m", "hc_bringup", *words)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["parameters"]
+    assert found["stiffness"] == pytest.approx(0.2, rel=0.1)
+    assert found["damping"] == pytest.approx(0.03, rel=0.1)
+    assert found["displacement_exponent"] == pytest.approx(0.8, rel=0.1)
+    assert found["velocity_exponent"] == 1.0

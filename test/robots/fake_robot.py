@@ -14,7 +14,7 @@ import time
 
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
@@ -28,6 +28,7 @@ from hc_estimator.input.contact_frame import (
     unit_vector,
 )
 from hc_msgs_py.units import set_stamp
+from tf2_msgs.msg import TFMessage
 
 GRAVITY = (0.0, 0.0, -9.81)
 
@@ -53,7 +54,8 @@ DEFAULTS = {
         "scale": 1.0,  # reading per newton
         "in_base": False,  # told in the base frame
         "reaction": 1,  # 1: the force of the tissue on the tool; -1: that of the tool on the tissue
-        "delay_s": 0.0,
+        "delay_s": 0.0,  # from the measurement to the message
+        "late_s": 0.0,  # so much later than the measurement is the stamp
         "jitter_s": 0.0,
     },
     "payload": {"mass": 0.0, "center": [0.0, 0.0, 0.0]},
@@ -68,6 +70,7 @@ DEFAULTS = {
         "unit_per_m": 1.0,
         "noise_mm": 0.005,
         "delay_s": 0.0,
+        "late_s": 0.0,
         "jitter_s": 0.0,
     },
 }
@@ -163,14 +166,44 @@ class Publisher:
         )
         self.robot = robot
         kinds = {"pose": PoseStamped, "transform": TransformStamped, "joint": JointState}
-        kind = kinds[s["position"]["type"]]
+        kind = TFMessage if s["position"]["type"] == "tf" else kinds[s["position"]["type"]]
         self.publishers = {
             "force": node.create_publisher(WrenchStamped, s["force"]["topic"], qos),
             "position": node.create_publisher(kind, s["position"]["topic"], qos),
         }
+        if kind is TFMessage:
+            self.tell_fixed_frames(node, s["position"])
+
+    def tell_fixed_frames(self, node, told):
+        """Tell the flange's place in the moving frame once, as robot_state_publisher does."""
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.fixed = node.create_publisher(TFMessage, f"{told['topic']}_static", latched)
+        flange = TransformStamped(child_frame_id=told["child"])
+        flange.header.frame_id = "wrist"
+        flange.transform.translation.z = 0.1
+        self.fixed.publish(TFMessage(transforms=[flange]))
+
+    def frames(self, told, place, turned, stamp_ns):
+        """Return the tool's pose as a message of /tf: base, shoulder, wrist, (fixed) tool."""
+        back = rotated(turned, (0.0, 0.0, 0.1))
+        wrist = tuple(p - b for p, b in zip(place, back, strict=True))
+        shoulder = TransformStamped(child_frame_id="shoulder")
+        shoulder.header.frame_id = told["frame"]
+        shoulder.transform.translation.x = 0.3
+        moving = TransformStamped(child_frame_id="wrist")
+        moving.header.frame_id = "shoulder"
+        t, q = moving.transform.translation, moving.transform.rotation
+        t.x, t.y, t.z = wrist[0] - 0.3, wrist[1], wrist[2]
+        q.x, q.y, q.z, q.w = turned
+        other = TransformStamped(child_frame_id="gripper")
+        other.header.frame_id = told["child"]
+        for transform in (shoulder, moving, other):
+            set_stamp(transform.header.stamp, stamp_ns)
+        return TFMessage(transforms=[other, shoulder, moving])
 
     def message(self, stream, time_s, stamp_ns):
         told = self.robot.s[stream]
+        time_s -= told["late_s"]
         if stream == "force":
             message = WrenchStamped()
             force, torque = self.robot.wrench(time_s)
@@ -187,6 +220,8 @@ class Publisher:
             message = JointState(name=list(wander), position=list(map(float, wander.values())))
         else:
             place, turned = self.robot.pose(time_s)
+            if told["type"] == "tf":
+                return self.frames(told, place, turned, stamp_ns)
             q = dict(zip("xyzw", turned, strict=True))
             if told["type"] == "pose":
                 message = PoseStamped()

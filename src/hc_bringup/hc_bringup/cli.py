@@ -46,6 +46,7 @@ COMMANDS: Final = (
     "batch",
     "dashboard",
     "new",
+    "completion",
     "test",
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
@@ -192,7 +193,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _tell(words, explain(error, words))
 
 
+def _complete() -> None:
+    """Answer a shell that asks what the words so far can go on with (hc completion), and end."""
+    import argcomplete
+
+    line = os.environ["COMP_LINE"][: int(os.environ["COMP_POINT"])]
+    words = line.split()[1:] if line[-1:].isspace() else line.split()[1:-1]
+    command = words[0] if words else "none yet"  # the options of one command alone are declared
+    argcomplete.autocomplete(_parser(command), always_complete_options=False)
+
+
 def _run(words: list[str]) -> int:
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
     module = _module(parsed.command)

@@ -266,6 +266,22 @@ def _cost(before: Estimated | None, after: Estimated | None, treated: bool) -> s
     return "; ".join(changes) or "little: no parameter changes by more than its deviation"
 
 
+def assumed_line(displacement_mm: FloatArray, force_n: FloatArray) -> str:
+    """Say what the readings mean in the units that topics have, for only a person can know better.
+
+    Centimetres for metres or grams for newtons give figures that soft tissue might have as well.
+    """
+    places = displacement_mm[np.isfinite(displacement_mm)]
+    forces = force_n[np.isfinite(force_n)]
+    if not (len(places) and len(forces)):
+        return ""
+    (low, high), (_least, most) = robust_range(places), robust_range(forces)
+    return (
+        f"readings taken for metres and newtons: the tool moves by {high - low:.3g} mm and pushes "
+        f"with up to {most:.3g} N (if not: input.position.scale, input.force.scale)"
+    )
+
+
 def estimate_lines(diagnosis: Diagnosis) -> list[str]:
     """Return the estimate and the forecasts as lines for a person."""
     estimated = diagnosis.estimated

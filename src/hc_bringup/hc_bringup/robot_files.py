@@ -7,6 +7,8 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.robot_streams import Stream
 from hc_estimator.input.sensor_setup import SensorProposal, SetupProposal
@@ -87,7 +89,7 @@ def _parameters(
     found: SetupProposal,
     offsets: dict[str, float],
 ) -> str:
-    peak = float(max(abs(found.force_n)))
+    peak = float(np.nanmax(np.abs(found.force_n)))
     lines = [
         f"# {name}: written by `hc setup` on {day} from {found.time_s[-1]:.0f} s of readings.",
         f"# Force noise {found.force.noise:.2g} N, position noise {found.position.noise:.2g} mm, "

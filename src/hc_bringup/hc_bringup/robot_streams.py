@@ -47,16 +47,22 @@ def find_streams(graph: Graph, seconds: float) -> list[Stream]:
     graph.settle()
     kinds = {WRENCH: "wrench"} | POSITIONS
     counts: dict[str, list[Any]] = {}
-    found = []
+    found, subscriptions = [], []
     for name, types in graph.topics():
         kind = next((kinds[t] for t in types if t in kinds), None)
         if kind is None or name.endswith(f"/{RECONSTRUCTED_WRENCH}"):
             continue
         heard: list[Any] = []
         counts[name] = heard
-        graph.node.create_subscription(interface_class(types[0]), name, _keeper(heard), SAMPLE_QOS)
+        subscriptions.append(
+            graph.node.create_subscription(
+                interface_class(types[0]), name, _keeper(heard), SAMPLE_QOS
+            )
+        )
         found.append((name, kind))
     graph.spin(seconds)
+    for subscription in subscriptions:
+        graph.node.destroy_subscription(subscription)
     streams = []
     for name, kind in found:
         arrivals = [arrival for arrival, _frame in counts[name]]

@@ -48,7 +48,10 @@ class Forecast(NamedTuple):
         """The forecast in words."""
         speeds = " and ".join(f"{speed:g}" for speed in self.speeds_mm_s)
         strokes = "one stroke" if self.strokes == 1 else f"{self.strokes} strokes"
-        known = f"to {100 * self.std:.0f} %" if self.parameter in "KB" else f"to {self.std:.2g}"
+        if self.parameter in "KB":
+            known = f"to {100 * self.std:.0f} %" if self.std >= 0.01 else "to better than 1 %"
+        else:
+            known = f"to {self.std:.2g}" if self.std >= 0.01 else "to better than 0.01"
         return (
             f"{strokes} of {self.depth_mm:.2g} mm at {speeds} mm/s "
             f"{'gives' if self.strokes == 1 else 'give'} {self.parameter} {known}"

@@ -35,22 +35,29 @@ class KernelCompiler:
         stamp: hash of the sources, made when it is needed first.
     """
 
-    def __init__(self, sources: Callable[[], Iterable[Path]]) -> None:
+    def __init__(
+        self,
+        sources: Callable[[], Iterable[Path]],
+        beside: Callable[[Any], Iterable[Path]] = lambda _: (),
+    ) -> None:
         """Say what the kernels are made of.
 
         Args:
             sources: names every file that a kernel, or a constant of one, may come from.
+            beside: names the files that one function, of another package, needs as well.
         """
         self._sources = sources
+        self._beside = beside
 
     @functools.cached_property
     def stamp(self) -> str:
         """Hash of every source: the same numbers come of the same hash."""
-        content = hashlib.sha256()
-        for path in [Path(__file__), *sorted(self._sources())]:
-            content.update(path.name.encode())
-            content.update(path.read_bytes())
-        return content.hexdigest()
+        return _hash([Path(__file__), *sorted(self._sources())])
+
+    def stamp_of(self, function: Callable[..., Any]) -> str:
+        """Hash of every source of one function."""
+        beside = sorted(self._beside(function))
+        return self.stamp + _hash(beside) if beside else self.stamp
 
     def __call__(self, function: F) -> F:
         """Compile a function with numba in nopython mode at its first call, cached on disk.
@@ -68,7 +75,7 @@ class KernelCompiler:
         return self._compiled(function, nogil=True)
 
     def _compiled(self, function: F, *, nogil: bool) -> F:
-        own = None
+        own, stamp = None, self.stamp_of(function)
         try:
             dispatcher: Any = numba.njit(cache=True, error_model="numpy", nogil=nogil)(function)
         except RuntimeError:  # numba found no folder for the cache
@@ -76,13 +83,22 @@ class KernelCompiler:
         else:
             own = dispatcher._cache
             # numba offers no public way to add to the stamp; its index file holds it here.
-            own._cache_file._source_stamp = self.stamp
+            own._cache_file._source_stamp = stamp
         # Who names another folder may want other code (NUMBA_BOUNDSCHECK): the shipped is not his.
         if not numba.config.CACHE_DIR:
-            shipped = ShippedCode(function, self.stamp, own)
+            shipped = ShippedCode(function, stamp, own)
             if own is None or shipped.cache_path != own.cache_path:
                 dispatcher._cache = shipped
         return dispatcher  # type: ignore[no-any-return]
+
+
+def _hash(paths: Iterable[Path]) -> str:
+    """Hash of files, by name and content."""
+    content = hashlib.sha256()
+    for path in paths:
+        content.update(path.name.encode())
+        content.update(path.read_bytes())
+    return content.hexdigest()
 
 
 def inlined(function: F, *, nogil: bool = False) -> F:

@@ -87,8 +87,8 @@ def test_a_row_is_one_estimate(make_estimates: Make, make_stamps: Make) -> None:
         "delay": last["channel_delay"],
         "K_n_covariance": last["covariance"][2],
         "score_5": last["hypothesis_scores"][5],
-        "error": last["innovation_force"],
-        "error_max": table["innovation_force"][:20].max(),
+        "error": last["force_measured"] - last["force_predicted"],  # as hc run and hc report
+        "error_max": (table["force_measured"] - table["force_predicted"])[:20].max(),
         "latency": table["latency"][:20].max(),
         "nis_count": 18.0,
         "rejected": 2.0,

@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
-    from hc_bringup.diagnosis import Finding, diagnose
+    from hc_bringup.diagnosis import Finding, assumed_line, diagnose
 
     notes: tuple[str, ...] = ()
     if arguments.input in (None, "live"):
@@ -54,13 +54,15 @@ def run(arguments: argparse.Namespace) -> int:
         where = f"{arguments.input}, {len(recording.time_s)} samples"
     diagnosis = None
     if rows is not None:
+        if arguments.input in (None, "live") or recording.is_bag:
+            notes = (*notes, assumed_line(rows[1], rows[2]))
         diagnosis = diagnose(*rows)
         findings += diagnosis.findings
     if arguments.json:
         _print_json(findings, diagnosis, settings, type_it, notes)
     else:
         for note in notes:
-            print(f"{arguments.input}: {note}")
+            print(f"{where.partition(',')[0]}: {note}")
         _print(where, findings, diagnosis, settings, type_it)
     return FAILURE if findings else 0
 

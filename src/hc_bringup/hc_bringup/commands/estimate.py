@@ -123,6 +123,7 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
         UserError: if a name or value is wrong; the message says what is allowed.
     """
     from hc_estimator import DEFAULT_FILTER, create_estimator
+    from hc_estimator.contact.registry import PROBLEMS as LAW_PROBLEMS
     from hc_estimator.filters.registry import PROBLEMS
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
@@ -135,8 +136,11 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
     try:
         return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
     except ValueError as error:
-        because = PROBLEMS.get(arguments.filter, "")
-        told = f"filter {arguments.filter} cannot be used: {because}" if because else str(error)
+        told = str(error)
+        if because := PROBLEMS.get(arguments.filter, ""):
+            told = f"filter {arguments.filter} cannot be used: {because}"
+        elif because := LAW_PROBLEMS.get(arguments.contact_model, ""):
+            told = f"contact model {arguments.contact_model} cannot be used: {because}"
         raise UserError(told, WRONG_USE) from error
 
 

@@ -12,6 +12,8 @@ from hc_bringup.options import positive
 
 HELP = "find how your robot's sensors are to be read, write it down and start a run"
 LOOK_S = 1.5
+LOOKS = 3
+POSITION_KINDS = ("pose", "transform", "joint")
 REST_S = 3.0
 PRESS_S = 12.0
 ONE_GO_S = 15.0
@@ -65,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     """Find everything out and write the files; returns that of the run."""
-    from hc_bringup.diagnosis import diagnose, estimate_lines
+    from hc_bringup.diagnosis import assumed_line, diagnose, estimate_lines
     from hc_bringup.graph import Graph
     from hc_bringup.robot_files import write_files
     from hc_bringup.robot_streams import Recorder, best, find_streams
@@ -74,6 +76,10 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     with Graph() as graph:
         print("looking for sensors ...", flush=True)
         streams = find_streams(graph, LOOK_S)
+        for _ in range(LOOKS - 1):  # a driver that has just been started
+            if best(streams, ("wrench",)) and best(streams, POSITION_KINDS):
+                break
+            streams = find_streams(graph, LOOK_S)
         for stream in streams:
             alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
             print(f"  {stream.topic} ({stream.kind}): {alive}")
@@ -85,9 +91,13 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
             best(streams, ("wrench",)),
             arguments.yes,
         )
-        kinds = ("pose", "transform", "joint")
         position = _choose(
-            streams, arguments.position, "position", kinds, best(streams, kinds), arguments.yes
+            streams,
+            arguments.position,
+            "position",
+            POSITION_KINDS,
+            best(streams, POSITION_KINDS),
+            arguments.yes,
         )
         recorder = Recorder(graph, force, position)
         rest_s = None
@@ -115,8 +125,10 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     )
     _tell(force, found.force, "N")
     _tell(position, found.position, "mm")
+    print(assumed_line(found.displacement_mm, found.force_n))
     for finding in diagnosis.findings:
-        print(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
+        if not _are_zeros(finding.settings):  # those are told above
+            print(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
     for note in found.notes:
         print(note)
     print("\n".join(estimate_lines(diagnosis)))
@@ -180,6 +192,10 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
         f"{stream.topic}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
         f"{found.rate_hz:.0f} Hz"
     )
+
+
+def _are_zeros(settings: dict[str, Any]) -> bool:
+    return bool(settings) and all(name.endswith(".zero") for name in settings)
 
 
 def _agrees(question: str) -> bool:

@@ -33,7 +33,7 @@ COLUMNS: Final = (
     "predicted",  # N, one step ahead
     "predicted_min",
     "predicted_max",
-    "error",  # N, measured minus predicted
+    "error",  # N, one step ahead (force_error.py)
     "error_min",
     "error_max",
     "nis_sum",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.dashboard.columns import COLUMNS, INDEX, PARAMETERS
+from hc_bringup.force_error import one_step_error
 
 Rows = NDArray[np.float64]
 
@@ -33,7 +34,6 @@ _FROM_ESTIMATE = {
     "velocity": ("velocity", MM),
     "force": ("force_measured", 1.0),
     "predicted": ("force_predicted", 1.0),
-    "error": ("innovation_force", 1.0),
     "contact": ("contact", 1.0),
     "mismatch": ("model_mismatch", 1.0),
     "hypothesis": ("hypothesis", 1.0),
@@ -57,7 +57,7 @@ _FROM_SAMPLE = {
     "displacement": ("displacement", MM),
     "force": ("force", 1.0),
 }
-_WITH_RANGE = ("displacement", "force", "predicted", "error")
+_WITH_RANGE = ("displacement", "force", "predicted")
 
 
 class Digest:
@@ -188,6 +188,10 @@ class Digest:
         put: _Columns, table: NDArray[Any], starts: NDArray[np.int64], shown: NDArray[np.int64]
     ) -> None:
         """Fill in what only estimates have."""
+        error = one_step_error(table["force_measured"], table["force_predicted"])
+        put["error"] = error[shown]
+        put["error_min"] = np.fmin.reduceat(error, starts)
+        put["error_max"] = np.fmax.reduceat(error, starts)
         refused = table["rejected"] != 0
         judged = ~refused & np.isfinite(table["nis"])
         put["rejected"] = np.add.reduceat(refused.astype(float), starts)

@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.hunt_crossley import LARGEST_EXPONENT, TINY
+from hc_estimator.contact.hunt_crossley import LARGEST_EXPONENT, TINY, adhesive_gradient
+from hc_estimator.contact.law import ESTIMATED, ContactLaw
 
 
 @compiled
@@ -29,3 +33,29 @@ def elastic_power_law_force(
         return 0.0
     log_power = displacement_exponent * math.log(displacement)
     return stiffness * math.exp(min(log_power, LARGEST_EXPONENT))
+
+
+@compiled
+def force(
+    displacement: float, velocity: float, stiffness: float, damping: float, n: float, p: float
+) -> float:
+    """Force with the arguments that every law has; v, B and p do nothing here."""
+    return elastic_power_law_force(displacement, stiffness, n)
+
+
+@compiled
+def gradient(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+    p: float,
+    gradient: NDArray[np.float64],
+) -> None:
+    """Derivatives with respect to d, K and n: those of Hunt-Crossley without damping."""
+    adhesive_gradient(displacement, velocity, stiffness, 0.0, n, p, gradient)
+    gradient[3] = 0.0
+
+
+LAW = ContactLaw(force, "F = K d^n", gradient, fixed=(ESTIMATED, 0.0, ESTIMATED, 1.0))

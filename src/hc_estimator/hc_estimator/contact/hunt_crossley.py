@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.law import ContactLaw
 
 # exp() of more than this would come near the largest double; forces saturate at about 1e260 N,
 # far enough below it that sums and squares of a handful of terms in a filter can be checked.
@@ -132,3 +133,9 @@ def adhesive_gradient(
     gradient[3] = drag
     gradient[4] = force * log_displacement
     gradient[5] = damping * drag * log_speed
+
+
+LAW = ContactLaw(adhesive_force, "F = max(0, K d^n + B d^n sign(v) |v|^p)", adhesive_gradient)
+ADHESIVE_LAW = ContactLaw(
+    adhesive_force, "F = K d^n + B d^n sign(v) |v|^p", adhesive_gradient, may_pull=True
+)

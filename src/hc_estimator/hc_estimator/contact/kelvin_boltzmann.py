@@ -10,7 +10,22 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.law import ESTIMATED, ContactLaw
+from hc_estimator.specification import ParameterSpecification
+
+RELAXATION_TIME = ParameterSpecification(
+    "relaxation_time",
+    "float",
+    1.0,
+    "Time constant with which the force relaxes during a hold; given, not estimated.",
+    minimum=1e-3,
+    maximum=1e4,
+    unit="s",
+)
 
 
 @compiled
@@ -37,3 +52,44 @@ def kelvin_boltzmann_force(
 def lag_share(elapsed: float, relaxation_time: float) -> float:
     """Share of v - w that w makes good in the elapsed time [s]: 1 - exp(-elapsed / tau)."""
     return -math.expm1(-elapsed / relaxation_time)
+
+
+@compiled
+def force(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+    lagged_velocity: float,
+) -> float:
+    """Force with the arguments that every law has; v and n do nothing here."""
+    return kelvin_boltzmann_force(displacement, lagged_velocity, stiffness, damping)
+
+
+@compiled
+def gradient(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+    lagged_velocity: float,
+    gradient: NDArray[np.float64],
+) -> None:
+    """Derivatives with respect to d, K, B and w."""
+    if displacement > 0.0:
+        gradient[0] = stiffness
+        gradient[2] = displacement
+        gradient[3] = lagged_velocity
+        gradient[5] = damping
+
+
+LAW = ContactLaw(
+    force,
+    "F = K d + B w, w the velocity that lags with relaxation_time",
+    gradient,
+    fixed=(ESTIMATED, ESTIMATED, 1.0, 1.0),
+    lagged_velocity=True,
+    specifications=(RELAXATION_TIME,),
+)

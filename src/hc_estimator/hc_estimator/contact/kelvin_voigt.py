@@ -6,7 +6,11 @@ here because it is what many robots are still controlled with.
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.law import ESTIMATED, ContactLaw
 
 
 @compiled
@@ -27,3 +31,32 @@ def kelvin_voigt_force(
     if displacement <= 0.0:
         return 0.0
     return stiffness * displacement + damping * velocity
+
+
+@compiled
+def force(
+    displacement: float, velocity: float, stiffness: float, damping: float, n: float, p: float
+) -> float:
+    """Force with the arguments that every law has; n and p do nothing here."""
+    return kelvin_voigt_force(displacement, velocity, stiffness, damping)
+
+
+@compiled
+def gradient(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+    p: float,
+    gradient: NDArray[np.float64],
+) -> None:
+    """Derivatives with respect to d, v, K and B."""
+    if displacement > 0.0:
+        gradient[0] = stiffness
+        gradient[1] = damping
+        gradient[2] = displacement
+        gradient[3] = velocity
+
+
+LAW = ContactLaw(force, "F = K d + B v", gradient, fixed=(ESTIMATED, ESTIMATED, 1.0, 1.0))

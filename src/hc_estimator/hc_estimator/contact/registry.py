@@ -1,51 +1,50 @@
 """The contact models by name, and the functions through which the kernels reach them.
 
-To add a model: write its force function in a new file, then add its name and a branch in each
-function here. A model need not use all four parameters K, B, n, p: `fixed_value` says which of
-them it lacks and what is reported in their place.
+To add a model: write its force and a `ContactLaw` in a new file, and its line in `LAWS`. Laws of
+other packages come by entry points (group `hc.contact_laws`, each a `ContactLaw`) and stand behind
+those here; they are compiled into the kernels like these.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable, Sequence
+from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.elastic_power_law import elastic_power_law_force
-from hc_estimator.contact.hunt_crossley import adhesive_force, adhesive_gradient
-from hc_estimator.contact.kelvin_boltzmann import kelvin_boltzmann_force
-from hc_estimator.contact.kelvin_voigt import kelvin_voigt_force
+from hc_estimator.contact import (
+    elastic_power_law,
+    hunt_crossley,
+    kelvin_boltzmann,
+    kelvin_voigt,
+)
+from hc_estimator.contact.law import ContactLaw
+from hc_estimator.laws_of_others import add_laws_of_others
 from hc_estimator.specification import ParameterSpecification
 
-HUNT_CROSSLEY = 0
-KELVIN_VOIGT = 1
-KELVIN_BOLTZMANN = 2
-ELASTIC_POWER_LAW = 3
-ADHESIVE = 4
+LAWS: dict[str, ContactLaw] = {  # position = code
+    "hunt_crossley": hunt_crossley.LAW,
+    "kelvin_voigt": kelvin_voigt.LAW,
+    "kelvin_boltzmann": kelvin_boltzmann.LAW,
+    "elastic_power_law": elastic_power_law.LAW,
+    "adhesive": hunt_crossley.ADHESIVE_LAW,
+}
+PROBLEMS = add_laws_of_others(LAWS, ContactLaw)
+"""Contact laws of other packages that cannot be used, and why."""
 
-CONTACT_MODELS = (  # position = code
-    "hunt_crossley",
-    "kelvin_voigt",
-    "kelvin_boltzmann",
-    "elastic_power_law",
-    "adhesive",
-)
+CONTACT_MODELS = tuple(LAWS)
+HUNT_CROSSLEY = CONTACT_MODELS.index("hunt_crossley")
+KELVIN_VOIGT = CONTACT_MODELS.index("kelvin_voigt")
+KELVIN_BOLTZMANN = CONTACT_MODELS.index("kelvin_boltzmann")
+ELASTIC_POWER_LAW = CONTACT_MODELS.index("elastic_power_law")
+ADHESIVE = CONTACT_MODELS.index("adhesive")
 
 # Parameters that only one model has.
 SPECIFICATIONS: dict[str, tuple[ParameterSpecification, ...]] = {
-    "kelvin_boltzmann": (
-        ParameterSpecification(
-            "relaxation_time",
-            "float",
-            1.0,
-            "Time constant with which the force relaxes during a hold; given, not estimated.",
-            minimum=1e-3,
-            maximum=1e4,
-            unit="s",
-        ),
-    ),
+    name: law.specifications for name, law in LAWS.items() if law.specifications
 }
 
 # The physical range of the exponents.
@@ -54,11 +53,59 @@ LARGEST_DISPLACEMENT_EXPONENT = 4.0
 SMALLEST_VELOCITY_EXPONENT = 0.25
 LARGEST_VELOCITY_EXPONENT = 3.0
 
+STEP = 1e-6
+"""Of the central differences, relative to the argument and to 1 [mm, mm/s, ...]."""
+
+
+@compiled
+def _no_gradient(
+    displacement: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+    p: float,
+    gradient: NDArray[np.float64],
+) -> None:
+    """Stands for the gradient of a law that gives none."""
+
+
+def _by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable[..., Any]:
+    """Return a compiled function of a code and arguments that calls the one with that code.
+
+    These links have no cache of their own: they are compiled into the two functions below, which
+    have. (numba would make a tuple of functions one of pointers, which it cannot inline.)
+    """
+    function = functions[0]
+    if len(functions) == 1:
+        last: Callable[..., Any] = numba.njit(error_model="numpy")(
+            lambda _model, *arguments: function(*arguments)
+        )
+        return last
+    others = _by_code(functions[1:], code + 1)
+
+    def choose(model: int, *arguments: Any) -> Any:
+        if model == code:
+            return function(*arguments)
+        return others(model, *arguments)
+
+    chosen: Callable[..., Any] = numba.njit(error_model="numpy")(choose)
+    return chosen
+
+
+# What the kernels read of the laws, by code.
+_force = _by_code([law.force for law in LAWS.values()])
+_gradient = _by_code([law.gradient or _no_gradient for law in LAWS.values()])
+_HAS_GRADIENT = np.array([law.gradient is not None for law in LAWS.values()])
+_FIXED = np.array([law.fixed for law in LAWS.values()])
+_MAY_PULL = np.array([law.may_pull for law in LAWS.values()])
+_LAGGED = np.array([law.lagged_velocity for law in LAWS.values()])
+
 
 @compiled
 def has_lagged_velocity(model: int) -> bool:
     """True if the last state is not p but the lagged velocity of the model."""
-    return model == KELVIN_BOLTZMANN
+    return bool(_LAGGED[model])
 
 
 @compiled
@@ -73,13 +120,12 @@ def fixed_value(model: int, parameter: int) -> float:
 
     Such a parameter is not estimated: its variance is zero from the start.
     """
-    if model in (KELVIN_VOIGT, KELVIN_BOLTZMANN) and parameter >= 2:
-        return 1.0
-    if model == ELASTIC_POWER_LAW and parameter == 1:
-        return 0.0
-    if model == ELASTIC_POWER_LAW and parameter == 3:
-        return 1.0
-    return math.nan
+    return float(_FIXED[model, parameter])
+
+
+@compiled
+def _limited(value: float, smallest: float, largest: float) -> float:
+    return min(max(value, smallest), largest)
 
 
 @compiled
@@ -94,22 +140,35 @@ def contact_force(
 ) -> float:
     """Force [N] of the contact model with the given code; see the models for the arguments.
 
-    Unilateral but for `adhesive`. The exponents are limited to their physical range here: an
-    estimate may leave it for a while, a force computed from it must not explode.
+    Unilateral but for a law that may pull. The exponents are limited to their physical range here:
+    an estimate may leave it for a while, a force computed from it must not explode.
     """
-    n = min(
-        max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
+    n = _limited(
+        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
     )
-    p = min(max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-    if model == KELVIN_VOIGT:
-        force = kelvin_voigt_force(displacement, velocity, stiffness, damping)
-    elif model == KELVIN_BOLTZMANN:
-        force = kelvin_boltzmann_force(displacement, velocity_exponent, stiffness, damping)
-    elif model == ELASTIC_POWER_LAW:
-        force = elastic_power_law_force(displacement, stiffness, n)
-    else:
-        force = adhesive_force(displacement, velocity, stiffness, damping, n, p)
-    return force if model == ADHESIVE else max(force, 0.0)
+    p = velocity_exponent
+    if not _LAGGED[model]:
+        p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+    force: float = _force(model, displacement, velocity, stiffness, damping, n, p)
+    return force if _MAY_PULL[model] else max(force, 0.0)
+
+
+@compiled
+def _differences(
+    model: int, at: tuple[float, float, float, float, float, float], gradient: NDArray[np.float64]
+) -> None:
+    """Write the central differences of `contact_force` at six arguments."""
+    arguments = np.array(at)
+    for i in range(6):
+        step = STEP * (1.0 + abs(at[i]))
+        arguments[i] = at[i] + step
+        d, v, k, b, n, p = arguments
+        above = contact_force(model, d, v, k, b, n, p)
+        arguments[i] = at[i] - step
+        d, v, k, b, n, p = arguments
+        below = contact_force(model, d, v, k, b, n, p)
+        arguments[i] = at[i]
+        gradient[i] = (above - below) / (2.0 * step)
 
 
 @compiled
@@ -135,33 +194,34 @@ def contact_gradient(
         velocity_exponent: p, or the lagged velocity.
         gradient: takes the derivatives, shape (6,); zeros in separation.
     """
-    n = min(
-        max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
-    )
-    p = min(max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
     force = contact_force(
         model, displacement, velocity, stiffness, damping, displacement_exponent, velocity_exponent
     )
     for i in range(6):
         gradient[i] = 0.0
-    if force <= 0.0 and model != ADHESIVE:
+    if force <= 0.0 and not _MAY_PULL[model]:
         return
-    if model in (KELVIN_VOIGT, KELVIN_BOLTZMANN):
-        if displacement > 0.0:
-            gradient[0] = stiffness
-            gradient[2] = displacement
-            if model == KELVIN_VOIGT:
-                gradient[1] = damping
-                gradient[3] = velocity
-            else:
-                gradient[5] = damping
-                gradient[3] = velocity_exponent
+    if not _HAS_GRADIENT[model]:
+        _differences(
+            model,
+            (
+                displacement,
+                velocity,
+                stiffness,
+                damping,
+                displacement_exponent,
+                velocity_exponent,
+            ),
+            gradient,
+        )
         return
-    if model == ELASTIC_POWER_LAW:
-        damping = 0.0
-    adhesive_gradient(displacement, velocity, stiffness, damping, n, p, gradient)
-    if model == ELASTIC_POWER_LAW:
-        gradient[3] = 0.0
+    n = _limited(
+        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
+    )
+    p = velocity_exponent
+    if not _LAGGED[model]:
+        p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+    _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
     if n != displacement_exponent:
         gradient[4] = 0.0
     if p != velocity_exponent:

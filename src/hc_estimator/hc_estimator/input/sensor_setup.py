@@ -74,9 +74,9 @@ class SetupProposal(NamedTuple):
     Attributes:
         force: the force sensor.
         position: the position sensor.
-        time_s: stamps of the force, shape (n,).
-        displacement_mm: interpolated there, zero taken off if it is known, shape (n,).
-        force_n: zero taken off, shape (n,).
+        time_s: stamps of both, in order, shape (n,).
+        displacement_mm: zero taken off if it is known, shape (n,); NaN at a stamp of the force.
+        force_n: zero taken off, shape (n,); NaN at a stamp of the position alone.
         notes: what a user should know, one line each.
     """
 
@@ -151,11 +151,29 @@ def propose(
     return SetupProposal(
         _described(push, force, zero_n, noise_n / math.sqrt(LEAST_SAMPLES), noise_n),
         _described(move, position, surface_mm, surface_std, noise(position.values @ move)),
-        force.time_s[inside],
-        moved - (0.0 if math.isnan(surface_mm) else surface_mm),
-        pushed[inside] - (0.0 if math.isnan(zero_n) else zero_n),
+        *_at_own_stamps(
+            force.time_s[inside],
+            pushed[inside] - (0.0 if math.isnan(zero_n) else zero_n),
+            position.time_s[order],
+            position.values[order] @ move - (0.0 if math.isnan(surface_mm) else surface_mm),
+        ),
         tuple(notes),
     )
+
+
+def _at_own_stamps(
+    force_s: FloatArray, force_n: FloatArray, position_s: FloatArray, position_mm: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return both as one recording, NaN for what a stamp does not bring, as the node reads them.
+
+    Interpolated positions of a slow sensor would have a noise that no estimator expects, and the
+    law would seem not to fit.
+    """
+    time_s = np.union1d(force_s, position_s)
+    displacement, force = np.full(time_s.size, np.nan), np.full(time_s.size, np.nan)
+    displacement[np.searchsorted(time_s, position_s)] = position_mm
+    force[np.searchsorted(time_s, force_s)] = force_n
+    return time_s, displacement, force
 
 
 def _main_direction(values: FloatArray) -> FloatArray:

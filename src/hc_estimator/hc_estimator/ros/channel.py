@@ -9,13 +9,17 @@ diagnostics are answered however far behind the node is.
 
 from __future__ import annotations
 
+import copy
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from hc_estimator.input.publishers import PublisherLines
@@ -27,6 +31,16 @@ SLICE_S = 0.01
 """So long a channel works off its backlog before others have their turn."""
 LATELY_NS = 2_000_000_000
 """A publisher that sent a message within this time speaks."""
+
+_OVERRIDES = QoSOverridingOptions(
+    (
+        QoSPolicyKind.HISTORY,
+        QoSPolicyKind.DEPTH,
+        QoSPolicyKind.RELIABILITY,
+        QoSPolicyKind.DURABILITY,
+    )
+)
+"""What the parameters qos_overrides.TOPIC.subscription.* may change, as in every ROS 2 node."""
 
 
 class SubscriptionError(Exception):
@@ -58,6 +72,8 @@ class Channel:
         raw: bool = False,
         take_many: Callable[[list[Any]], None] | None = None,
         samples_in: Callable[[Any], int] | None = None,
+        qos: QoSProfile = SAMPLE_QOS,
+        one_publisher: bool = True,
     ) -> None:
         """Subscribe.
 
@@ -71,10 +87,14 @@ class Channel:
             raw: hand on the messages' bytes.
             take_many: takes several messages that wait; None hands them to `take`.
             samples_in: returns how many samples a message holds; None: one.
+            qos: quality of service, unless parameters qos_overrides.TOPIC.subscription.* of the
+                node say otherwise.
+            one_publisher: follow one publisher; false takes what all of them send.
 
         Raises:
             SubscriptionError: if the middleware refuses; it has one type for each topic of a
-                process, and a subscription of another type that was just given up still has it.
+                process, and a subscription of another type that was just given up still has it. Or
+                if a parameter qos_overrides.* is not allowed.
         """
         self.topic = topic
         self.type_name = "/msg/".join(
@@ -92,15 +112,27 @@ class Channel:
         self._waiting: deque[tuple[Any, dict[str, Any]]] = deque()
         self._continues = False
         self._closed = False
+        self._one_publisher = one_publisher
         try:
             self._subscription = node.create_subscription(
-                message_type, topic, self._on_message, SAMPLE_QOS, raw=raw
+                message_type,
+                topic,
+                self._on_message,
+                copy.copy(qos),  # rclpy writes the overrides into it
+                raw=raw,
+                qos_overriding_options=_OVERRIDES,
             )
         except RCLError as error:
             raise SubscriptionError(
                 f"cannot subscribe to {topic} as {self.type_name}: this node has it with another "
                 "type"
             ) from error
+        except (
+            RuntimeError,
+            ValueError,
+            ParameterException,
+        ) as error:  # a parameter qos_overrides.*
+            raise SubscriptionError(f"cannot subscribe to {topic}: {error}") from error
         # rclpy's signature check would give a callback of this form the message alone.
         self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo
         self.lines = PublisherLines(self._subscription.get_publisher_count)
@@ -112,8 +144,9 @@ class Channel:
 
     @property
     def speaking(self) -> int:
-        """Number of publishers that sent something lately."""
-        return self.lines.speaking(time.time_ns(), LATELY_NS)
+        """Number of publishers that sent something lately, 1 where all of them are listened to."""
+        number = self.lines.speaking(time.time_ns(), LATELY_NS)
+        return number if self._one_publisher else min(number, 1)
 
     @property
     def publisher_names(self) -> list[str]:
@@ -187,10 +220,11 @@ class Channel:
                 return
 
     def _follows(self, info: Mapping[str, Any]) -> bool:
-        """Count a message; returns whether it is of the publisher that is followed."""
+        """Count a message; returns whether it is to be taken, by who published it."""
         self.received += 1
         self.received_ns = _came_ns(info)
-        return self.lines.follows(info["publication_sequence_number"], info["received_timestamp"])
+        number, came_ns = info["publication_sequence_number"], info["received_timestamp"]
+        return self.lines.follows(number, came_ns) or not self._one_publisher
 
     def _go_on_later(self) -> None:
         if not self._continues:

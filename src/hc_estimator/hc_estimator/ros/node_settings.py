@@ -30,6 +30,7 @@ READING = frozenset(
         "input.position.type",
         "input.position.joint",
         "input.position.child_frame",
+        "input.position.base_frame",
         "input.contact.frame",
         "input.contact.point",
         "input.contact.normal",
@@ -134,8 +135,8 @@ NODE_SETTINGS = _table(
         "input.position.type",
         "joint",
         "joint: sensor_msgs/JointState; pose: geometry_msgs/PoseStamped; transform: "
-        "geometry_msgs/TransformStamped.",
-        choices=("joint", "pose", "transform"),
+        "geometry_msgs/TransformStamped; tf: a frame of /tf (tf2_msgs/TFMessage).",
+        choices=("joint", "pose", "transform", "tf"),
     ),
     setting(
         "input.position.joint",
@@ -145,7 +146,14 @@ NODE_SETTINGS = _table(
     setting(
         "input.position.child_frame",
         "",
-        "For type transform: only transforms of this child frame; empty takes all.",
+        "For type transform: only transforms of this child frame; empty takes all. For type tf: "
+        "the tool's frame.",
+    ),
+    NodeSetting(
+        "input.position.base_frame",
+        "",
+        "For type tf: the frame in which the tool's position is told; empty takes the one that "
+        "the tool's frame hangs on.",
     ),
     setting(
         "input.contact.frame",

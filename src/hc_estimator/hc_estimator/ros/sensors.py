@@ -1,19 +1,20 @@
 """A force and a position sensor of one's own as the node's input.
 
-Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped or TransformStamped. The
-readings of the two become one stream in the order of their stamps and, so that they can be recorded
-and plotted like any other source, are published on indenter/sample: NaN for a reading that the
-other sensor does not have at that stamp.
+Any geometry_msgs/WrenchStamped goes with a JointState, PoseStamped, TransformStamped, or a frame of
+/tf. The readings of the two become one stream in the order of their stamps and, so that they can be
+recorded and plotted like any other source, are published on indenter/sample: NaN for a reading that
+the other sensor does not have at that stamp.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from hc_estimator.input.contact_frame import (
@@ -22,6 +23,7 @@ from hc_estimator.input.contact_frame import (
     rotated,
     unit_quaternion,
 )
+from hc_estimator.input.frames import FrameTree
 from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
@@ -32,6 +34,49 @@ from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 from hc_msgs_py.wire import SampleEncoder
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
+
+_STATIC_QOS = QoSProfile(
+    depth=100,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+"""As tf2 listens to /tf_static: who comes late gets what was told once."""
+
+
+def _tf_message() -> Any:
+    """Return the class of /tf's messages, which not every installation has.
+
+    Raises:
+        SubscriptionError: if this one has not.
+    """
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError as error:
+        raise SubscriptionError(
+            "input.position.type = 'tf' needs the package tf2_msgs, which is not installed"
+        ) from error
+    return TFMessage
+
+
+def _name(frame: str) -> str:
+    """Return a frame's name; older software writes a slash before it."""
+    return frame.removeprefix("/")
+
+
+class _Vector(NamedTuple):
+    """A point, or with w an attitude, as messages name their parts."""
+
+    x: float
+    y: float
+    z: float
+    w: float = 1.0
+
+
+class _Header(NamedTuple):
+    """Stamp and frame, as messages name them."""
+
+    stamp: Any
+    frame_id: str
 
 
 class SensorInput:
@@ -55,6 +100,11 @@ class SensorInput:
         self._node = node
         self._receiver = receiver
         self._missing_joint = 0
+        self._missing_frame = 0
+        self._frames = FrameTree()
+        self._moved: dict[str, int] = {}  # stamps [ns] of the frames that are not fixed
+        self._waiting: Any = None  # stamp of a pose that waits for the rest of its frames
+        self._fixed_frames: Channel | None = None
         self._skipped_positions = 0
         self._frame_id = ""
         self._encoder = SampleEncoder()
@@ -64,14 +114,16 @@ class SensorInput:
             "joint": self._take_joints,
             "pose": self._take_pose,
             "transform": self._take_transform,
+            "tf": self._take_frames,
         }[kind]
         self._positions = Channel(
             node,
-            _POSITION_TYPES[kind],
+            _tf_message() if kind == "tf" else _POSITION_TYPES[kind],
             values["input.position.topic"],
             take_position,
             skip=self._on_skipped_positions,
             fail=receiver.on_failure,
+            one_publisher=kind != "tf",
         )
         try:
             self._forces = Channel(
@@ -86,6 +138,23 @@ class SensorInput:
             self._positions.close()
             raise
         self.channels = [self._forces, self._positions]
+        if kind == "tf":
+            try:
+                fixed = Channel(
+                    node,
+                    _tf_message(),
+                    f"{values['input.position.topic']}_static",
+                    self._take_fixed_frames,
+                    skip=lambda _number: None,
+                    fail=receiver.on_failure,
+                    qos=_STATIC_QOS,
+                    one_publisher=False,
+                )
+            except SubscriptionError:
+                self._forces.close()
+                self._positions.close()
+                raise
+            self._fixed_frames = fixed
         self._surface = values["input.contact.frame"] == "surface"
         if self._surface and values["input.contact.normal_from"] == "topic":
             try:
@@ -124,6 +193,7 @@ class SensorInput:
         self._position_offset_ns = round(values["input.position.time_offset"] * 1e9)
         self._joint = values["input.position.joint"]
         self._child_frame = values["input.position.child_frame"]
+        self._base_frame = values["input.position.base_frame"]
         self._merger.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
         self._merger.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
         self._merger.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
@@ -136,6 +206,7 @@ class SensorInput:
             self._position_offset_ns,
             self._joint,
             self._child_frame,
+            self._base_frame,
             self._frame,
             self._force_factor,
             self._position_factor,
@@ -154,6 +225,7 @@ class SensorInput:
             "pairing_resets": counters.resets,
             "positions_skipped": self._skipped_positions,
             "joint_missing": self._missing_joint,
+            "frame_missing": self._missing_frame,
             "attitude_missing": self._without_attitude,
         }
 
@@ -161,6 +233,8 @@ class SensorInput:
         """Stop listening."""
         for channel in self.channels:
             channel.close()
+        if self._fixed_frames is not None:
+            self._fixed_frames.close()
         if self._samples is not None:
             self._node.destroy_publisher(self._samples)
 
@@ -212,6 +286,67 @@ class SensorInput:
         if self._child_frame in ("", message.child_frame_id):
             moved = message.transform
             self._add_point(message.header, moved.translation, moved.rotation)
+
+    def _take_fixed_frames(self, message: Any) -> None:
+        self._add_frames(message)
+
+    def _take_frames(self, message: Any) -> None:
+        """Take the pose of the tool's frame, if the message says anything new of it.
+
+        Where frames between base and tool come in messages of their own, the pose waits for those
+        of the same stamp: until the first later one.
+        """
+        before = self._waiting
+        told = {_name(t.child_frame_id): t.header.stamp for t in message.transforms}
+        if before is not None and self._newest(told) > nanoseconds_from_stamp(before):
+            self._add_frame(before)
+        self._moved |= {f: nanoseconds_from_stamp(s) for f, s in self._add_frames(message).items()}
+        chain = self._chain()
+        if chain is None:
+            self._missing_frame += 1
+            return
+        newest_ns = self._newest(told)
+        if newest_ns < 0:
+            return  # of other frames
+        stamp = next(s for s in told.values() if nanoseconds_from_stamp(s) == newest_ns)
+        if all(self._moved.get(frame, newest_ns) == newest_ns for frame in chain):
+            self._add_frame(stamp)
+        else:
+            self._waiting = stamp
+
+    def _chain(self) -> frozenset[str] | None:
+        """Return the frames between base and tool; None if they are not known yet."""
+        base = self._base_frame or self._frames.parent(self._child_frame)
+        return None if base is None else self._frames.between(base, self._child_frame)
+
+    def _newest(self, stamps: Mapping[str, Any]) -> int:
+        """Return the newest stamp [ns] of frames between base and tool; -1 without any."""
+        chain = self._chain() or ()
+        return max((nanoseconds_from_stamp(stamps[f]) for f in chain if f in stamps), default=-1)
+
+    def _add_frame(self, stamp: Any) -> None:
+        """Add the pose of the tool's frame, as it is known now, at a stamp."""
+        self._waiting = None
+        base = self._base_frame or self._frames.parent(self._child_frame)
+        pose = None if base is None else self._frames.pose(base, self._child_frame)
+        if base is not None and pose is not None:
+            self._add_point(_Header(stamp, base), _Vector(*pose[0]), _Vector(*pose[1]))
+
+    def _add_frames(self, message: Any) -> dict[str, Any]:
+        """Take in the transforms of a message; return their stamps by frame."""
+        stamps = {}
+        for told in message.transforms:
+            place, turn = told.transform.translation, told.transform.rotation
+            try:
+                turned = unit_quaternion((turn.x, turn.y, turn.z, turn.w))
+            except ValueError:
+                self.undecodable += 1
+                continue
+            child = _name(told.child_frame_id)
+            pose = ((place.x, place.y, place.z), turned)
+            self._frames.add(_name(told.header.frame_id), child, pose)
+            stamps[child] = told.header.stamp
+        return stamps
 
     def _take_surface(self, message: Any) -> None:
         """Take point and normal of the surface from now on."""

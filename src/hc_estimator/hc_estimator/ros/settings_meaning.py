@@ -100,6 +100,11 @@ def check_together(values: Mapping[str, Any]) -> None:
             "parameter input.contact.frame = 'surface' needs a pose: input.position.type = 'joint' "
             "has no attitude"
         )
+    if values["input.position.type"] == "tf" and not values["input.position.child_frame"]:
+        raise ValueError(
+            "parameter input.position.type = 'tf' needs input.position.child_frame, the frame of "
+            "the tool"
+        )
     if values["input.force.topic"].strip("/") == values["input.position.topic"].strip("/"):
         raise ValueError(
             f"parameter input.position.topic = {values['input.position.topic']!r} is that of the "

@@ -1,0 +1,51 @@
+"""Frames that hang on each other, against scipy."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from hc_estimator.input.frames import FrameTree
+
+ROBOT = (("base", "shoulder"), ("shoulder", "wrist"), ("wrist", "tool"), ("base", "camera"))
+
+
+def matrix(pose):
+    result = np.eye(4)
+    result[:3, :3] = Rotation.from_quat(pose[1]).as_matrix()
+    result[:3, 3] = pose[0]
+    return result
+
+
+def test_the_pose_of_a_frame_in_any_other_is_that_of_the_product_of_matrices():
+    generator = np.random.default_rng(4)
+    tree, told = FrameTree(), {}
+    for parent, child in ROBOT:
+        turn = tuple(map(float, Rotation.random(random_state=generator).as_quat()))
+        pose = (tuple(map(float, generator.uniform(-1, 1, 3))), turn)
+        told[child] = matrix(pose)
+        tree.add(parent, child, pose)
+    of_tool = told["shoulder"] @ told["wrist"] @ told["tool"]
+    for base, tip, expected in (
+        ("base", "tool", of_tool),
+        ("wrist", "tool", told["tool"]),
+        ("tool", "base", np.linalg.inv(of_tool)),
+        ("camera", "tool", np.linalg.inv(told["camera"]) @ of_tool),
+        ("tool", "tool", np.eye(4)),
+    ):
+        np.testing.assert_allclose(matrix(tree.pose(base, tip)), expected, atol=1e-12)
+    assert tree.between("base", "tool") == {"shoulder", "wrist", "tool"}
+    assert tree.between("camera", "shoulder") == {"camera", "shoulder"}
+    assert tree.parent("tool") == "wrist"
+
+
+def test_frames_that_nothing_connects_have_no_pose():
+    tree = FrameTree()
+    here = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    tree.add("base", "arm", here)
+    tree.add("world", "tool", here)
+    assert tree.pose("base", "tool") is None
+    assert tree.between("base", "tool") is None
+    assert tree.parent("base") is None
+    tree.add("arm", "base", here)  # they hang on themselves: no end, but no hanging either
+    assert tree.pose("base", "tool") is None
+    assert tree.pose("base", "arm")[0] == pytest.approx((0.0, 0.0, 0.0))

@@ -1,0 +1,116 @@
+"""A frame of /tf as position, and quality of service from parameters, in one process."""
+
+import time
+
+import pytest
+import rclpy
+from geometry_msgs.msg import TransformStamped, WrenchStamped
+from rclpy.experimental import EventsExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.node_settings import NODE_SETTINGS
+from hc_estimator.ros.sensors import SensorInput
+from hc_msgs_py.units import set_stamp
+from tf2_msgs.msg import TFMessage
+
+OF_TF = {
+    "input.source": "sensors",
+    "input.position.type": "tf",
+    "input.position.topic": "/tf",
+    "input.position.base_frame": "base",
+    "input.position.child_frame": "tool",
+    "input.position.sign": -1,
+    "input.position.zero": -200.0,
+    "input.publish_samples": False,
+}
+OVERRIDE = "qos_overrides./ft_sensor/wrench.subscription.reliability"
+
+
+class Receiver:
+    def __init__(self):
+        self.samples = []
+
+    def on_sample(self, stamp_ns, sequence, displacement_mm, force_n):
+        self.samples.append((stamp_ns, displacement_mm, force_n))
+
+    def on_skip(self, number):
+        raise AssertionError(number)
+
+    def on_frame(self, frame_id):
+        pass
+
+    def on_failure(self, error):
+        raise error
+
+
+def make_node(ros_domain, **parameters):
+    context = rclpy.Context()
+    words = [w for item in parameters.items() for w in ("-p", f"{item[0]}:={item[1]}")]
+    rclpy.init(context=context, domain_id=ros_domain, args=["--ros-args", *words] if words else [])
+    node = rclpy.create_node("input", context=context, enable_rosout=False)
+    executor = EventsExecutor(context=context)
+    executor.add_node(node)
+    return context, node, executor
+
+
+def transform(parent, child, stamp_ns, x=0.0, z=0.0):
+    message = TransformStamped(child_frame_id=child)
+    message.header.frame_id = parent
+    set_stamp(message.header.stamp, stamp_ns)
+    message.transform.translation.x, message.transform.translation.z = x, z
+    return message
+
+
+@pytest.mark.process
+def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_domain):
+    context, node, executor = make_node(ros_domain, **{OVERRIDE: "reliable"})
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
+    receiver = Receiver()
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    fixed = node.create_publisher(TFMessage, "/tf_static", latched)
+    fixed.publish(TFMessage(transforms=[transform("wrist", "tool", 0, z=0.1)]))
+    source = SensorInput(node, receiver, values)  # comes late for what was told once
+    frames = node.create_publisher(TFMessage, "/tf", 10)
+    others = node.create_publisher(TFMessage, "/tf", 10)  # /tf has many publishers
+    forces = node.create_publisher(WrenchStamped, "ft_sensor/wrench", 10)
+    start_ns = time.time_ns()
+    for i in range(400):
+        stamp_ns = start_ns + 10_000_000 * i
+        frames.publish(TFMessage(transforms=[transform("base", "arm", stamp_ns, x=0.3)]))
+        moved = transform("/arm", "/wrist", stamp_ns, x=-0.3, z=0.1 - 1e-5 * i)
+        others.publish(TFMessage(transforms=[moved, transform("tool", "camera", stamp_ns + 9)]))
+        force = WrenchStamped()
+        set_stamp(force.header.stamp, stamp_ns)
+        force.wrench.force.z = float(i)
+        forces.publish(force)
+        executor.spin_once(timeout_sec=0.01)
+        if len(receiver.samples) > 20:
+            break
+    assert len(receiver.samples) > 20
+    places = [(s, d) for s, d, _f in receiver.samples if d == d]
+    for stamp_ns, depth_mm in places:
+        assert (stamp_ns - start_ns) % 10_000_000 == 0  # not that of the camera
+        assert depth_mm == pytest.approx(0.01 * ((stamp_ns - start_ns) // 10_000_000), abs=1e-6)
+    assert source.position[1] == "base"
+    (ends,) = [
+        info.qos_profile
+        for info in node.get_subscriptions_info_by_topic("/ft_sensor/wrench")
+        if info.node_name == "input"
+    ]
+    assert ends.reliability == ReliabilityPolicy.RELIABLE
+    source.close()
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.process
+def test_a_quality_of_service_that_does_not_exist_is_one_line(ros_domain):
+    context, node, executor = make_node(ros_domain, **{OVERRIDE: "always"})
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
+    with pytest.raises(SubscriptionError, match=r"cannot subscribe to ft_sensor/wrench: .*always"):
+        SensorInput(node, Receiver(), values)
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
