@@ -76,7 +76,8 @@ def test_studio_connects_and_draws_with_our_layout(
     dashboard = command_line.start("dashboard", "--port", "0", "--allow-origin", studio)
     said = [dashboard.stdout.readline() for _ in range(2)]
     address = said[1].split(": ", 1)[1].strip()
-    page.open(f"{studio}/index.html?ds=foxglove-websocket&ds.url={urllib.parse.quote(address)}")
+    source = urllib.parse.quote(address)
+    page.open(f"{studio}/index.html?ds=foxglove-websocket&ds.url={source}&layoutId=ours")
     page.wait(lambda: "hc dashboard" in shown(page), "the connection", 60.0)
     panels = json.loads(Files.layout)["configById"].values()
     titles = [panel["title"] for panel in panels if "title" in panel]
