@@ -11,6 +11,7 @@ import concurrent.futures
 import queue
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from hc_msgs.msg import EstimatorEvent
@@ -27,8 +28,13 @@ from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR, NODE_INDENTER
 from hc_sim_rig.scenario import available_scenarios
 
-TIMEOUT_S: Final = 5.0
+READY_S: Final = 5.0
+"""How long a server is waited for that is not there."""
+ANSWER_S: Final = 15.0
+"""How long an answer is waited for."""
 REPEAT_S: Final = 1.0
+SETTLE_S: Final = 1.0
+"""From when a client sees its server until the server surely sees the client."""
 SERVICES: Final = ("reset", "tare", "find_surface")
 _HIDDEN_PARAMETERS: Final = ("use_sim_time", "start_type_description_service", "qos_overrides")
 _MOST_CHANGES: Final = 200
@@ -59,6 +65,10 @@ class Controls:
         self._pending: list[_Pending] = []
         self._parameter_clients: dict[str, AsyncParameterClient] = {}
         self._triggers: dict[str, Any] = {}
+        self._ready_since: dict[str, float] = {}
+        if allowed:  # made before anybody clicks, so that the server knows them by then
+            for service in SERVICES:
+                self._trigger_client(NODE_ESTIMATOR, service)
         self._marks = node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
 
     def request(self, message: dict[str, Any]) -> concurrent.futures.Future[Answer]:
@@ -75,6 +85,8 @@ class Controls:
                 self._serve(message, future)
             except WrongRequestError as error:
                 _finish(future, {"ok": False, "message": str(error)})
+        for service in self._triggers:
+            self._settled(service)
         self._pending = [pending for pending in self._pending if not pending.look()]
 
     def _serve(self, message: dict[str, Any], future: concurrent.futures.Future[Answer]) -> None:
@@ -164,13 +176,15 @@ class Controls:
             except (WrongRequestError, TypeError) as error:
                 _finish(future, {"ok": False, "message": str(error)})
                 return
-            self._await(
-                lambda: client.set_parameters_atomically(messages),
-                done,
-                future,
-                f"node {name} does not answer",
-                repeat=False,
-            )
+            late = f"node {name} does not answer; it may still do what was asked"
+
+            def change(_response: Any) -> None:
+                send = partial(client.set_parameters_atomically, messages)
+                self._await(send, done, future, late, repeat=False)
+
+            # A change is sent once. That its answer will arrive is known from the answer to one
+            # of nothing, which does no harm when it is repeated.
+            self._await(partial(client.set_parameters_atomically, []), change, future, late)
 
         self._await(
             lambda: client.get_parameters(names),
@@ -191,10 +205,7 @@ class Controls:
     def _call(self, name: str, service: object, future: concurrent.futures.Future[Answer]) -> None:
         if service not in SERVICES:
             raise WrongRequestError(f"no such service; there are {', '.join(SERVICES)}")
-        full = f"{self._node.resolve_topic_name(name)}/{service}"
-        client = self._triggers.get(full)
-        if client is None:
-            client = self._triggers[full] = self._node.create_client(Trigger, full)
+        full, client = self._trigger_client(name, str(service))
 
         def done(response: Any) -> None:
             _finish(future, {"ok": bool(response.success), "message": str(response.message)})
@@ -204,9 +215,25 @@ class Controls:
             done,
             future,
             f"{full} does not answer: is the node running?",
-            ready=client.service_is_ready,
+            ready=lambda: self._settled(full),
             repeat=False,
         )
+
+    def _trigger_client(self, node: str, service: str) -> tuple[str, Any]:
+        """Return the full name of a service of a node and its client."""
+        full = f"{self._node.resolve_topic_name(node)}/{service}"
+        client = self._triggers.get(full)
+        if client is None:
+            client = self._triggers[full] = self._node.create_client(Trigger, full)
+        return full, client
+
+    def _settled(self, service: str) -> bool:
+        """Whether a service has been there long enough to know its client."""
+        if not self._triggers[service].service_is_ready():
+            self._ready_since.pop(service, None)
+            return False
+        now = time.monotonic()
+        return now - self._ready_since.setdefault(service, now) >= SETTLE_S
 
     def _record(self, on: object) -> str:
         try:
@@ -243,7 +270,8 @@ class _Pending:
     """A request on its way to a node.
 
     A server that has not discovered this client yet answers into the void, so a request that does
-    no harm when it is repeated is sent again while no answer comes.
+    no harm when it is repeated is sent again while no answer comes. One that must not happen twice
+    is sent when the server is known to know this client.
     """
 
     def __init__(
@@ -257,7 +285,7 @@ class _Pending:
     ) -> None:
         self._send, self._use, self._future = send, use, future
         self._failure, self._ready, self._repeat = failure, ready, repeat
-        self._until = time.monotonic() + TIMEOUT_S
+        self._since = time.monotonic()
         self._sent: list[Any] = []
         self._next = 0.0
 
@@ -268,7 +296,7 @@ class _Pending:
             if sent.done():
                 self._use(sent.result())
                 return True
-        if now > self._until:
+        if now > self._since + (ANSWER_S if self._sent else READY_S):
             _finish(self._future, {"ok": False, "message": self._failure})
             return True
         if now >= self._next and (self._repeat or not self._sent) and self._ready():

@@ -124,9 +124,9 @@ def _entry(recording: Recording, variant: Variant) -> Entry | None:
     else:
         estimator = variant.make()
         estimator.warm_up()
-        start = time.perf_counter()
+        start = time.thread_time()
         data = estimated(recording, estimator)
-        seconds = time.perf_counter() - start
+        seconds = time.thread_time() - start
     if data is None:
         return None
     return Entry(variant, data, scores(data, 1e6 * seconds / len(data.time_s)))

@@ -57,7 +57,7 @@ FIGURES: Final[tuple[Figure, ...]] = (
     ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.2f}", _distance(2.0)),
     ("", "K within 3 sd", lambda s: s.inside, _percent, lambda v: -v),
     ("", "says that the law does not fit", lambda s: s.mismatch, _percent, _no_contest),
-    ("cost", "a step [us]", lambda s: s.microseconds, lambda v: f"{v:.2g}", _same),
+    ("cost", "a step [us]", lambda s: s.microseconds, lambda v: f"{float(f'{v:.2g}'):g}", _same),
 )
 
 

@@ -100,15 +100,17 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
         f'<small></small></h2><p class="big"><span class="value">–</span></p><p class="under">'
         f'<span class="unit">{html.escape(unit)}</span><span class="true key truth" hidden></span>'
         '</p><p class="under"><meter class="known" min="0" max="1" low="0.5" high="0.8" '
-        'optimum="1" value="0"></meter><span class="share"></span></p></section>'
+        f'optimum="1" value="0" aria-label="{name} known from the data"></meter>'
+        '<span class="share"></span></p></section>'
         for name, unit in zip("KBnp", UNITS, strict=True)
     )
     map_panel = (
         '<section id="map" class="panel wide"><h2>Palpation map</h2><p class="under">Stiffness '
         'where it was felt, at a depth of <label class="inline"><input type="range" min="0.2" '
         'max="10" step="0.1" value="2" aria-label="depth of the map in mm"> <output>2.0 mm'
-        '</output></label> <span class="scale" hidden><span class="low"></span> <span class="ramp">'
-        '</span> <span class="high"></span></span></p><p class="under keys" hidden>'
+        '</output></label> <span class="scale" hidden><span class="low"></span> <span class="ramp" '
+        'aria-hidden="true"></span> <span class="high"></span></span></p>'
+        '<p class="under keys" hidden>'
         '<span class="key estimate">stiffness ± 2 sd (standard deviations)</span> '
         '<span class="key tool" hidden>the tool now</span></p><p class="note"></p></section>'
         if has_map
@@ -140,7 +142,8 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
 <section id="timeline" class="panel"><h2>What happened</h2><div class="lanes"></div>
 <p class="under lanes-key"><span class="key good">contact; law fits</span>
 <span class="key alarm">law does not fit</span>
-leads: colours as in “What the tissue does”</p><ol tabindex="0"></ol></section>
+leads: colours as in “What the tissue does”</p>
+<ol tabindex="0" aria-label="events, latest first"></ol></section>
 <section id="hypotheses" class="panel"><h2>What the tissue does</h2><p class="note under"></p>
 <div class="hypotheses"></div><p class="faults"></p></section>
 """

@@ -106,7 +106,7 @@ HC.DepthPanel = class {
       if (xs.length) {
         ctx.fillStyle = HC.palette.accent;
         ctx.beginPath();
-        ctx.arc(px(xs.at(-1)), py(ys.at(-1)), 4 * devicePixelRatio, 0, 7);
+        ctx.arc(px(xs.at(-1)), py(ys.at(-1)), 4.5 * devicePixelRatio, 0, 7);
         ctx.fill();
       }
     });

@@ -124,10 +124,22 @@ HC.timeLabels = function (plot, splits, axis, space, step) {
   return labels;
 };
 
+/* What stands above a chart, where its panel has no name of its own. */
+HC.titleOf = function (host) {
+  const title = (host.closest("section") || host).querySelector("h2, h3");
+  return title ? title.textContent : host.dataset.curve || "values over time";
+};
+
 /* A chart in a host element, as wide as it; returns {plot, setData, note}.
    options: series (uPlot's), bands, x and y: {label, range, ...axis}, hooks, cursor, tip. */
 HC.chart = function (host, options, data) {
-  const box = HC.element("div", { class: "chart" });
+  // To a screen reader a chart is a picture with the name of its panel; the panels say in words
+  // and tables what matters.
+  const panel = host.closest("[aria-labelledby], [aria-label]");
+  const title = panel && (panel.getAttribute("aria-label") ||
+    document.getElementById(panel.getAttribute("aria-labelledby")).textContent);
+  const box = HC.element("div", { class: "chart", role: "img",
+    "aria-label": `chart: ${title || HC.titleOf(host)}` });
   host.append(box);
   const tip = HC.element("div", { class: "tip", hidden: true });
   const make = () => ({

@@ -218,8 +218,6 @@ HC.MapPanel = class {
   drawTip(ctx, px, py, top, height) {
     const [x, y] = this.tip;
     if (!isFinite(x) || this.kind === "contacts") return;
-    ctx.strokeStyle = ctx.fillStyle = HC.palette.accent;
-    ctx.lineWidth = 2 * devicePixelRatio;
     ctx.beginPath();
     if (this.kind === "plane") {
       ctx.arc(px(x), py(y), 6 * devicePixelRatio, 0, 7);
@@ -227,7 +225,12 @@ HC.MapPanel = class {
       ctx.moveTo(px(x), top);
       ctx.lineTo(px(x), top + height);
     }
-    ctx.stroke();
+    // With a rim in the colour of the panel it is seen on every colour of the map.
+    for (const [colour, width] of [[HC.palette.panel, 5], [HC.palette.accent, 2]]) {
+      ctx.strokeStyle = colour;
+      ctx.lineWidth = width * devicePixelRatio;
+      ctx.stroke();
+    }
   }
 
   nearest(x, y) {

@@ -1,7 +1,7 @@
 /* A batch: one point for each recording, a chart for each parameter. */
 "use strict";
 
-HC.BATCH_COLOURS = ["estimate", "accent", "good", "warn", "truth", "alarm"];
+HC.BATCH_COLOURS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00"];
 
 HC.batchChart = function (host, name, variants) {
   // Side by side, so that equal ones do not hide one another.
@@ -19,9 +19,9 @@ HC.batchChart = function (host, name, variants) {
     x: { label: "recording", range: () => [0, Math.ceil(numbers.at(-1) ?? 0) + 1] },
     y: { range: () => [Math.max(0, low - margin), high + margin], axis: { size: 54 } },
     series: variants.map((_, i) => ({
-      stroke: () => HC.palette[HC.BATCH_COLOURS[i]], paths: () => null,
+      stroke: HC.BATCH_COLOURS[i], paths: () => null,
       points: { show: true, size: variants[i].number.length > 500 ? 3 : 6,
-        fill: () => HC.palette[HC.BATCH_COLOURS[i]] },
+        fill: HC.BATCH_COLOURS[i] },
     })),
     tip: (plot, i) => {
       if (i === null || i === undefined) return null;
@@ -41,7 +41,7 @@ HC.batchChart = function (host, name, variants) {
 HC.batchKey = function (host, variants) {
   variants.forEach((v, i) => {
     const mark = HC.element("span", { text: "● " });
-    mark.style.color = `var(--${HC.BATCH_COLOURS[i]})`;
+    mark.style.color = HC.BATCH_COLOURS[i];
     host.append(HC.element("span", {}, mark, v.label), "    ");
   });
 };

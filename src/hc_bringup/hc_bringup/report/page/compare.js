@@ -1,8 +1,8 @@
 /* A comparison: the same quantity of several variants in one chart. */
 "use strict";
 
-/* Eight colours that every eye tells apart, and dashes for who sees none. */
-HC.VARIANTS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#8c8c00", "#7a5fc0"];
+/* Eight colours that every eye tells apart (test_colours.py), and dashes for who sees none. */
+HC.VARIANTS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#7828f0", "#a02828"];
 HC.DASHES = [[], [8, 3], [2, 3], [10, 3, 2, 3], [], [8, 3], [2, 3], [10, 3, 2, 3]];
 
 HC.Comparison = class {
