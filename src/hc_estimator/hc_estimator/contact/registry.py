@@ -122,7 +122,7 @@ def contact_gradient(
     displacement_exponent: float,
     velocity_exponent: float,
     gradient: NDArray[np.float64],
-) -> None:
+) -> float:
     """Derivatives of `contact_force` with respect to its six arguments after the model.
 
     Args:
@@ -134,20 +134,21 @@ def contact_gradient(
         displacement_exponent: n.
         velocity_exponent: p, or the lagged velocity.
         gradient: takes the derivatives, shape (6,); zeros in separation.
+
+    Returns:
+        The force [N].
     """
     n = min(
         max(displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT
     )
     p = min(max(velocity_exponent, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-    force = contact_force(
-        model, displacement, velocity, stiffness, damping, displacement_exponent, velocity_exponent
-    )
-    for i in range(6):
-        gradient[i] = 0.0
-    if force <= 0.0 and model != ADHESIVE:
-        return
     if model in (KELVIN_VOIGT, KELVIN_BOLTZMANN):
-        if displacement > 0.0:
+        force = contact_force(
+            model, displacement, velocity, stiffness, damping, n, velocity_exponent
+        )
+        for i in range(6):
+            gradient[i] = 0.0
+        if force > 0.0:
             gradient[0] = stiffness
             gradient[2] = displacement
             if model == KELVIN_VOIGT:
@@ -156,13 +157,18 @@ def contact_gradient(
             else:
                 gradient[5] = damping
                 gradient[3] = velocity_exponent
-        return
+        return force
     if model == ELASTIC_POWER_LAW:
         damping = 0.0
-    adhesive_gradient(displacement, velocity, stiffness, damping, n, p, gradient)
+    force = adhesive_gradient(displacement, velocity, stiffness, damping, n, p, gradient)
+    if force <= 0.0 and model != ADHESIVE:
+        for i in range(6):
+            gradient[i] = 0.0
+        return 0.0
     if model == ELASTIC_POWER_LAW:
         gradient[3] = 0.0
     if n != displacement_exponent:
         gradient[4] = 0.0
     if p != velocity_exponent:
         gradient[5] = 0.0
+    return force

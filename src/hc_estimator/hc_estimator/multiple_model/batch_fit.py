@@ -26,7 +26,6 @@ from hc_estimator.linear_algebra import (
 )
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.fit_covariance import (
-    find_false_information,
     invert,
     share_of_noise,
     take_off_velocity_noise,
@@ -35,11 +34,12 @@ from hc_estimator.multiple_model.fit_covariance import (
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
-    cost_of,
-    find_gradient,
-    linearise,
+    add_prior,
+    exp_limited,
+    gather,
+    law_at,
+    prior_cost,
     solve,
-    squares,
 )
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
@@ -163,12 +163,13 @@ def _fit(
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
         total = _weigh(settings, history, force_noise, velocity_noise)
-        before = max(squares(settings, history, history.fit) / count, 1.0)
-        if not _hold(settings, history, 1.0 / before, velocity_variance):
+        before = max(gather(settings, history, history.fit) / count, 1.0)
+        if not _hold(settings, history, 1.0 / before):
             return -1.0
-        if not _improve(settings, history, 1.0 / min(before, 1e6)):
+        squares = _improve(settings, history, 1.0 / min(before, 1e6))
+        if not math.isfinite(squares):
             return -1.0
-        left = max(squares(settings, history, history.fit) / count, 1.0)
+        left = max(squares / count, 1.0)
         if before < SETTLED * left:  # else the samples counted for too little beside the prior
             break
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
@@ -176,11 +177,11 @@ def _fit(
         return -1.0
     for i in range(4):
         history.held[i] = 0
-    linearise(settings, history, 1.0 / left)
+    gather(settings, history, history.fit)
+    add_prior(settings, history, history.fit, 1.0 / left)
     if not invert(settings, history):
         return -1.0
-    find_false_information(settings, history, 1.0 / left, velocity_variance)
-    take_off_velocity_noise(settings, history, independent)
+    take_off_velocity_noise(settings, history, 1.0 / left, independent)
     if not widen(settings, history, 1.0 / left) or not _is_finite(history):
         return -1.0
     return float((left - 1.0) * total / count)
@@ -200,9 +201,11 @@ def _is_finite(history: Any) -> bool:
 def _forget(history: Any) -> None:
     """Keep nothing of a fit that failed: it need not have been numbers."""
     clear_vector(history.gradient)
-    for vector in (history.fit, history.next, history.slope):
+    for vector in (history.above, history.below):
         clear_vector(vector)
-    for matrix in (history.information, history.damped, history.factor):
+    for vector in (history.fit, history.next, history.slope, history.pull):
+        clear_vector(vector)
+    for matrix in (history.information, history.damped, history.factor, history.seen):
         clear_matrix(matrix)
     for matrix in (history.covariance, history.false):
         clear_matrix(matrix)
@@ -210,12 +213,20 @@ def _forget(history: Any) -> None:
 
 
 @compiled
-def _hold(settings: Any, history: Any, weight: float, velocity_variance: float) -> bool:
+def _hold(settings: Any, history: Any, weight: float) -> bool:
     """Hold p, and then B / K, at the first guess if it is mostly noise that would move it.
 
     At a single velocity the noise of that velocity is all that tells p from B and B from K, and a
     fit would follow it to the end of the valley along which K + B v^p is the same. There it says
     nothing any more, so that the first guess is asked as well.
+
+    Args:
+        settings: settings record.
+        history: the points are gathered at the fit; what is held is moved to its first guess.
+        weight: of the fit's squares.
+
+    Returns:
+        False if the points and the prior together do not determine the parameters.
     """
     for i in range(4):
         history.held[i] = 0
@@ -225,14 +236,14 @@ def _hold(settings: Any, history: Any, weight: float, velocity_variance: float) 
         if place == 1:
             history.fit[1] = history.fit[0] + first
             history.fit[3] = settings.initial_velocity_exponent
-        find_false_information(settings, history, weight, velocity_variance)
+            gather(settings, history, history.fit)
         for i in (3, 1, 3):  # p once more: with B / K held it is what noise would move
             if history.held[i] != 0:
                 continue
-            linearise(settings, history, weight)
+            add_prior(settings, history, history.fit, weight)
             if not invert(settings, history):
                 return False
-            if share_of_noise(history, i) > LARGEST_SHARE_OF_NOISE:
+            if share_of_noise(history, i, weight) > LARGEST_SHARE_OF_NOISE:
                 history.held[i] = 1
     history.fit[1], history.fit[3] = damping, exponent
     if history.held[1] != 0:
@@ -245,10 +256,12 @@ def _hold(settings: Any, history: Any, weight: float, velocity_variance: float) 
 @compiled
 def _weigh(settings: Any, history: Any, force_noise: float, velocity_noise: float) -> float:
     """Give each point its weight, for the motion is not known exactly either; summed variance."""
+    fit, gradient = history.fit, history.gradient
+    stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     total = 0.0
     for k in range(histories.oldest(history), history.count):
-        point, gradient = history.points[k % POINTS], history.gradient
-        find_gradient(settings, history, point)
+        point = history.points[k % POINTS]
+        law_at(settings, stiffness, damping, fit, point, 0.0, gradient)
         variance = force_noise + gradient[1] * gradient[1] * velocity_noise
         total += variance
         point[3] = 1.0 / variance
@@ -265,35 +278,37 @@ def _mean_square_force(history: Any) -> float:
 
 
 @compiled
-def _improve(settings: Any, history: Any, weight: float) -> bool:
-    """Levenberg-Marquardt from history.fit on; False if it broke down."""
+def _improve(settings: Any, history: Any, weight: float) -> float:
+    """Levenberg-Marquardt from history.fit on; sum of squares at its end, NaN if it broke down."""
     values, following = history.fit, history.next
-    cost = cost_of(settings, history, values, weight)
+    squares = gather(settings, history, values)
+    cost = weight * squares + prior_cost(settings, history, values)
     damping = FIRST_DAMPING
-    linearise(settings, history, weight)
+    add_prior(settings, history, values, weight)
     for _ in range(STEPS):
         copy_matrix(history.information, history.damped)
         copy_vector(history.slope, following)
         for i in range(4):
             history.damped[i, i] *= 1.0 + damping
         if not cholesky(history.damped, history.factor):
-            return False
+            return math.nan
         solve(history.factor, following)
         for i in range(4):
             following[i] += values[i]
         following[2] = min(max(following[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
         following[3] = min(max(following[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-        after = cost_of(settings, history, following, weight)
+        squares_after = gather(settings, history, following)
+        after = weight * squares_after + prior_cost(settings, history, following)
         if after < cost:
             gain = cost - after
-            cost = after
+            cost, squares = after, squares_after
             copy_vector(following, values)
             if gain < SMALLEST_GAIN * cost:
                 break
-            linearise(settings, history, weight)
+            add_prior(settings, history, values, weight)
             damping *= 0.1
         else:
             damping *= 10.0
             if damping > LARGEST_DAMPING:
                 break
-    return math.isfinite(cost)
+    return float(squares)

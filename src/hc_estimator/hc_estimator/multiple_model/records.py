@@ -157,6 +157,10 @@ HISTORY = record_type(
         Field("next", np.float64, (4,)),
         Field("slope", np.float64, (4,)),
         Field("gradient", np.float64, (6,)),
+        Field("above", np.float64, (6,)),  # the same at a velocity one deviation higher
+        Field("below", np.float64, (6,)),
+        Field("seen", np.float64, (4, 4)),  # information of the points, weights of one
+        Field("pull", np.float64, (4,)),  # and their part of the slope
         Field("information", np.float64, (4, 4)),
         Field("damped", np.float64, (4, 4)),
         Field("factor", np.float64, (4, 4)),
