@@ -40,6 +40,7 @@ from hc_estimator.multiple_model.normal_equations import (
     law_at,
     prior_cost,
     solve,
+    velocity_at,
 )
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
@@ -68,6 +69,8 @@ FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
 SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
+CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
+CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -106,6 +109,10 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     # Of the points, which overlap, and of how many there would be if they did not.
     variance = velocity_noise * period / max(finder.grid_width, period)
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
+    _share_cubic(history, variance, independent)
+    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
+    velocity_noise *= noisier
+    variance *= noisier
     left = _fit(settings, history, force_noise, share * velocity_noise, variance, independent)
     if left < 0.0:
         row.active = 0
@@ -127,6 +134,35 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
+
+
+@compiled
+def _share_cubic(history: Any, variance: float, independent: float) -> None:
+    """How much of what a cubic adds to the velocities is more than their noise.
+
+    A parabola's slope is a share of (omega half)^2 / 10 too small for a motion of the angular
+    frequency omega, always the same way, so that many points give a wrong damping for certain. A
+    cubic's is not, and its part is five times as noisy (Savitzky and Golay, Anal. Chem. 36, 1964):
+    it is used once it is known to be there, by its correlation with the slope or its mean square.
+
+    Args:
+        history: its share is set.
+        variance: of a parabola's slope [mm^2/s^2].
+        independent: number of points whose errors are independent of one another.
+    """
+    squares, along, speeds, first = 0.0, 0.0, 0.0, histories.oldest(history)
+    for k in range(first, history.count):
+        point = history.points[k % POINTS]
+        squares += point[4] * point[4]
+        along += point[1] * point[4]
+        speeds += point[1] * point[1]
+    count = history.count - first
+    noise = CUBIC_NOISE * variance
+    # Both are squares of what is normal, with a deviation of one, if there is only noise.
+    slope = along * along * independent / max(noise * speeds * count, 1e-300)
+    excess = max(squares / max(count * noise, 1e-300) - 1.0, 0.0) ** 2 * 0.5 * independent
+    evidence = (slope + excess) ** 2
+    history.cubic_share = evidence / (evidence + CUBIC_EVIDENCE**2)
 
 
 @compiled
@@ -232,6 +268,9 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
         history.held[i] = 0
     damping, exponent = history.fit[1], history.fit[3]
     first = math.log(settings.initial_damping / settings.initial_stiffness)
+    if _is_at_rest(history):
+        history.held[1] = 1
+        history.held[3] = 1
     for place in range(2):
         if place == 1:
             history.fit[1] = history.fit[0] + first
@@ -254,6 +293,16 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
 
 
 @compiled
+def _is_at_rest(history: Any) -> bool:
+    """True if too much of the velocities is noise for them to say anything, wherever B stands."""
+    total, first = 0.0, histories.oldest(history)
+    for k in range(first, history.count):
+        total += velocity_at(history, history.points[k % POINTS]) ** 2
+    noise = (history.count - first) * history.velocity_std**2
+    return noise > LARGEST_SHARE_OF_NOISE * total  # type: ignore[no-any-return]
+
+
+@compiled
 def _weigh(settings: Any, history: Any, force_noise: float, velocity_noise: float) -> float:
     """Give each point its weight, for the motion is not known exactly either; summed variance."""
     fit, gradient = history.fit, history.gradient
@@ -261,7 +310,8 @@ def _weigh(settings: Any, history: Any, force_noise: float, velocity_noise: floa
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        law_at(settings, stiffness, damping, fit, point, 0.0, gradient)
+        velocity = velocity_at(history, point)
+        law_at(settings, stiffness, damping, fit, point[0], velocity, gradient)
         variance = force_noise + gradient[1] * gradient[1] * velocity_noise
         total += variance
         point[3] = 1.0 / variance

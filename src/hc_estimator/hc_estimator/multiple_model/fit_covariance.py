@@ -17,7 +17,12 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import cholesky, copy_matrix
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import force_of
-from hc_estimator.multiple_model.normal_equations import exp_limited, law_at, solve
+from hc_estimator.multiple_model.normal_equations import (
+    exp_limited,
+    law_at,
+    solve,
+    velocity_at,
+)
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import prior_deviation
 
@@ -64,7 +69,8 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        centre = law_at(settings, stiffness, damping, fit, point, 0.0, gradient)
+        depth, velocity = point[0], velocity_at(history, point)
+        centre = law_at(settings, stiffness, damping, fit, depth, velocity, gradient)
         for j in range(4):
             if prior_deviation(settings, j) <= 0.0:
                 continue
@@ -73,7 +79,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
                 for i in range(4):
                     values[i] = fit[i] + (sign * factor[i, j] if i >= j else 0.0)
                 second += force_of(
-                    settings, point[0], point[1], values[0], values[1], values[2], values[3]
+                    settings, depth, velocity, values[0], values[1], values[2], values[3]
                 )
             for i in range(4):
                 if prior_deviation(settings, i) > 0.0:

@@ -65,6 +65,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[0] = depth
     point[1] = place[1] + rest * place[2]
     point[2] = force
+    point[4] = place[6]
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)

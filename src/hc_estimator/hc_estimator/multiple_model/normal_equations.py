@@ -22,7 +22,13 @@ HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
 
 @compiled
 def law_at(
-    settings: Any, stiffness: float, damping: float, values: Any, point: Any, aside: float, out: Any
+    settings: Any,
+    stiffness: float,
+    damping: float,
+    values: Any,
+    depth: float,
+    velocity: float,
+    out: Any,
 ) -> float:
     """Force at a point, and its derivatives.
 
@@ -31,20 +37,24 @@ def law_at(
         stiffness: K, finite.
         damping: B, finite.
         values: of which n and p are taken, shape (4,).
-        point: depth [mm] and velocity [mm/s] first.
-        aside: added to the velocity [mm/s].
+        depth: [mm].
+        velocity: [mm/s].
         out: takes the derivatives after depth, velocity, ln K, ln B, n and p, shape (6,).
 
     Returns:
         The force [N].
     """
     model = settings.contact_model
-    force = contact_gradient(
-        model, point[0], point[1] + aside, stiffness, damping, values[2], values[3], out
-    )
+    force = contact_gradient(model, depth, velocity, stiffness, damping, values[2], values[3], out)
     out[2] *= stiffness
     out[3] *= damping
     return force  # type: ignore[no-any-return]
+
+
+@compiled
+def velocity_at(history: Any, point: Any) -> float:
+    """Velocity at a point [mm/s]."""
+    return point[1] + history.cubic_share * point[4]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -84,8 +94,9 @@ def gather(settings: Any, history: Any, values: Any) -> float:
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        residual = point[2] - law_at(settings, stiffness, damping, values, point, 0.0, gradient)
-        weight = point[3]
+        depth, velocity, weight = point[0], velocity_at(history, point), point[3]
+        force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+        residual = point[2] - force
         total += weight * residual * residual
         for i in range(4):
             share = weight * gradient[2 + i]
@@ -94,8 +105,8 @@ def gather(settings: Any, history: Any, values: Any) -> float:
                 seen[i, j] += share * gradient[2 + j]
         if spread <= 0.0:
             continue
-        change = law_at(settings, stiffness, damping, values, point, spread, above)
-        change -= law_at(settings, stiffness, damping, values, point, -spread, below)
+        change = law_at(settings, stiffness, damping, values, depth, velocity + spread, above)
+        change -= law_at(settings, stiffness, damping, values, depth, velocity - spread, below)
         total -= 0.25 * weight * change * change
         for i in range(4):
             share = 0.25 * weight * (above[2 + i] - below[2 + i])

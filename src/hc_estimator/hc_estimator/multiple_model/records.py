@@ -143,8 +143,9 @@ POINTS = 512  # remembered samples
 # What was felt before, and the least-squares fit to it.
 HISTORY = record_type(
     (
-        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2].
-        Field("points", np.float64, (POINTS, 4)),
+        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], and what a cubic
+        # would add to the velocity [mm/s].
+        Field("points", np.float64, (POINTS, 5)),
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
         Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
         Field("waited", np.int64, (), 0),  # points of the grid since the last of them
@@ -154,6 +155,7 @@ HISTORY = record_type(
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
         # Within one fit:
         Field("velocity_std", np.float64, (), 0.0),  # of a point [mm/s]
+        Field("cubic_share", np.float64, (), 0.0, 1.0),  # of what a cubic adds to the velocity
         Field("next", np.float64, (4,)),
         Field("slope", np.float64, (4,)),
         Field("gradient", np.float64, (6,)),
@@ -195,7 +197,7 @@ DELAY = record_type(
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
         # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
-        Field("grid", np.float64, (GRID, 6)),
+        Field("grid", np.float64, (GRID, 7)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
         Field("grid_width", np.float64),  # of the parabolas [s]
@@ -214,7 +216,7 @@ DELAY = record_type(
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64),  # p of the fits
         Field("points_of", np.float64, (GRID, 5)),  # see `delay`
-        Field("parabola", np.float64, (4,)),  # the last: mean square left
+        Field("parabola", np.float64, (5,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
         Field("normal", np.float64, (4, 4)),
