@@ -52,8 +52,9 @@ CLAIM = 1.0  # mean square over what a row claims up to which its errors are its
 LEARNING_NIS = 1.5  # recent_nis (mean 2) below which it is its ignorance that dominates
 CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
-FAR_BETTER = 50.0  # ratio of mean squares above which nothing else counts
+FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
+UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
 WAIT = 2.0  # time after which a row seeded anew counts again [s]
 
 
@@ -247,6 +248,17 @@ def _still_learns(row: Any) -> bool:
 
 
 @compiled
+def _cost(row: Any) -> float:
+    """Mean squared error of a row's predictions, as far as the choice goes.
+
+    A surface that may move follows any misfit for some tenths of a second, and predicts the worse
+    from then on. If what is left is still more than the noise, the surface was not what moved.
+    """
+    unexplained = SURFACE[row.index] and row.model_error > 0.0
+    return float(row.score * UNEXPLAINED) if unexplained else float(row.score)
+
+
+@compiled
 def _choose(judge: Any, rows: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = _steadiest(rows)
@@ -261,7 +273,7 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         row = rows[m]
         if not _is_eligible(row, clock, steadiest, likeliest):
             continue
-        best = min(best, row.score)
+        best = min(best, _cost(row))
         if row.model_error == 0.0:
             best_fitting = min(best_fitting, row.score)
         if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
@@ -274,22 +286,35 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         row = rows[m]
         if must_fit and row.model_error > 0.0:
             continue
-        if row.score <= limit and _is_eligible(row, clock, steadiest, likeliest):
+        if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
             break
-    _forgive_inconsistency(judge, rows, clock)
+    _prefer_far_better(judge, rows, clock)
 
 
 @compiled
-def _forgive_inconsistency(judge: Any, rows: Any, clock: float) -> None:
-    """Choose the fit after all if it predicts far better, whatever speaks against it.
+def _prefer_far_better(judge: Any, rows: Any, clock: float) -> None:
+    """Choose a row that predicts far better after all, whatever else speaks against it.
 
-    Rows that know next to nothing are always consistent, however badly they predict.
+    Rows that know next to nothing are always consistent, however badly they predict; and a surface
+    that may breathe expects more error than one that only sinks makes, which costs it likelihood.
     """
-    row = rows[FITTED]
-    scored = _counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0
-    if scored and FAR_BETTER * row.score < rows[judge.chosen].score:
-        judge.chosen = FITTED
+    best = math.inf
+    for m in range(FRESH):
+        if _is_scored(rows[m], clock):
+            best = min(best, _cost(rows[m]))
+    if FAR_BETTER * best >= _cost(rows[judge.chosen]):
+        return
+    for m in range(FRESH):
+        if _is_scored(rows[m], clock) and _cost(rows[m]) <= MARGIN * best:
+            judge.chosen = m
+            return
+
+
+@compiled
+def _is_scored(row: Any, clock: float) -> bool:
+    """True if the score of a row that counts is its own by now."""
+    return bool(_counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0)
 
 
 @compiled

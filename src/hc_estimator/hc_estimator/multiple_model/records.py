@@ -95,7 +95,8 @@ CHANGE = record_type(
         Field("ratio", np.float64, ()),  # log likelihood ratio of the fresh row to that one
         Field("time", np.float64, ()),  # in contact since the alarm [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
-        Field("trusted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
+        Field("fitted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
+        Field("trusted", np.int64, (), 0, 1),  # 1 if they also knew the damping
         Field("fitting_time", np.float64, (), 0.0),  # in contact without model error [s]
         Field("before", np.float64, (4,)),  # ln K, ln B, n, p of that row at the alarm
         Field("before_variance", np.float64, (4,), 0.0),
