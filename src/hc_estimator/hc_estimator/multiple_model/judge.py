@@ -40,6 +40,8 @@ from hc_estimator.multiple_model.rows import seed
 HORIZONS = np.array([0.05, 0.1, 0.2, 0.4])  # [s] in contact
 PERIOD = 0.005  # between two snapshots, at least [s]
 MEMORY = 0.4  # time constant of the scores [s]
+LARGEST_GAIN = 0.1  # of one snapshot in the scores, however much more it is known than before
+SMALLEST_VARIANCE = 1e-12  # of a force [N^2]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
 FORGIVEN = 10.0  # mean square over the best up to which an old error counts
@@ -65,6 +67,7 @@ def reset(judge: Any) -> None:
     judge.count = 0
     judge.waited = 0.0
     judge.weight = 0.0
+    judge.known = 0.0
 
 
 @compiled
@@ -77,10 +80,21 @@ def _shrunk(row: Any, i: int) -> float:
 
 
 @compiled
+def _surest(rows: Any) -> float:
+    """Smallest variance [N^2] that a row gave its prediction of this sample's force."""
+    least = math.inf
+    for m in range(FRESH):
+        if rows[m].active != 0 and rows[m].innovation_variance[1] > 0.0:
+            least = min(least, rows[m].innovation_variance[1])
+    return max(least, SMALLEST_VARIANCE) if least < math.inf else 1.0
+
+
+@compiled
 def _note(judge: Any, rows: Any, clock: float) -> None:
     """Keep what every row says now."""
     slot = judge.count % SLOTS
     judge.said_at[slot] = clock
+    judge.said_variance[slot] = _surest(rows)
     _write(judge, rows, slot)
     judge.count += 1
 
@@ -138,14 +152,27 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
 def _score(
     settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float
 ) -> None:
-    """Hold what the rows said some time ago against the force of now."""
+    """Hold what the rows said some time ago against the force of now.
+
+    Each error counts by what the surest row claimed to know when it was said: what nobody could
+    know yet says nothing about who is right by now.
+    """
     period = max(PERIOD, judge.waited)
     tool = rows[judge.chosen].state
+    known = 0.0
+    for h in range(HORIZONS.size):
+        back = max(round(HORIZONS[h] / period), 1)
+        if back <= min(judge.count, SLOTS - 1):
+            known += 1.0 / judge.said_variance[(judge.count - back) % SLOTS]
+    if known == 0.0:
+        return
+    judge.known += share * (known - judge.known)
+    gain = min(share * known / judge.known, max(share, LARGEST_GAIN))
     for m in range(rows.shape[0]):
         row = rows[m]
         if row.active == 0:
             continue
-        total, count = 0.0, 0
+        total, weight = 0.0, 0.0
         for h in range(HORIZONS.size):
             back = max(round(HORIZONS[h] / period), 1)
             if back > min(judge.count, SLOTS - 1):
@@ -158,12 +185,12 @@ def _score(
             error = abs(force - _expected(settings, judge.said[slot, m], m, ahead, tool))
             # A row gone wild must not be so far off that its score never comes back.
             error = min(error, settings.force_limit)
-            total += error * error
-            count += 1
-        if count > 0:
-            row.score += share * (total / count - row.score)
+            total += error * error / judge.said_variance[slot]
+            weight += 1.0 / judge.said_variance[slot]
+        if weight > 0.0:
+            row.score += gain * (total / weight - row.score)
             claimed = row.innovation_variance[1] - row.model_error - noise
-            row.claimed += share * (claimed - row.claimed)
+            row.claimed += gain * (claimed - row.claimed)
 
 
 @compiled

@@ -81,6 +81,10 @@ JUDGE = record_type(
         Field("chosen", np.int64, (), 0, ROW_COUNT - 1),
         Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
+        Field(
+            "said_variance", np.float64, (SLOTS,)
+        ),  # that the surest row gave its force then [N^2]
+        Field("known", np.float64, (), 0.0),  # forgetting mean of its inverse [1/N^2]
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
