@@ -46,6 +46,7 @@ FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
 FORGIVEN = 10.0  # mean square over the best up to which an old error counts
 MISFIT_MARGIN = 3.0  # the same for a row that claims to fit, over one with a model error
+FREE_MARGIN = 1.5  # the same for one that may drift, which can follow a misfit for a while
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 REFUTED = 5.0  # log likelihood ratio
 REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
@@ -68,6 +69,7 @@ def reset(judge: Any) -> None:
     judge.waited = 0.0
     judge.weight = 0.0
     judge.known = 0.0
+    judge.varying = 0
 
 
 @compiled
@@ -232,6 +234,10 @@ def learn(
     _note(judge, rows, clock)
     if judge.weight > FIRST_WEIGHT:
         _choose(judge, rows, clock)
+        likelier = rows[judge.chosen].log_likelihood - rows[0].log_likelihood
+        if judge.chosen > FITTED and likelier > REFUTED and clock > REFUTED_AFTER:
+            judge.varying = judge.chosen
+            judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
     judge.waited = 0.0
 
@@ -301,13 +307,17 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         if not _is_eligible(row, clock, steadiest, likeliest):
             continue
         best = min(best, _cost(row))
-        if row.model_error == 0.0:
-            best_fitting = min(best_fitting, row.score)
         if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
             break
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
-    must_fit = best_fitting <= MISFIT_MARGIN * best
+    for m in range(FRESH):
+        row = rows[m]
+        margin = MISFIT_MARGIN if m <= FITTED else FREE_MARGIN
+        fits = row.model_error == 0.0 and _cost(row) <= margin * best
+        if fits and _is_eligible(row, clock, steadiest, likeliest):
+            best_fitting = min(best_fitting, _cost(row))
+    must_fit = best_fitting < math.inf
     limit = MARGIN * (best_fitting if must_fit else best)
     for m in range(FRESH):
         row = rows[m]
@@ -381,4 +391,5 @@ def give_to_all(judge: Any, rows: Any, clock: float) -> None:
             for j in range(judge.said.shape[2]):
                 judge.said[slot, m, j] = judge.said[slot, FRESH, j]
     judge.chosen = 0
+    judge.varying = 0
     judge.weight = 0.0

@@ -88,6 +88,9 @@ JUDGE = record_type(
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
+        # Row with a tissue that varies which was chosen last; 0: none.
+        Field("varying", np.int64, (), 0, ROW_COUNT - 1),
+        Field("varied_at", np.float64, ()),  # contact clock then [s]
     )
 )
 
