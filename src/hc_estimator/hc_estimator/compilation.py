@@ -1,8 +1,8 @@
 """The decorators of this package's kernels, and what those are made of.
 
-How they are compiled and cached: hc_msgs_py.compilation. A contact law of another package is compiled
-into the kernels, so that an edit of it makes them anew; a kernel of another package's filter goes
-with its own folder as well.
+How they are compiled and cached: hc_msgs_py.compilation. A contact law of another package is
+compiled into the kernels, so that an edit of it makes them anew; a kernel of another package's
+filter goes with its own folder as well.
 """
 
 from __future__ import annotations

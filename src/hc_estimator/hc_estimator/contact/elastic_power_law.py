@@ -52,10 +52,11 @@ def gradient(
     n: float,
     p: float,
     gradient: NDArray[np.float64],
-) -> None:
-    """Derivatives with respect to d, K and n: those of Hunt-Crossley without damping."""
-    adhesive_gradient(displacement, velocity, stiffness, 0.0, n, p, gradient)
+) -> float:
+    """Derivatives with respect to d, K and n, and the force [N]: Hunt-Crossley without damping."""
+    force = adhesive_gradient(displacement, velocity, stiffness, 0.0, n, p, gradient)
     gradient[3] = 0.0
+    return force
 
 
 LAW = ContactLaw(force, "F = K d^n", gradient, fixed=(ESTIMATED, 0.0, ESTIMATED, 1.0))

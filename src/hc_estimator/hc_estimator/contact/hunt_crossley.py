@@ -94,7 +94,7 @@ def adhesive_gradient(
     displacement_exponent: float,
     velocity_exponent: float,
     gradient: NDArray[np.float64],
-) -> None:
+) -> float:
     """Derivatives of `adhesive_force` with respect to d, v, K, B, n and p.
 
     They are those of `hunt_crossley_force` where that force is positive; in separation its
@@ -111,11 +111,14 @@ def adhesive_gradient(
         displacement_exponent: n.
         velocity_exponent: p.
         gradient: takes the six derivatives, shape (6,); zeros for d <= 0.
+
+    Returns:
+        The force [N]; below `SMALLEST_SPEED` with the damping of that speed.
     """
     for i in range(6):
         gradient[i] = 0.0
     if displacement <= TINY:
-        return
+        return 0.0
     log_displacement = math.log(displacement)
     log_power = displacement_exponent * log_displacement
     power = math.exp(min(log_power, LARGEST_EXPONENT))
@@ -133,6 +136,7 @@ def adhesive_gradient(
     gradient[3] = drag
     gradient[4] = force * log_displacement
     gradient[5] = damping * drag * log_speed
+    return force
 
 
 LAW = ContactLaw(adhesive_force, "F = max(0, K d^n + B d^n sign(v) |v|^p)", adhesive_gradient)

@@ -76,13 +76,14 @@ def gradient(
     n: float,
     lagged_velocity: float,
     gradient: NDArray[np.float64],
-) -> None:
-    """Derivatives with respect to d, K, B and w."""
+) -> float:
+    """Derivatives with respect to d, K, B and w; returns the force [N]."""
     if displacement > 0.0:
         gradient[0] = stiffness
         gradient[2] = displacement
         gradient[3] = lagged_velocity
         gradient[5] = damping
+    return kelvin_boltzmann_force(displacement, lagged_velocity, stiffness, damping)
 
 
 LAW = ContactLaw(

@@ -50,13 +50,14 @@ def gradient(
     n: float,
     p: float,
     gradient: NDArray[np.float64],
-) -> None:
-    """Derivatives with respect to d, v, K and B."""
+) -> float:
+    """Derivatives with respect to d, v, K and B; returns the force [N]."""
     if displacement > 0.0:
         gradient[0] = stiffness
         gradient[1] = damping
         gradient[2] = displacement
         gradient[3] = velocity
+    return kelvin_voigt_force(displacement, velocity, stiffness, damping)
 
 
 LAW = ContactLaw(force, "F = K d + B v", gradient, fixed=(ESTIMATED, ESTIMATED, 1.0, 1.0))

@@ -27,7 +27,7 @@ class ContactLaw:
             the tissue), unless `may_pull`.
         summary: the formula, in one line.
         gradient: (d, v, K, B, n, p, gradient) writes the derivatives with respect to the six
-            arguments into an array of zeros, shape (6,), where the force is above zero; None takes
+            arguments into an array of zeros, shape (6,), and returns the force [N]; None takes
             central differences of the force.
         fixed: what is reported for K, B, n, p that the law lacks; `ESTIMATED` for what it has.
         may_pull: True if the force may be negative.
@@ -38,7 +38,7 @@ class ContactLaw:
 
     force: Callable[..., float]
     summary: str
-    gradient: Callable[..., None] | None = None
+    gradient: Callable[..., float] | None = None
     fixed: tuple[float, float, float, float] = (ESTIMATED,) * 4
     may_pull: bool = False
     lagged_velocity: bool = False

@@ -66,8 +66,9 @@ def _no_gradient(
     n: float,
     p: float,
     gradient: NDArray[np.float64],
-) -> None:
+) -> float:
     """Stands for the gradient of a law that gives none."""
+    return 0.0
 
 
 def _by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable[..., Any]:
@@ -181,7 +182,7 @@ def contact_gradient(
     displacement_exponent: float,
     velocity_exponent: float,
     gradient: NDArray[np.float64],
-) -> None:
+) -> float:
     """Derivatives of `contact_force` with respect to its six arguments after the model.
 
     Args:
@@ -193,36 +194,49 @@ def contact_gradient(
         displacement_exponent: n.
         velocity_exponent: p, or the lagged velocity.
         gradient: takes the derivatives, shape (6,); zeros in separation.
+
+    Returns:
+        The force [N].
     """
-    force = contact_force(
-        model, displacement, velocity, stiffness, damping, displacement_exponent, velocity_exponent
-    )
     for i in range(6):
         gradient[i] = 0.0
-    if force <= 0.0 and not _MAY_PULL[model]:
-        return
     if not _HAS_GRADIENT[model]:
-        _differences(
+        force = contact_force(
             model,
-            (
-                displacement,
-                velocity,
-                stiffness,
-                damping,
-                displacement_exponent,
-                velocity_exponent,
-            ),
-            gradient,
+            displacement,
+            velocity,
+            stiffness,
+            damping,
+            displacement_exponent,
+            velocity_exponent,
         )
-        return
+        if force > 0.0 or _MAY_PULL[model]:
+            _differences(
+                model,
+                (
+                    displacement,
+                    velocity,
+                    stiffness,
+                    damping,
+                    displacement_exponent,
+                    velocity_exponent,
+                ),
+                gradient,
+            )
+        return force
     n = _limited(
         displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
     )
     p = velocity_exponent
     if not _LAGGED[model]:
         p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
-    _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
+    force = _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
+    if force <= 0.0 and not _MAY_PULL[model]:
+        for i in range(6):
+            gradient[i] = 0.0
+        return 0.0
     if n != displacement_exponent:
         gradient[4] = 0.0
     if p != velocity_exponent:
         gradient[5] = 0.0
+    return force

@@ -26,7 +26,6 @@ from hc_estimator.linear_algebra import (
 )
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.fit_covariance import (
-    find_false_information,
     invert,
     share_of_noise,
     take_off_velocity_noise,
@@ -35,11 +34,13 @@ from hc_estimator.multiple_model.fit_covariance import (
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
-    cost_of,
-    find_gradient,
-    linearise,
+    add_prior,
+    exp_limited,
+    gather,
+    law_at,
+    prior_cost,
     solve,
-    squares,
+    velocity_at,
 )
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
@@ -68,6 +69,8 @@ FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
 SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
+CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
+CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -106,10 +109,15 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     # Of the points, which overlap, and of how many there would be if they did not.
     variance = velocity_noise * period / max(finder.grid_width, period)
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
+    _share_cubic(history, variance, independent)
+    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
+    velocity_noise *= noisier
+    variance *= noisier
     left = _fit(settings, history, force_noise, share * velocity_noise, variance, independent)
     if left < 0.0:
         row.active = 0
         _forget(history)
+        histories.forget_older_half(history)
         return
     if row.active == 0:
         row.active = 1
@@ -127,6 +135,35 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
+
+
+@compiled
+def _share_cubic(history: Any, variance: float, independent: float) -> None:
+    """How much of what a cubic adds to the velocities is more than their noise.
+
+    A parabola's slope is a share of (omega half)^2 / 10 too small for a motion of the angular
+    frequency omega, always the same way, so that many points give a wrong damping for certain. A
+    cubic's is not, and its part is five times as noisy (Savitzky and Golay, Anal. Chem. 36, 1964):
+    it is used once it is known to be there, by its correlation with the slope or its mean square.
+
+    Args:
+        history: its share is set.
+        variance: of a parabola's slope [mm^2/s^2].
+        independent: number of points whose errors are independent of one another.
+    """
+    squares, along, speeds, first = 0.0, 0.0, 0.0, histories.oldest(history)
+    for k in range(first, history.count):
+        point = history.points[k % POINTS]
+        squares += point[4] * point[4]
+        along += point[1] * point[4]
+        speeds += point[1] * point[1]
+    count = history.count - first
+    noise = CUBIC_NOISE * variance
+    # Both are squares of what is normal, with a deviation of one, if there is only noise.
+    slope = along * along * independent / max(noise * speeds * count, 1e-300)
+    excess = max(squares / max(count * noise, 1e-300) - 1.0, 0.0) ** 2 * 0.5 * independent
+    evidence = (slope + excess) ** 2
+    history.cubic_share = evidence / (evidence + CUBIC_EVIDENCE**2)
 
 
 @compiled
@@ -163,12 +200,13 @@ def _fit(
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
         total = _weigh(settings, history, force_noise, velocity_noise)
-        before = max(squares(settings, history, history.fit) / count, 1.0)
-        if not _hold(settings, history, 1.0 / before, velocity_variance):
+        before = max(gather(settings, history, history.fit) / count, 1.0)
+        if not _hold(settings, history, 1.0 / before):
             return -1.0
-        if not _improve(settings, history, 1.0 / min(before, 1e6)):
+        squares = _improve(settings, history, 1.0 / min(before, 1e6))
+        if not math.isfinite(squares):
             return -1.0
-        left = max(squares(settings, history, history.fit) / count, 1.0)
+        left = max(squares / count, 1.0)
         if before < SETTLED * left:  # else the samples counted for too little beside the prior
             break
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
@@ -176,11 +214,11 @@ def _fit(
         return -1.0
     for i in range(4):
         history.held[i] = 0
-    linearise(settings, history, 1.0 / left)
+    gather(settings, history, history.fit)
+    add_prior(settings, history, history.fit, 1.0 / left)
     if not invert(settings, history):
         return -1.0
-    find_false_information(settings, history, 1.0 / left, velocity_variance)
-    take_off_velocity_noise(settings, history, independent)
+    take_off_velocity_noise(settings, history, 1.0 / left, independent)
     if not widen(settings, history, 1.0 / left) or not _is_finite(history):
         return -1.0
     return float((left - 1.0) * total / count)
@@ -200,9 +238,11 @@ def _is_finite(history: Any) -> bool:
 def _forget(history: Any) -> None:
     """Keep nothing of a fit that failed: it need not have been numbers."""
     clear_vector(history.gradient)
-    for vector in (history.fit, history.next, history.slope):
+    for vector in (history.above, history.below):
         clear_vector(vector)
-    for matrix in (history.information, history.damped, history.factor):
+    for vector in (history.fit, history.next, history.slope, history.pull):
+        clear_vector(vector)
+    for matrix in (history.information, history.damped, history.factor, history.seen):
         clear_matrix(matrix)
     for matrix in (history.covariance, history.false):
         clear_matrix(matrix)
@@ -210,29 +250,40 @@ def _forget(history: Any) -> None:
 
 
 @compiled
-def _hold(settings: Any, history: Any, weight: float, velocity_variance: float) -> bool:
+def _hold(settings: Any, history: Any, weight: float) -> bool:
     """Hold p, and then B / K, at the first guess if it is mostly noise that would move it.
 
     At a single velocity the noise of that velocity is all that tells p from B and B from K, and a
     fit would follow it to the end of the valley along which K + B v^p is the same. There it says
     nothing any more, so that the first guess is asked as well.
+
+    Args:
+        settings: settings record.
+        history: the points are gathered at the fit; what is held is moved to its first guess.
+        weight: of the fit's squares.
+
+    Returns:
+        False if the points and the prior together do not determine the parameters.
     """
     for i in range(4):
         history.held[i] = 0
     damping, exponent = history.fit[1], history.fit[3]
     first = math.log(settings.initial_damping / settings.initial_stiffness)
+    if _is_at_rest(history):
+        history.held[1] = 1
+        history.held[3] = 1
     for place in range(2):
         if place == 1:
             history.fit[1] = history.fit[0] + first
             history.fit[3] = settings.initial_velocity_exponent
-        find_false_information(settings, history, weight, velocity_variance)
+            gather(settings, history, history.fit)
         for i in (3, 1, 3):  # p once more: with B / K held it is what noise would move
             if history.held[i] != 0:
                 continue
-            linearise(settings, history, weight)
+            add_prior(settings, history, history.fit, weight)
             if not invert(settings, history):
                 return False
-            if share_of_noise(history, i) > LARGEST_SHARE_OF_NOISE:
+            if share_of_noise(history, i, weight) > LARGEST_SHARE_OF_NOISE:
                 history.held[i] = 1
     history.fit[1], history.fit[3] = damping, exponent
     if history.held[1] != 0:
@@ -243,12 +294,25 @@ def _hold(settings: Any, history: Any, weight: float, velocity_variance: float) 
 
 
 @compiled
+def _is_at_rest(history: Any) -> bool:
+    """True if too much of the velocities is noise for them to say anything, wherever B stands."""
+    total, first = 0.0, histories.oldest(history)
+    for k in range(first, history.count):
+        total += velocity_at(history, history.points[k % POINTS]) ** 2
+    noise = (history.count - first) * history.velocity_std**2
+    return noise > LARGEST_SHARE_OF_NOISE * total  # type: ignore[no-any-return]
+
+
+@compiled
 def _weigh(settings: Any, history: Any, force_noise: float, velocity_noise: float) -> float:
     """Give each point its weight, for the motion is not known exactly either; summed variance."""
+    fit, gradient = history.fit, history.gradient
+    stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     total = 0.0
     for k in range(histories.oldest(history), history.count):
-        point, gradient = history.points[k % POINTS], history.gradient
-        find_gradient(settings, history, point)
+        point = history.points[k % POINTS]
+        velocity = velocity_at(history, point)
+        law_at(settings, stiffness, damping, fit, point[0], velocity, gradient)
         variance = force_noise + gradient[1] * gradient[1] * velocity_noise
         total += variance
         point[3] = 1.0 / variance
@@ -265,35 +329,37 @@ def _mean_square_force(history: Any) -> float:
 
 
 @compiled
-def _improve(settings: Any, history: Any, weight: float) -> bool:
-    """Levenberg-Marquardt from history.fit on; False if it broke down."""
+def _improve(settings: Any, history: Any, weight: float) -> float:
+    """Levenberg-Marquardt from history.fit on; sum of squares at its end, NaN if it broke down."""
     values, following = history.fit, history.next
-    cost = cost_of(settings, history, values, weight)
+    squares = gather(settings, history, values)
+    cost = weight * squares + prior_cost(settings, history, values)
     damping = FIRST_DAMPING
-    linearise(settings, history, weight)
+    add_prior(settings, history, values, weight)
     for _ in range(STEPS):
         copy_matrix(history.information, history.damped)
         copy_vector(history.slope, following)
         for i in range(4):
             history.damped[i, i] *= 1.0 + damping
         if not cholesky(history.damped, history.factor):
-            return False
+            return math.nan
         solve(history.factor, following)
         for i in range(4):
             following[i] += values[i]
         following[2] = min(max(following[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
         following[3] = min(max(following[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-        after = cost_of(settings, history, following, weight)
+        squares_after = gather(settings, history, following)
+        after = weight * squares_after + prior_cost(settings, history, following)
         if after < cost:
             gain = cost - after
-            cost = after
+            cost, squares = after, squares_after
             copy_vector(following, values)
             if gain < SMALLEST_GAIN * cost:
                 break
-            linearise(settings, history, weight)
+            add_prior(settings, history, values, weight)
             damping *= 0.1
         else:
             damping *= 10.0
             if damping > LARGEST_DAMPING:
                 break
-    return math.isfinite(cost)
+    return float(squares)

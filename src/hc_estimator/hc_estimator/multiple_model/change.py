@@ -4,7 +4,8 @@ After an alarm of the chosen row the fresh row begins: parameters let go, motion
 displacement alone. Its log likelihood ratio to the row that raised the alarm (the veteran) decides,
 with forgetting, and floored, so that its first unsure steps do not count for ever. It is given out
 as soon as it is clearly the likelier, and every other row has raised an alarm too or is as clearly
-beaten: a lump is explained by a row that follows it. Where the rows had fitted for long, that is a
+beaten: a lump is explained by a row that follows it. Where the rows had not fitted, it must have
+predicted better as well. Where they had fitted for long, that is a
 change at once (`SEEN_LATE` samples after the alarm, by which a noise that jumped is seen);
 otherwise at the end of the probation, for a law that does not fit makes each fresh row better for a
 part of a period and no better over a whole one.
@@ -12,6 +13,7 @@ part of a period and no better over a whole one.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
@@ -40,6 +42,7 @@ TRUSTED_AFTER = 3.0  # rows that have fitted for so long are believed [s]
 # A row that has seen one velocity only cannot tell a turn of the tool from another tissue: it is
 # believed from this share of the prior variance of ln B down.
 KNOWN = 0.05
+BETTER = 2.0  # ratio of the mean squared errors of delayed predictions that is clear
 DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 SEEN_LATE = 80.0  # samples that a jump of the noise may need to be seen
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p about their old values
@@ -77,7 +80,8 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
         change.before[i] = veteran.state[LOG_STIFFNESS + i]
         change.before_variance[i] = veteran.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
     knows_damping = veteran.covariance[LOG_DAMPING, LOG_DAMPING] <= KNOWN * prior
-    change.trusted = 1 if change.fitting_time > TRUSTED_AFTER and knows_damping else 0
+    change.fitted = 1 if change.fitting_time > TRUSTED_AFTER else 0
+    change.trusted = 1 if change.fitted != 0 and knows_damping else 0
     for m in range(FRESH):
         rows[m].alarmed = 0
         rows[m].change_lead = 0.0
@@ -85,6 +89,7 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
     fresh = rows[FRESH]
     seed(rows[judge.chosen], fresh, tool.contact_clock, tool.contact_clock)
     fresh.model_error = 0.0
+    fresh.score = veteran.score
     fresh.contact_time = 0.0
     fresh.active = 1
     free_parameters(settings, fresh, DEVIATIONS)
@@ -170,6 +175,19 @@ def _differs(change: Any, rows: Any) -> bool:
 
 
 @compiled
+def _predicts_better(rows: Any) -> bool:
+    """True if the fresh row has foreseen the force clearly better than every other row.
+
+    Where no row has fitted, a fresh one is the likelier for a part of each period of the misfit.
+    """
+    best = math.inf
+    for m in range(FRESH):
+        if rows[m].active != 0:
+            best = min(best, rows[m].score)
+    return bool(BETTER * rows[FRESH].score < best)
+
+
+@compiled
 def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, rose: bool) -> None:
     """After all rows have used a sample in contact: who leads, and is it over?
 
@@ -189,9 +207,10 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
     change.time += elapsed
     beaten = _others_are_beaten(change, rows, elapsed)
     change.ratio = rows[change.veteran].change_lead
-    if change.leads == 0 and change.ratio > LEAD and beaten:
+    believed = change.fitted != 0 or _predicts_better(rows)
+    if change.leads == 0 and change.ratio > LEAD and beaten and believed:
         change.leads = 1
-    elif change.leads != 0 and change.ratio < -LEAD:
+    elif change.leads != 0 and (change.ratio < -LEAD or not believed):
         change.leads = 0
     over = change.time > PROBATION
     differs = _differs(change, rows)

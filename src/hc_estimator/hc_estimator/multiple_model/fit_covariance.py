@@ -17,7 +17,12 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import cholesky, copy_matrix
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import force_of
-from hc_estimator.multiple_model.normal_equations import find_gradient, solve
+from hc_estimator.multiple_model.normal_equations import (
+    exp_limited,
+    law_at,
+    solve,
+    velocity_at,
+)
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import prior_deviation
 
@@ -61,10 +66,11 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
         for j in range(4):
             moved[i, j] = 0.0
     fit = history.fit
+    stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        centre = force_of(settings, point[0], point[1], fit[0], fit[1], fit[2], fit[3])
-        find_gradient(settings, history, point)
+        depth, velocity = point[0], velocity_at(history, point)
+        centre = law_at(settings, stiffness, damping, fit, depth, velocity, gradient)
         for j in range(4):
             if prior_deviation(settings, j) <= 0.0:
                 continue
@@ -73,10 +79,11 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
                 for i in range(4):
                     values[i] = fit[i] + (sign * factor[i, j] if i >= j else 0.0)
                 second += force_of(
-                    settings, point[0], point[1], values[0], values[1], values[2], values[3]
+                    settings, depth, velocity, values[0], values[1], values[2], values[3]
                 )
             for i in range(4):
-                moved[i, j] += weight * point[3] * gradient[2 + i] * second
+                if prior_deviation(settings, i) > 0.0:
+                    moved[i, j] += weight * point[3] * gradient[2 + i] * second
     copy_matrix(history.covariance, history.damped)
     for j in range(4):
         for i in range(4):
@@ -105,52 +112,24 @@ def _limit_by_prior(settings: Any, way: Any) -> None:
 
 
 @compiled
-def find_false_information(settings: Any, history: Any, weight: float, variance: float) -> None:
-    """Information on ln K, ln B, n, p that is noise of the velocity, in history.false.
-
-    Where a velocity is off by e, the gradient g of the force is off by e dg/dv, and the sum of
-    w g g' holds w var(e) (dg/dv)(dg/dv)' that is no information.
+def share_of_noise(history: Any, i: int, weight: float) -> float:
+    """Share of noise of the velocity in what history.covariance claims to know of a parameter.
 
     Args:
-        settings: settings record.
-        history: history.false is changed.
+        history: the points are gathered, and their information is inverted.
+        i: parameter, 0 to 3.
         weight: of the fit's squares.
-        variance: of a point's velocity [mm^2/s^2].
     """
-    false, shifted, change = history.false, history.next, history.slope
-    for i in range(4):
-        for j in range(4):
-            false[i, j] = 0.0
-    deviation = math.sqrt(variance)
-    for k in range(histories.oldest(history), history.count):
-        point = history.points[k % POINTS]
-        shifted[0] = point[0]
-        shifted[1] = point[1] + deviation
-        find_gradient(settings, history, shifted)
-        for i in range(4):
-            change[i] = 0.5 * history.gradient[2 + i]
-        shifted[1] = point[1] - deviation
-        find_gradient(settings, history, shifted)
-        for i in range(4):
-            change[i] -= 0.5 * history.gradient[2 + i]
-        for i in range(4):
-            for j in range(4):
-                false[i, j] += weight * point[3] * change[i] * change[j]
-
-
-@compiled
-def share_of_noise(history: Any, i: int) -> float:
-    """Share of noise of the velocity in what history.covariance claims to know of a parameter."""
     covariance, false = history.covariance, history.false
     total = 0.0
     for j in range(4):
         for k in range(4):
             total += covariance[j, i] * false[j, k] * covariance[k, i]
-    return float(total / max(covariance[i, i], 1e-300))
+    return float(weight * total / max(covariance[i, i], 1e-300))
 
 
 @compiled
-def take_off_velocity_noise(settings: Any, history: Any, independent: float) -> None:
+def take_off_velocity_noise(settings: Any, history: Any, weight: float, independent: float) -> None:
     """Take history.false off the information whose inverse history.covariance is.
 
     Where that is all there is (one velocity, or none) the difference of the two is noise itself:
@@ -159,6 +138,7 @@ def take_off_velocity_noise(settings: Any, history: Any, independent: float) -> 
     Args:
         settings: settings record.
         history: history.covariance is changed.
+        weight: of the fit's squares.
         independent: number of points whose errors are independent of one another.
     """
     false, factor, way = history.false, history.factor, history.next
@@ -178,7 +158,7 @@ def take_off_velocity_noise(settings: Any, history: Any, independent: float) -> 
             for k in range(i, 4):
                 for m in range(j, 4):
                     total += factor[k, i] * false[k, m] * factor[m, j]
-            shares[i, j] = doubtful * total
+            shares[i, j] = doubtful * weight * total
             finite = finite and math.isfinite(total)
     if not finite:
         return

@@ -19,6 +19,7 @@ HALF_WIDTH = 0.015  # of the local parabola [s]
 SLACK = 1e-3
 EDGE = 1.0 + SLACK
 FEWEST_READINGS = 7  # in it
+LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
 LARGEST = 0.064  # delay that is looked for [s]
 WINDOW = 0.5  # [s]
 
@@ -44,10 +45,13 @@ def take(finder: Any, channel: int, time: float, reading: float) -> None:
 
 @compiled
 def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
-    """Least-squares parabola about a time, in finder.parabola; False if readings are few."""
+    """Least-squares parabola about a time, in finder.parabola; False if readings are few.
+
+    Value, slope, second derivative, mean square left, and what a cubic would add to the slope.
+    """
     count = finder.raw_count[channel]
-    s0, s1, s2, s3, s4 = 0.0, 0.0, 0.0, 0.0, 0.0
-    y0, y1, y2, squares = 0.0, 0.0, 0.0, 0.0
+    s0, s1, s2, s3, s4, s5, s6 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    y0, y1, y2, y3, squares = 0.0, 0.0, 0.0, 0.0, 0.0
     reference = finder.raw_value[channel, (count - 1) % RAW]
     before, after = 0, 0
     for back in range(1, min(count, RAW) + 1):
@@ -63,14 +67,18 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
         elif x > SLACK:
             after += 1
         square = x * x
+        cube = square * x
         s0 += 1.0
         s1 += x
         s2 += square
-        s3 += square * x
+        s3 += cube
         s4 += square * square
+        s5 += square * cube
+        s6 += cube * cube
         y0 += y
         y1 += x * y
         y2 += square * y
+        y3 += cube * y
         squares += y * y
     if min(before, after) < FEWEST_READINGS // 2:
         return False
@@ -87,6 +95,13 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
     finder.parabola[2] = 2.0 * c / (half * half)
     left = squares - a * y0 - b * y1 - c * y2
     finder.parabola[3] = max(left, 0.0) / max(s0 - 3.0, 1.0)
+    # A parabola through x^3, and how much of what it leaves of that is in the readings.
+    a = (c00 * s3 + c01 * s4 + c02 * s5) / determinant
+    b = (c01 * s3 + c11 * s4 + c12 * s5) / determinant
+    c = (c02 * s3 + c12 * s4 + c22 * s5) / determinant
+    own = s6 - a * s3 - b * s4 - c * s5
+    share = (y3 - a * y0 - b * y1 - c * y2) / own if own > LEAST_OWN * s6 else 0.0
+    finder.parabola[4] = -share * b / half
     return True
 
 
@@ -125,6 +140,7 @@ def advance(finder: Any) -> bool:
     for i in range(3):
         finder.grid[slot, i] = finder.parabola[i]
     finder.grid[slot, 4] = finder.parabola[3]
+    finder.grid[slot, 6] = finder.parabola[4]
     if not _parabola(finder, 1, centre, half):
         finder.grid_count = 0
         return False

@@ -25,6 +25,7 @@ SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fit
 def reset(history: Any) -> None:
     """Nothing was felt of this tissue yet."""
     history.count = 0
+    history.first = 0
     history.every = 1
     history.waited = 0
     history.unfitted = 0
@@ -65,6 +66,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[0] = depth
     point[1] = place[1] + rest * place[2]
     point[2] = force
+    point[4] = place[6]
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)
@@ -77,10 +79,17 @@ def _thin_out(history: Any) -> None:
     for k in range(POINTS // 2):
         copy_vector(history.points[2 * k + 1], history.points[k])
     history.count = POINTS // 2
+    history.first //= 2
     history.every *= 2
 
 
 @compiled
 def oldest(history: Any) -> int:
     """Number of the first point that is still remembered."""
-    return max(history.count - POINTS, 0)  # type: ignore[no-any-return]
+    return max(history.count - POINTS, history.first)  # type: ignore[no-any-return]
+
+
+@compiled
+def forget_older_half(history: Any) -> None:
+    """Begin with the latest half of the points: no law fits all of them."""
+    history.first = (oldest(history) + history.count) // 2

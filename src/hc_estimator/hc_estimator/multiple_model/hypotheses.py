@@ -66,7 +66,7 @@ ROWS = (
         (1e-5, 1e-3, 1e-8, 1e-8),
         own=1,
         drives=((1.0, 1.0, 0.0, 0.0),),
-        own_walks=(1e-2,),
+        own_walks=(2e-2,),
         own_variances=(1e-2,),
     ),
     HypothesisRow(
@@ -75,7 +75,7 @@ ROWS = (
         (1e-5, 1e-3, 1e-8, 1e-8),
         own=2,
         drives=((1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
-        own_walks=(1e-2, 1e-4),
+        own_walks=(2e-2, 3e-4),
         own_variances=(1e-2, 1e-3),
     ),
     HypothesisRow(

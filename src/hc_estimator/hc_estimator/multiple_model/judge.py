@@ -40,10 +40,13 @@ from hc_estimator.multiple_model.rows import seed
 HORIZONS = np.array([0.05, 0.1, 0.2, 0.4])  # [s] in contact
 PERIOD = 0.005  # between two snapshots, at least [s]
 MEMORY = 0.4  # time constant of the scores [s]
+LARGEST_GAIN = 0.1  # of one snapshot in the scores, however much more it is known than before
+SMALLEST_VARIANCE = 1e-12  # of a force [N^2]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
 FORGIVEN = 10.0  # mean square over the best up to which an old error counts
 MISFIT_MARGIN = 3.0  # the same for a row that claims to fit, over one with a model error
+FREE_MARGIN = 1.5  # the same for one that may drift, which can follow a misfit for a while
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 REFUTED = 5.0  # log likelihood ratio
 REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
@@ -52,8 +55,9 @@ CLAIM = 1.0  # mean square over what a row claims up to which its errors are its
 LEARNING_NIS = 1.5  # recent_nis (mean 2) below which it is its ignorance that dominates
 CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
-FAR_BETTER = 50.0  # ratio of mean squares above which nothing else counts
+FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
+UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
 WAIT = 2.0  # time after which a row seeded anew counts again [s]
 
 
@@ -64,6 +68,8 @@ def reset(judge: Any) -> None:
     judge.count = 0
     judge.waited = 0.0
     judge.weight = 0.0
+    judge.known = 0.0
+    judge.varying = 0
 
 
 @compiled
@@ -76,10 +82,21 @@ def _shrunk(row: Any, i: int) -> float:
 
 
 @compiled
+def _surest(rows: Any) -> float:
+    """Smallest variance [N^2] that a row gave its prediction of this sample's force."""
+    least = math.inf
+    for m in range(FRESH):
+        if rows[m].active != 0 and rows[m].innovation_variance[1] > 0.0:
+            least = min(least, rows[m].innovation_variance[1])
+    return max(least, SMALLEST_VARIANCE) if least < math.inf else 1.0
+
+
+@compiled
 def _note(judge: Any, rows: Any, clock: float) -> None:
     """Keep what every row says now."""
     slot = judge.count % SLOTS
     judge.said_at[slot] = clock
+    judge.said_variance[slot] = _surest(rows)
     _write(judge, rows, slot)
     judge.count += 1
 
@@ -137,14 +154,27 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
 def _score(
     settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float
 ) -> None:
-    """Hold what the rows said some time ago against the force of now."""
+    """Hold what the rows said some time ago against the force of now.
+
+    Each error counts by what the surest row claimed to know when it was said: what nobody could
+    know yet says nothing about who is right by now.
+    """
     period = max(PERIOD, judge.waited)
     tool = rows[judge.chosen].state
+    known = 0.0
+    for h in range(HORIZONS.size):
+        back = max(round(HORIZONS[h] / period), 1)
+        if back <= min(judge.count, SLOTS - 1):
+            known += 1.0 / judge.said_variance[(judge.count - back) % SLOTS]
+    if known == 0.0:
+        return
+    judge.known += share * (known - judge.known)
+    gain = min(share * known / judge.known, max(share, LARGEST_GAIN))
     for m in range(rows.shape[0]):
         row = rows[m]
         if row.active == 0:
             continue
-        total, count = 0.0, 0
+        total, weight = 0.0, 0.0
         for h in range(HORIZONS.size):
             back = max(round(HORIZONS[h] / period), 1)
             if back > min(judge.count, SLOTS - 1):
@@ -157,12 +187,12 @@ def _score(
             error = abs(force - _expected(settings, judge.said[slot, m], m, ahead, tool))
             # A row gone wild must not be so far off that its score never comes back.
             error = min(error, settings.force_limit)
-            total += error * error
-            count += 1
-        if count > 0:
-            row.score += share * (total / count - row.score)
+            total += error * error / judge.said_variance[slot]
+            weight += 1.0 / judge.said_variance[slot]
+        if weight > 0.0:
+            row.score += gain * (total / weight - row.score)
             claimed = row.innovation_variance[1] - row.model_error - noise
-            row.claimed += share * (claimed - row.claimed)
+            row.claimed += gain * (claimed - row.claimed)
 
 
 @compiled
@@ -204,6 +234,10 @@ def learn(
     _note(judge, rows, clock)
     if judge.weight > FIRST_WEIGHT:
         _choose(judge, rows, clock)
+        likelier = rows[judge.chosen].log_likelihood - rows[0].log_likelihood
+        if judge.chosen > FITTED and likelier > REFUTED and clock > REFUTED_AFTER:
+            judge.varying = judge.chosen
+            judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
     judge.waited = 0.0
 
@@ -247,6 +281,17 @@ def _still_learns(row: Any) -> bool:
 
 
 @compiled
+def _cost(row: Any) -> float:
+    """Mean squared error of a row's predictions, as far as the choice goes.
+
+    A surface that may move follows any misfit for some tenths of a second, and predicts the worse
+    from then on. If what is left is still more than the noise, the surface was not what moved.
+    """
+    unexplained = SURFACE[row.index] and row.model_error > 0.0
+    return float(row.score * UNEXPLAINED) if unexplained else float(row.score)
+
+
+@compiled
 def _choose(judge: Any, rows: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = _steadiest(rows)
@@ -261,35 +306,52 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         row = rows[m]
         if not _is_eligible(row, clock, steadiest, likeliest):
             continue
-        best = min(best, row.score)
-        if row.model_error == 0.0:
-            best_fitting = min(best_fitting, row.score)
+        best = min(best, _cost(row))
         if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
             break
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
-    must_fit = best_fitting <= MISFIT_MARGIN * best
+    for m in range(FRESH):
+        row = rows[m]
+        margin = MISFIT_MARGIN if m <= FITTED else FREE_MARGIN
+        fits = row.model_error == 0.0 and _cost(row) <= margin * best
+        if fits and _is_eligible(row, clock, steadiest, likeliest):
+            best_fitting = min(best_fitting, _cost(row))
+    must_fit = best_fitting < math.inf
     limit = MARGIN * (best_fitting if must_fit else best)
     for m in range(FRESH):
         row = rows[m]
         if must_fit and row.model_error > 0.0:
             continue
-        if row.score <= limit and _is_eligible(row, clock, steadiest, likeliest):
+        if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
             break
-    _forgive_inconsistency(judge, rows, clock)
+    _prefer_far_better(judge, rows, clock)
 
 
 @compiled
-def _forgive_inconsistency(judge: Any, rows: Any, clock: float) -> None:
-    """Choose the fit after all if it predicts far better, whatever speaks against it.
+def _prefer_far_better(judge: Any, rows: Any, clock: float) -> None:
+    """Choose a row that predicts far better after all, whatever else speaks against it.
 
-    Rows that know next to nothing are always consistent, however badly they predict.
+    Rows that know next to nothing are always consistent, however badly they predict; and a surface
+    that may breathe expects more error than one that only sinks makes, which costs it likelihood.
     """
-    row = rows[FITTED]
-    scored = _counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0
-    if scored and FAR_BETTER * row.score < rows[judge.chosen].score:
-        judge.chosen = FITTED
+    best = math.inf
+    for m in range(FRESH):
+        if _is_scored(rows[m], clock):
+            best = min(best, _cost(rows[m]))
+    if FAR_BETTER * best >= _cost(rows[judge.chosen]):
+        return
+    for m in range(FRESH):
+        if _is_scored(rows[m], clock) and _cost(rows[m]) <= MARGIN * best:
+            judge.chosen = m
+            return
+
+
+@compiled
+def _is_scored(row: Any, clock: float) -> bool:
+    """True if the score of a row that counts is its own by now."""
+    return bool(_counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0)
 
 
 @compiled
@@ -329,4 +391,5 @@ def give_to_all(judge: Any, rows: Any, clock: float) -> None:
             for j in range(judge.said.shape[2]):
                 judge.said[slot, m, j] = judge.said[slot, FRESH, j]
     judge.chosen = 0
+    judge.varying = 0
     judge.weight = 0.0

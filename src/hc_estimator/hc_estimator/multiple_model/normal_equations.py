@@ -1,6 +1,8 @@
 """Cost of a fit of the contact law to what was felt, with a prior, and its normal equations.
 
 The prior is on ln K, ln (B / K), n and p. What is held (`history.held`) stays at its first guess.
+One pass over the points (`gather`) finds all that they say; the prior is added to it as often as
+what is held changes, without another pass.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_gradient
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.kalman import LARGEST_LOG
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import prior_deviation
 
@@ -19,38 +21,108 @@ HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
 
 
 @compiled
-def find_gradient(settings: Any, history: Any, point: Any) -> None:
-    """Derivative of the force after ln K, ln B, n, p at history.fit, in history.gradient[2:]."""
-    fit, gradient = history.fit, history.gradient
-    stiffness, damping = math.exp(fit[0]), math.exp(fit[1])
+def law_at(
+    settings: Any,
+    stiffness: float,
+    damping: float,
+    values: Any,
+    depth: float,
+    velocity: float,
+    out: Any,
+) -> float:
+    """Force at a point, and its derivatives.
+
+    Args:
+        settings: settings record.
+        stiffness: K, finite.
+        damping: B, finite.
+        values: of which n and p are taken, shape (4,).
+        depth: [mm].
+        velocity: [mm/s].
+        out: takes the derivatives after depth, velocity, ln K, ln B, n and p, shape (6,).
+
+    Returns:
+        The force [N].
+    """
     model = settings.contact_model
-    contact_gradient(model, point[0], point[1], stiffness, damping, fit[2], fit[3], gradient)
-    gradient[2] *= stiffness
-    gradient[3] *= damping
-    for i in range(4):
-        if prior_deviation(settings, i) <= 0.0:  # held fixed
-            gradient[2 + i] = 0.0
+    force = contact_gradient(model, depth, velocity, stiffness, damping, values[2], values[3], out)
+    out[2] *= stiffness
+    out[3] *= damping
+    return force  # type: ignore[no-any-return]
 
 
 @compiled
-def squares(settings: Any, history: Any, values: Any) -> float:
-    """Weighted sum of the squared residuals of ln K, ln B, n, p over all samples.
+def velocity_at(history: Any, point: Any) -> float:
+    """Velocity at a point [mm/s]."""
+    return point[1] + history.cubic_share * point[4]  # type: ignore[no-any-return]
 
-    What noise of the velocity adds to it on average is taken off: it grows with the damping, so
-    that a fit would call every damping too small (errors in variables; corrected least squares,
-    Nakamura, Biometrika 77, 1990).
+
+@compiled
+def exp_limited(logarithm: float) -> float:
+    """K or B of its logarithm, finite."""
+    return math.exp(min(max(logarithm, -LARGEST_LOG), LARGEST_LOG))
+
+
+@compiled
+def gather(settings: Any, history: Any, values: Any) -> float:
+    """What the points say about ln K, ln B, n and p, by the weights that they have.
+
+    What noise of the velocity adds to the squares on average is taken off: it grows with the
+    damping, so that a fit would call every damping too small (errors in variables; corrected least
+    squares, Nakamura, Biometrika 77, 1990). Where a velocity is off by e, the gradient g of the
+    force is off by e dg/dv, and the sum of w g g' holds w var(e) (dg/dv)(dg/dv)' that is no
+    information (`history.false`).
+
+    Args:
+        settings: settings record.
+        history: `seen`, `pull` and `false` are set: normal equations of the squares at `values`,
+            and what of `seen` is only noise of the velocity.
+        values: ln K, ln B, n and p, shape (4,).
+
+    Returns:
+        Weighted sum of squares.
     """
-    k, b, n, p = values[0], values[1], values[2], values[3]
+    seen, pull, false = history.seen, history.pull, history.false
+    gradient, above, below = history.gradient, history.above, history.below
+    stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
     spread = history.velocity_std
+    for i in range(4):
+        pull[i] = 0.0
+        for j in range(4):
+            seen[i, j] = 0.0
+            false[i, j] = 0.0
     total = 0.0
-    for i in range(histories.oldest(history), history.count):
-        point = history.points[i % POINTS]
-        force = force_of(settings, point[0], point[1], k, b, n, p)
-        total += point[3] * (force - point[2]) ** 2
-        if spread > 0.0:
-            above = force_of(settings, point[0], point[1] + spread, k, b, n, p)
-            below = force_of(settings, point[0], point[1] - spread, k, b, n, p)
-            total -= point[3] * (0.5 * (above - below)) ** 2
+    for k in range(histories.oldest(history), history.count):
+        point = history.points[k % POINTS]
+        depth, velocity, weight = point[0], velocity_at(history, point), point[3]
+        force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+        residual = point[2] - force
+        total += weight * residual * residual
+        for i in range(4):
+            share = weight * gradient[2 + i]
+            pull[i] += share * residual
+            for j in range(i + 1):
+                seen[i, j] += share * gradient[2 + j]
+        if spread <= 0.0:
+            continue
+        change = law_at(settings, stiffness, damping, values, depth, velocity + spread, above)
+        change -= law_at(settings, stiffness, damping, values, depth, velocity - spread, below)
+        total -= 0.25 * weight * change * change
+        for i in range(4):
+            share = 0.25 * weight * (above[2 + i] - below[2 + i])
+            pull[i] += share * change
+            for j in range(i + 1):
+                false[i, j] += share * (above[2 + j] - below[2 + j])
+    for i in range(4):
+        fixed = prior_deviation(settings, i) <= 0.0
+        if fixed:
+            pull[i] = 0.0
+        for j in range(i + 1):
+            if fixed or prior_deviation(settings, j) <= 0.0:
+                seen[i, j] = 0.0
+                false[i, j] = 0.0
+            seen[j, i] = seen[i, j]
+            false[j, i] = false[i, j]
     return total
 
 
@@ -80,35 +152,29 @@ def prior_off(settings: Any, history: Any, values: Any, i: int) -> float:
 
 
 @compiled
-def cost_of(settings: Any, history: Any, values: Any, weight: float) -> float:
-    """Weighted squared residuals and squared distance from the prior."""
-    total = weight * squares(settings, history, values)
+def prior_cost(settings: Any, history: Any, values: Any) -> float:
+    """Squared distance from the prior."""
+    total = 0.0
     for i in range(4):
         total += prior_off(settings, history, values, i) ** 2
     return total
 
 
 @compiled
-def linearise(settings: Any, history: Any, weight: float) -> None:
-    """Normal equations of `cost_of` at history.fit."""
-    information, slope, gradient = history.information, history.slope, history.gradient
-    values = history.fit
+def add_prior(settings: Any, history: Any, values: Any, weight: float) -> None:
+    """Normal equations of the cost, from what was gathered at `values`, by a weight of it.
+
+    Args:
+        settings: settings record.
+        history: `information` and `slope` are set.
+        values: ln K, ln B, n and p, shape (4,).
+        weight: of the squares beside the prior.
+    """
+    information, slope = history.information, history.slope
     for i in range(4):
-        slope[i] = 0.0
+        slope[i] = weight * history.pull[i]
         for j in range(4):
-            information[i, j] = 0.0
-    for k in range(histories.oldest(history), history.count):
-        point = history.points[k % POINTS]
-        force = force_of(settings, point[0], point[1], values[0], values[1], values[2], values[3])
-        residual = point[2] - force
-        find_gradient(settings, history, point)
-        for i in range(4):
-            share = weight * point[3] * gradient[2 + i]
-            slope[i] += share * residual
-            for j in range(i + 1):
-                information[i, j] += share * gradient[2 + j]
-        if history.velocity_std > 0.0:
-            _correct_slope(settings, history, point, weight)
+            information[i, j] = weight * history.seen[i, j]
     for i in range(4):
         deviation = deviation_in(settings, history, i)
         if deviation <= 0.0:
@@ -122,26 +188,7 @@ def linearise(settings: Any, history: Any, weight: float) -> None:
             slope[0] += off
             information[0, 0] += square
             information[1, 0] -= square
-    for i in range(4):
-        for j in range(i):
-            information[j, i] = information[i, j]
-
-
-@compiled
-def _correct_slope(settings: Any, history: Any, point: Any, weight: float) -> None:
-    """Derivative of what `squares` takes off for a point; history.next is overwritten."""
-    shifted, gradient, fit = history.next, history.gradient, history.fit
-    for side in (-1.0, 1.0):
-        for other in (-1.0, 1.0):
-            shifted[0] = point[0]
-            shifted[1] = point[1] + other * history.velocity_std
-            force = force_of(settings, shifted[0], shifted[1], fit[0], fit[1], fit[2], fit[3])
-            shifted[1] = point[1] + side * history.velocity_std
-            find_gradient(settings, history, shifted)
-            for i in range(4):
-                history.slope[i] += (
-                    0.25 * weight * point[3] * side * other * force * gradient[2 + i]
-                )
+            information[0, 1] -= square
 
 
 @compiled

@@ -81,9 +81,16 @@ JUDGE = record_type(
         Field("chosen", np.int64, (), 0, ROW_COUNT - 1),
         Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
+        Field(
+            "said_variance", np.float64, (SLOTS,)
+        ),  # that the surest row gave its force then [N^2]
+        Field("known", np.float64, (), 0.0),  # forgetting mean of its inverse [1/N^2]
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
         Field("weight", np.float64, (), 0.0),  # of the scores, grows to 1
+        # Row with a tissue that varies which was chosen last; 0: none.
+        Field("varying", np.int64, (), 0, ROW_COUNT - 1),
+        Field("varied_at", np.float64, ()),  # contact clock then [s]
     )
 )
 
@@ -95,7 +102,8 @@ CHANGE = record_type(
         Field("ratio", np.float64, ()),  # log likelihood ratio of the fresh row to that one
         Field("time", np.float64, ()),  # in contact since the alarm [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
-        Field("trusted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
+        Field("fitted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
+        Field("trusted", np.int64, (), 0, 1),  # 1 if they also knew the damping
         Field("fitting_time", np.float64, (), 0.0),  # in contact without model error [s]
         Field("before", np.float64, (4,)),  # ln K, ln B, n, p of that row at the alarm
         Field("before_variance", np.float64, (4,), 0.0),
@@ -143,9 +151,11 @@ POINTS = 512  # remembered samples
 # What was felt before, and the least-squares fit to it.
 HISTORY = record_type(
     (
-        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2].
-        Field("points", np.float64, (POINTS, 4)),
+        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], and what a cubic
+        # would add to the velocity [mm/s].
+        Field("points", np.float64, (POINTS, 5)),
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
+        Field("first", np.int64, (), 0),  # that counts, if it is still there
         Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
         Field("waited", np.int64, (), 0),  # points of the grid since the last of them
         Field("unfitted", np.int64, (), 0),  # points of the grid since the last fit
@@ -154,9 +164,14 @@ HISTORY = record_type(
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
         # Within one fit:
         Field("velocity_std", np.float64, (), 0.0),  # of a point [mm/s]
+        Field("cubic_share", np.float64, (), 0.0, 1.0),  # of what a cubic adds to the velocity
         Field("next", np.float64, (4,)),
         Field("slope", np.float64, (4,)),
         Field("gradient", np.float64, (6,)),
+        Field("above", np.float64, (6,)),  # the same at a velocity one deviation higher
+        Field("below", np.float64, (6,)),
+        Field("seen", np.float64, (4, 4)),  # information of the points, weights of one
+        Field("pull", np.float64, (4,)),  # and their part of the slope
         Field("information", np.float64, (4, 4)),
         Field("damped", np.float64, (4, 4)),
         Field("factor", np.float64, (4, 4)),
@@ -191,7 +206,7 @@ DELAY = record_type(
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),
         # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
-        Field("grid", np.float64, (GRID, 6)),
+        Field("grid", np.float64, (GRID, 7)),
         Field("grid_count", np.int64, (), 0),
         Field("grid_step", np.float64),  # [s]
         Field("grid_width", np.float64),  # of the parabolas [s]
@@ -210,7 +225,7 @@ DELAY = record_type(
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64),  # p of the fits
         Field("points_of", np.float64, (GRID, 5)),  # see `delay`
-        Field("parabola", np.float64, (4,)),  # the last: mean square left
+        Field("parabola", np.float64, (5,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
         Field("normal", np.float64, (4, 4)),

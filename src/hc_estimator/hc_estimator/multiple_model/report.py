@@ -15,6 +15,7 @@ from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_STIFFNESS,
     OWN,
@@ -42,6 +43,7 @@ FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
+VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 
 
@@ -72,6 +74,9 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
             out[COVARIANCE + 4 * i + j] = element
             out[COVARIANCE + 4 * j + i] = element
+    since_varying = bank.tool.contact_clock - bank.judge.varied_at
+    if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
+        _add_spread(row, bank.rows[bank.judge.varying], out)
     if bank.onset.zero[0] != 0.0 and not SURFACE[row.index]:
         _add_position(bank, state[EXPONENT], out)
     write_fixed_parameters(settings, out)
@@ -98,6 +103,22 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
             out[HYPOTHESIS_SCORES + CODES[m]] = math.sqrt(max(bank.rows[m].score, 0.0))
+
+
+@compiled
+def _add_spread(row: Any, other: Any, out: NDArray[np.float64]) -> None:
+    """Add the spread between two hypotheses to the covariance (Bar-Shalom et al. 2001, 11.6).
+
+    Between two inclusions constant tissue explains the force again, and a row of constant tissue is
+    very sure of itself; that the tissue varies is not forgotten with it.
+    """
+    for i in range(4):
+        here = out[PARAMETERS + i] if i < 2 else 1.0
+        first = here * (other.state[LOG_STIFFNESS + i] - row.state[LOG_STIFFNESS + i])
+        for j in range(4):
+            there = out[PARAMETERS + j] if j < 2 else 1.0
+            second = there * (other.state[LOG_STIFFNESS + j] - row.state[LOG_STIFFNESS + j])
+            out[COVARIANCE + 4 * i + j] += first * second
 
 
 @compiled

@@ -149,7 +149,7 @@ NODE_SETTINGS = _table(
         "For type transform: only transforms of this child frame; empty takes all. For type tf: "
         "the tool's frame.",
     ),
-    NodeSetting(
+    setting(
         "input.position.base_frame",
         "",
         "For type tf: the frame in which the tool's position is told; empty takes the one that "
