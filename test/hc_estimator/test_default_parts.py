@@ -231,6 +231,68 @@ def test_noise_of_the_velocity_is_no_knowledge(held, parts):
         assert np.all(np.abs(off) < 3.5 * deviation)
 
 
+def test_at_rest_the_noise_of_the_velocity_is_not_taken_for_damping(parts):
+    """Regression: B was 900 times too large for certain, with p at its limit."""
+    options, bank = parts
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        depth = 3.0 + 0.001 * rng.standard_normal(100)
+        force = law(depth, 0.0 * depth, in_logarithms(TISSUE)) + 0.004 * rng.standard_normal(100)
+        remember(bank, depth, 0.06 * rng.standard_normal(100), force)
+        bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
+        left = batch_fit._fit(options, bank.history, 0.004**2, 0.06**2, 0.06**2, 100.0)
+        assert left >= 0.0
+        ratio = bank.history.fit[1] - bank.history.fit[0]
+        assert ratio == pytest.approx(np.log(0.05), abs=0.1)
+        assert bank.history.fit[3] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_fit_to_nonsense_stays_where_the_law_means_something(parts):
+    """Regression: ln K ran to 3e8 on depths of 400 mm, and K was infinite."""
+    options, bank = parts
+    rng = np.random.default_rng(0)
+    remember(bank, 400.0 + rng.uniform(-9.0, 9.0, 60), rng.normal(size=60), rng.normal(size=60))
+    bank.history.fit[:] = (-10.8, -13.8, 4.0, 1.0)
+    batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 60.0)
+    assert np.all(np.abs(bank.history.fit) <= 16.0)
+
+
+@pytest.mark.parametrize(("frequency", "noise"), [(2.9, 0.0), (2.9, 0.003), (0.05, 0.003)])
+def test_a_parabola_hides_no_velocity(frequency, noise, parts):
+    """Regression: (omega h)^2 / 10 of every velocity was missing; it is 1 % at 3 Hz."""
+    _, bank = parts
+    finder, kept = bank.delay, bank.history
+    grid.restart(finder)
+    rng = np.random.default_rng(4)
+    time = np.arange(5000) / 1000.0
+    omega = 2.0 * np.pi * frequency
+    d = 3.0 + np.sin(omega * time) + noise * rng.standard_normal(time.size)
+    history.reset(kept)
+    true = []
+    for k in range(time.size):
+        grid.take(finder, 0, time[k], d[k])
+        grid.take(finder, 1, time[k], 5.0)
+        before = finder.grid_count
+        grid.advance(finder)
+        if finder.grid_count == before:
+            continue
+        centre = finder.grid_next - finder.grid_step
+        if history.learn(kept, finder, np.array([max(noise, 1e-6) ** 2, 1e-4])):
+            true.append(omega * np.cos(omega * centre))
+    found = np.array([kept.points[k] for k in range(kept.count)])
+    variance = 3.0 * noise**2 / 0.015**2 / 30.0
+    batch_fit._share_cubic(kept, variance, kept.count / 3.0)
+    share = kept.cubic_share
+    off = found[:, 1] + share * found[:, 4] - true
+    slope = np.sum(off * true) / np.sum(np.square(true))
+    if frequency > 1.0:
+        assert share > 0.9
+        assert abs(slope) < 1e-3
+        assert np.sum((found[:, 1] - true) * true) / np.sum(np.square(true)) < -6e-3
+    else:  # nothing to gain, noise to lose
+        assert share < 0.5
+
+
 def test_a_fit_with_misfit_tells_it_and_one_that_explains_nothing_is_none(parts):
     options, bank = parts
     rng = np.random.default_rng(1)
@@ -302,9 +364,13 @@ def rows_of(options, bank, scores, misfits=(), learns=()):
         ((1.5, 9.0, 1.0, 1.0, 1.0), (), (), 2),  # clearly worse
         ((2.0, 1.0, 9.0, 9.0, 9.0), (1,), (), 0),  # one that claims to fit goes before a misfit
         ((4.0, 1.0, 9.0, 9.0, 9.0), (1,), (), 1),  # unless it predicts far worse
-        ((4.0, 2.0, 9.0, 9.0, 1.0), (0, 1, 2, 3, 4), (), 4),  # among misfits, the best
-        ((5.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 0),  # still learning: freer rows prove nothing
-        ((5.0, 1.0, 0.1, 0.1, 0.1), (), (0,), 1),  # but the fit, as calm, does
+        ((4.0, 2.0, 9.0, 1.0, 9.0), (0, 1, 2, 3, 4), (), 3),  # among misfits, the best
+        ((4.0, 2.0, 9.0, 9.0, 1.0), (0, 1, 2, 3, 4), (), 1),  # a surface that explains nothing
+        ((9.0, 9.0, 3.5, 9.0, 1.0), (0, 1), (), 4),  # and one that does
+        ((2.0, 4.5, 9.0, 1.8, 1.8), (0,), (), 0),  # what may drift has no advance over a misfit
+        ((3.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 0),  # still learning: freer rows prove nothing
+        ((3.0, 1.0, 0.4, 0.4, 0.4), (), (0,), 1),  # but the fit, as calm, does
+        ((5.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 2),  # far better is far better
     ],
 )
 def test_the_judge_chooses(scores, misfits, learns, chosen, parts):

@@ -182,11 +182,6 @@ def test_a_sudden_turn_of_the_tool_is_no_misfit(corner, plant):
     np.testing.assert_allclose(series.parameters[time > 4.0, 0], TISSUE[0], rtol=0.05)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="since the fitted hypothesis: misfit told 84 % of the time, mean NIS 6.3 (before it 91 "
-    "to 99 %, below 4)",
-)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_law_that_does_not_fit_is_model_error_and_no_change(seed, plant):
     """A third of the elastic force relaxes with a time constant of 0.4 s."""

@@ -45,6 +45,7 @@ from hc_estimator.multiple_model.normal_equations import (
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
     LARGEST_EXPONENT,
+    LARGEST_LOG_STIFFNESS,
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
@@ -329,6 +330,15 @@ def _mean_square_force(history: Any) -> float:
 
 
 @compiled
+def _limit(values: Any) -> None:
+    """Keep ln K, ln B, n and p where the law means something."""
+    for i in range(2):
+        values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
+    values[2] = min(max(values[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+    values[3] = min(max(values[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+
+
+@compiled
 def _improve(settings: Any, history: Any, weight: float) -> float:
     """Levenberg-Marquardt from history.fit on; sum of squares at its end, NaN if it broke down."""
     values, following = history.fit, history.next
@@ -346,8 +356,7 @@ def _improve(settings: Any, history: Any, weight: float) -> float:
         solve(history.factor, following)
         for i in range(4):
             following[i] += values[i]
-        following[2] = min(max(following[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-        following[3] = min(max(following[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+        _limit(following)
         squares_after = gather(settings, history, following)
         after = weight * squares_after + prior_cost(settings, history, following)
         if after < cost:

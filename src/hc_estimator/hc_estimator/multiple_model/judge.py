@@ -58,6 +58,7 @@ WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row 
 FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
 UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
+UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
 WAIT = 2.0  # time after which a row seeded anew counts again [s]
 
 
@@ -285,9 +286,13 @@ def _cost(row: Any) -> float:
     """Mean squared error of a row's predictions, as far as the choice goes.
 
     A surface that may move follows any misfit for some tenths of a second, and predicts the worse
-    from then on. If what is left is still more than the noise, the surface was not what moved.
+    from then on. If what is left is still more than the noise, or if it cannot be said where the
+    surface is, then it was not the surface that moved.
     """
-    unexplained = SURFACE[row.index] and row.model_error > 0.0
+    if not SURFACE[row.index]:
+        return float(row.score)
+    unknown = row.covariance[OWN, OWN] > UNKNOWN_POSITION * UNKNOWN_POSITION
+    unexplained = unknown or row.model_error > 0.0
     return float(row.score * UNEXPLAINED) if unexplained else float(row.score)
 
 

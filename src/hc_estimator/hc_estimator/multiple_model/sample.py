@@ -330,6 +330,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     touching = depth_of(chosen) > TOUCHING_DEPTH and chosen.predicted_force > 0.0
+    if SURFACE[chosen.index] and clock.present[1] != 0:
+        # A surface thought to be far off must not stop what would refute it.
+        touching = touching or clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
     if touching:
         tool.away_time = 0.0
         tool.contact_clock += clock.elapsed if clock.restart == 0 else clock.period
