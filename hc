@@ -118,7 +118,7 @@ make_environment() {
 make_messages() { # beside one another: the filters' code needs no messages
     printf '[3/4] compiling the messages and the estimators (one to two minutes)\n' >&2
     ahead_log=$environment/.compiling_ahead
-    PYTHONSAFEPATH=1 PYTHONPATH="$root/src/hc_bringup:$root/src/hc_estimator" \
+    PYTHONSAFEPATH=1 PYTHONPATH="$root/src/hc_bringup:$root/src/hc_estimator:$root/src/hc_msgs_py" \
         "$environment/bin/python" -m hc_bringup.warm_up ahead >"$ahead_log" 2>&1 &
     ahead=$!
     trap 'kill "$ahead" 2>/dev/null || true' EXIT

@@ -243,7 +243,8 @@ def test_at_rest_the_noise_of_the_velocity_is_not_taken_for_damping(parts):
         left = batch_fit._fit(options, bank.history, 0.004**2, 0.06**2, 0.06**2, 100.0)
         assert left >= 0.0
         ratio = bank.history.fit[1] - bank.history.fit[0]
-        assert ratio == pytest.approx(np.log(0.05), abs=0.1)
+        first = np.log(options.initial_damping / options.initial_stiffness)
+        assert ratio == pytest.approx(first, abs=0.1)
         assert bank.history.fit[3] == pytest.approx(1.0, abs=0.05)
 
 
@@ -257,7 +258,7 @@ def test_a_fit_to_nonsense_stays_where_the_law_means_something(parts):
     assert np.all(np.abs(bank.history.fit) <= 16.0)
 
 
-@pytest.mark.parametrize(("frequency", "noise"), [(2.9, 0.0), (2.9, 0.003), (0.05, 0.003)])
+@pytest.mark.parametrize(("frequency", "noise"), [(2.9, 1e-5), (2.9, 0.003), (0.05, 0.003)])
 def test_a_parabola_hides_no_velocity(frequency, noise, parts):
     """Regression: (omega h)^2 / 10 of every velocity was missing; it is 1 % at 3 Hz."""
     _, bank = parts
@@ -277,7 +278,7 @@ def test_a_parabola_hides_no_velocity(frequency, noise, parts):
         if finder.grid_count == before:
             continue
         centre = finder.grid_next - finder.grid_step
-        if history.learn(kept, finder, np.array([max(noise, 1e-6) ** 2, 1e-4])):
+        if history.learn(kept, finder, np.array([1e-4, 1e-4])):
             true.append(omega * np.cos(omega * centre))
     found = np.array([kept.points[k] for k in range(kept.count)])
     variance = 3.0 * noise**2 / 0.015**2 / 30.0
@@ -291,6 +292,21 @@ def test_a_parabola_hides_no_velocity(frequency, noise, parts):
         assert np.sum((found[:, 1] - true) * true) / np.sum(np.square(true)) < -6e-3
     else:  # nothing to gain, noise to lose
         assert share < 0.5
+
+
+def test_what_no_law_explains_is_forgotten_from_its_older_end(parts):
+    """Regression: after nonsense there was no fit, and no recovery, for ten good seconds."""
+    _, bank = parts
+    kept = bank.history
+    remember(bank, *press(None), np.ones(300))
+    history.forget_older_half(kept)
+    assert history.oldest(kept) == 150
+    history.forget_older_half(kept)
+    assert history.oldest(kept) == 225
+    kept.count = POINTS + 300  # the ring has gone round since
+    assert history.oldest(kept) == 300
+    history.reset(kept)
+    assert history.oldest(kept) == 0
 
 
 def test_a_fit_with_misfit_tells_it_and_one_that_explains_nothing_is_none(parts):
@@ -349,6 +365,7 @@ def rows_of(options, bank, scores, misfits=(), learns=()):
         row = bank.rows[m]
         reset(options, row, 2.0)
         row.index, row.active, row.score, row.claimed = m, 1, score, 0.0
+        row.covariance[7, 7] = 0.01  # a surface that is known
         row.model_error = 1.0 if m in misfits else 0.0
         if m in learns:
             row.recent_nis, row.claimed = 1.0, 1e3
@@ -367,7 +384,7 @@ def rows_of(options, bank, scores, misfits=(), learns=()):
         ((4.0, 2.0, 9.0, 1.0, 9.0), (0, 1, 2, 3, 4), (), 3),  # among misfits, the best
         ((4.0, 2.0, 9.0, 9.0, 1.0), (0, 1, 2, 3, 4), (), 1),  # a surface that explains nothing
         ((9.0, 9.0, 3.5, 9.0, 1.0), (0, 1), (), 4),  # and one that does
-        ((2.0, 4.5, 9.0, 1.8, 1.8), (0,), (), 0),  # what may drift has no advance over a misfit
+        ((2.0, 6.5, 9.0, 3.2, 3.2), (0,), (), 0),  # what may drift has no advance over a misfit
         ((3.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 0),  # still learning: freer rows prove nothing
         ((3.0, 1.0, 0.4, 0.4, 0.4), (), (0,), 1),  # but the fit, as calm, does
         ((5.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 2),  # far better is far better

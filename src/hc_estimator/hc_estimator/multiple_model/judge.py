@@ -307,16 +307,15 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
     for m in range(FRESH):
         rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
     best, best_fitting = math.inf, math.inf
-    for m in range(FRESH):
-        row = rows[m]
-        if not _is_eligible(row, clock, steadiest, likeliest):
-            continue
-        best = min(best, _cost(row))
-        if m == FITTED and (_still_learns(rows[0]) or _still_learns(rows[FITTED])):
-            break
+    learning = _still_learns(rows[0]) or _still_learns(rows[FITTED])
+    learning = learning and _is_eligible(rows[FITTED], clock, steadiest, likeliest)
+    asked = FITTED + 1 if learning else FRESH
+    for m in range(asked):
+        if _is_eligible(rows[m], clock, steadiest, likeliest):
+            best = min(best, _cost(rows[m]))
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
-    for m in range(FRESH):
+    for m in range(asked):
         row = rows[m]
         margin = MISFIT_MARGIN if m <= FITTED else FREE_MARGIN
         fits = row.model_error == 0.0 and _cost(row) <= margin * best
