@@ -175,15 +175,19 @@ def _differs(change: Any, rows: Any) -> bool:
 
 
 @compiled
-def _predicts_better(rows: Any) -> bool:
-    """True if the fresh row has foreseen the force clearly better than every other row.
+def _is_believed(change: Any, rows: Any) -> bool:
+    """True if what the fresh row foresaw speaks for it as well.
 
-    Where no row has fitted, a fresh one is the likelier for a part of each period of the misfit.
+    Where the rows had fitted for long, it must not predict clearly worse than the best of them: a
+    turn of the tool makes each of them unlikely for a while. Where they had not, it must predict
+    clearly better, for a fresh one is the likelier for a part of each period of any misfit.
     """
     best = math.inf
     for m in range(FRESH):
         if rows[m].active != 0:
             best = min(best, rows[m].score)
+    if change.fitted != 0:
+        return bool(rows[FRESH].score < BETTER * best)
     return bool(BETTER * rows[FRESH].score < best)
 
 
@@ -207,12 +211,15 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
     change.time += elapsed
     beaten = _others_are_beaten(change, rows, elapsed)
     change.ratio = rows[change.veteran].change_lead
-    believed = change.fitted != 0 or _predicts_better(rows)
+    over = change.time > PROBATION
+    if over and change.leads == 0:  # whatever happens to the rows just now came too late
+        end_test(change, rows)
+        return
+    believed = _is_believed(change, rows)
     if change.leads == 0 and change.ratio > LEAD and beaten and believed:
         change.leads = 1
     elif change.leads != 0 and (change.ratio < -LEAD or not believed):
         change.leads = 0
-    over = change.time > PROBATION
     differs = _differs(change, rows)
     at_once = change.trusted != 0 and late and differs
     if change.leads != 0 and (at_once or (over and change.ratio > KEEP)):
