@@ -165,17 +165,7 @@ def test_a_sudden_turn_of_the_tool_is_no_change(corner, plant):
     assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.02)
 
 
-@pytest.mark.parametrize(
-    "corner",
-    [
-        "triangle",
-        "ramp and hold",
-        pytest.param(
-            "bounces",
-            marks=pytest.mark.xfail(strict=True, reason="misfit is told 78 % of the time"),
-        ),
-    ],
-)
+@pytest.mark.parametrize("corner", CORNERS)
 def test_a_sudden_turn_of_the_tool_is_no_misfit(corner, plant):
     time, series = turning_tool(plant, corner)
     assert np.mean(series.model_mismatch) < 0.1

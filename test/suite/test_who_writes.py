@@ -93,7 +93,7 @@ GUESTS = {
         "row": "active covariance log_likelihood model_error score state",
     },
     "multiple_model/change": {
-        "row": "active alarmed change_lead contact_time model_error",
+        "row": "active alarmed change_lead contact_time model_error score",
     },
     "multiple_model/judge": {"row": "claimed inconsistent_time log_likelihood model_error score"},
     "multiple_model/maneuver": {
@@ -102,7 +102,6 @@ GUESTS = {
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
-    "multiple_model/normal_equations": {"history": "slope"},
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"
     },

@@ -2,7 +2,7 @@
 
 Thin: parameters are declared and checked in ros/settings, samples come from ros/inputs and
 ros/sensors, the stream with its faults is judged in online/session, messages go out through
-ros/outputs, and ros/services keeps the state.
+ros/outputs, ros/service_calls answers, and ros/state_keeper keeps the state.
 """
 
 from __future__ import annotations
@@ -36,15 +36,15 @@ from hc_estimator.ros.node_settings import (
     READING,
 )
 from hc_estimator.ros.outputs import Outputs
-from hc_estimator.ros.services import NotPossibleError, add_service
+from hc_estimator.ros.service_calls import ServiceCalls
+from hc_estimator.ros.services import NotPossibleError
 from hc_estimator.ros.settings import Change, Settings
 from hc_estimator.ros.settings_meaning import session_settings
 from hc_estimator.ros.sources import INPUTS
-from hc_estimator.ros.state_keeper import StateKeeper, parameters_of, try_out
+from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
 from hc_estimator.ros.zeroing import ZEROS
-from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -55,7 +55,7 @@ WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
 
-class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Estimates contact parameters from a stream of samples.
 
     Publishers and services live as long as the node, through every change of its lifecycle;
@@ -91,11 +91,7 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
         self.add_on_set_parameters_callback(self._settings.check)
         self.add_post_set_parameters_callback(self._apply)
         add_ready_service(self, self._missing)
-        add_service(self, "reset", self._reset)
-        add_service(self, "tare", self._start_tare)
-        add_service(self, "find_surface", self._start_finding_surface)
-        add_service(self, "save", lambda: self._keeper.save(self._active_session()))
-        add_service(self, "load", self._load)
+        self._add_services()
         # The machine's own steady clock: simulated time may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=self._steady)
@@ -345,44 +341,6 @@ class EstimatorNode(LateDestruction, LifecycleNode):  # type: ignore[misc]  # rc
             self._configured().reset(Cause.RESET, self._new_estimator(), text)
         elif change.kind is None and not change.estimator:
             self._configured().announce_reconfiguration(text)
-
-    def _active_session(self) -> EstimationSession:
-        if self._session is None or not self._wants_input:
-            raise NotPossibleError(self._inactive())
-        if self._input is None:
-            raise NotPossibleError(self._cannot_listen)
-        return self._session
-
-    def _inactive(self) -> str:
-        """Say why there is no input."""
-        if self._starts_by_itself:
-            return f"{STARTING}{self._compilation.progress}"
-        return self._cannot_listen or "the estimator is not active"
-
-    def _reset(self) -> str:
-        self._zeros.give_up("a reset came between")
-        # A new estimator, so that settings that wait for a reset take effect.
-        self._active_session().reset(Cause.RESET, self._new_estimator())
-        return "started afresh"
-
-    def _start_tare(self) -> str:
-        self._active_session()
-        return self._zeros.tare()
-
-    def _start_finding_surface(self) -> str:
-        self._active_session()
-        return self._zeros.find_surface()
-
-    def _load(self) -> str:
-        session = self._active_session()
-        state = self._keeper.load()
-        try:
-            try_out(state)
-            self._take_settings(state)
-            session.load(state.estimator, state.time_origin_ns)
-        except ValueError as error:
-            raise NotPossibleError(str(error)) from error
-        return f"goes on from a state saved {state.age_s:.0f} s ago"
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""

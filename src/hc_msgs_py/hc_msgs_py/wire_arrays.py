@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message, serialize_message
 
+from hc_msgs_py.cdr import ENCAPSULATION
 from hc_msgs_py.topics import FRAME_INDENTER_TIP
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
-from hc_msgs_py.wire import ENCAPSULATION, SampleDecoder
+from hc_msgs_py.wire import SampleDecoder
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

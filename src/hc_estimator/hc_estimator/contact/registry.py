@@ -230,8 +230,8 @@ def contact_gradient(
     p = velocity_exponent
     if not _LAGGED[model]:
         p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
-    force = _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
-    if force <= 0.0 and not _MAY_PULL[model]:
+    found: float = _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
+    if found <= 0.0 and not _MAY_PULL[model]:
         for i in range(6):
             gradient[i] = 0.0
         return 0.0
@@ -239,4 +239,4 @@ def contact_gradient(
         gradient[4] = 0.0
     if p != velocity_exponent:
         gradient[5] = 0.0
-    return force
+    return found

@@ -226,5 +226,7 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
         change.detected = 1 if differs else 0
         judging.give_to_all(judge, rows, tool.contact_clock)
         end_test(change, rows)
-    elif over or (change.time > SETTLED and change.leads == 0 and change.ratio < -LEAD):
+        return
+    hopeless = change.ratio < -LEAD or (change.fitted != 0 and not believed)
+    if over or (change.time > SETTLED and change.leads == 0 and hopeless):
         end_test(change, rows)

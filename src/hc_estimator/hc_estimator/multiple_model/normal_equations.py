@@ -48,7 +48,7 @@ def law_at(
     force = contact_gradient(model, depth, velocity, stiffness, damping, values[2], values[3], out)
     out[2] *= stiffness
     out[3] *= damping
-    return force  # type: ignore[no-any-return]
+    return force
 
 
 @compiled

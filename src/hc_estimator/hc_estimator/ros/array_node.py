@@ -21,11 +21,11 @@ from hc_estimator.estimator import (
     available_state_spaces,
 )
 from hc_estimator.online.array_stream import ArrayStream
-from hc_estimator.online.histogram import DurationHistogram
 from hc_estimator.online.vocabulary import SessionSettings
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.services import add_service
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import ESTIMATE_QOS
