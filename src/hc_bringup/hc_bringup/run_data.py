@@ -26,6 +26,7 @@ from hc_logger.recorded import only_topic
 from hc_logger.recording import Recording
 from hc_logger.selection import full_name
 from hc_logger.type_names import ESTIMATE_TYPE
+from hc_msgs_py.estimate_fields import estimate_fields
 from hc_msgs_py.topics import EVENTS, TIP, TRUTH
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -275,39 +276,8 @@ def records_of_series(
     """Return a series as records with the fields and units of the message."""
     table = np.zeros(len(series), estimate_dtype())
     table["sequence"] = sequence
-    for index, name in enumerate(PARAMETER_NAMES):
-        table[name] = series.parameters[:, index]
-        table[f"{name}_std"] = series.parameters_std[:, index]
-        table[f"{name}_identifiability"] = series.identifiability[:, index]
-    table["covariance"] = series.covariance.reshape(-1, 16)
-    table["force_measured"] = force_n
-    table["innovation_displacement"] = series.innovation[:, 0] / METRE_IN_MM
-    table["innovation_force"] = series.innovation[:, 1]
-    for name in (
-        "displacement",
-        "velocity",
-        "displacement_noise_std",
-        "contact_position",
-        "contact_position_std",
-    ):
-        table[name] = getattr(series, name) / METRE_IN_MM
-    for name in (
-        "force_predicted",
-        "force_reconstructed",
-        "nis",
-        "force_noise_std",
-        "channel_delay",
-        "channel_delay_std",
-        "force_zero",
-        "force_zero_std",
-        "contact",
-        "change_detected",
-        "model_mismatch",
-        "rejected",
-        "hypothesis",
-        "hypothesis_scores",
-    ):
-        table[name] = getattr(series, name)
+    for name, values in estimate_fields(series, force_n):
+        table[name] = values
     return table
 
 

@@ -23,7 +23,7 @@ from hc_estimator.online.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
 from hc_logger.recorded import RecordedConfiguration, Recording
-from hc_msgs_py.units import METRE_IN_MM
+from hc_msgs_py.estimate_fields import estimate_fields
 
 FORCE_ZERO = "input.force.zero"
 POSITION_ZERO = "input.position.zero"
@@ -255,7 +255,7 @@ def _compare(
         force,
     )
     differs = np.zeros(len(rows), bool)
-    for name, recomputed in _fields(series, force):
+    for name, recomputed in estimate_fields(series, force):
         if name not in (recorded.dtype.names or ()):
             continue  # recorded before the message had this field
         kept = recorded[name]
@@ -276,41 +276,3 @@ def _compare(
             )
     report.compared += len(rows)
     report.different += int(np.count_nonzero(differs))
-
-
-def _fields(series: Any, force: NDArray[np.float64]) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield each field of hc_msgs/HuntCrossleyEstimate that follows from the samples.
-
-    The same divisions as in hc_msgs_py.wire.EstimateEncoder, or the last bit would differ.
-    """
-    names = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
-    for i, name in enumerate(names):
-        yield name, series.parameters[:, i]
-        yield f"{name}_std", series.parameters_std[:, i]
-        yield f"{name}_identifiability", series.identifiability[:, i]
-    yield "displacement", series.displacement / METRE_IN_MM
-    yield "velocity", series.velocity / METRE_IN_MM
-    yield "force_measured", force
-    yield "innovation_displacement", series.innovation[:, 0] / METRE_IN_MM
-    yield "innovation_force", series.innovation[:, 1]
-    yield "displacement_noise_std", series.displacement_noise_std / METRE_IN_MM
-    yield "contact_position", series.contact_position / METRE_IN_MM
-    yield "contact_position_std", series.contact_position_std / METRE_IN_MM
-    for name in (
-        "force_predicted",
-        "force_reconstructed",
-        "nis",
-        "force_noise_std",
-        "channel_delay",
-        "channel_delay_std",
-        "force_zero",
-        "force_zero_std",
-        "contact",
-        "change_detected",
-        "model_mismatch",
-        "rejected",
-        "hypothesis",
-        "hypothesis_scores",
-    ):
-        yield name, getattr(series, name)
-    yield "covariance", series.covariance.reshape(-1, 16)

@@ -18,6 +18,7 @@ from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message, serialize_message
 
 from hc_msgs_py.cdr import ENCAPSULATION
+from hc_msgs_py.estimate_fields import LENGTHS, PARAMETERS, estimate_fields
 from hc_msgs_py.topics import FRAME_INDENTER_TIP
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 from hc_msgs_py.wire import SampleDecoder
@@ -279,31 +280,6 @@ def decode_samples(decoder: SampleDecoder, messages: Sequence[bytes]) -> Samples
     )
 
 
-_AS_THEY_ARE = (
-    "force_predicted",
-    "force_reconstructed",
-    "nis",
-    "force_noise_std",
-    "channel_delay",
-    "channel_delay_std",
-    "force_zero",
-    "force_zero_std",
-    "contact",
-    "change_detected",
-    "model_mismatch",
-    "rejected",
-    "hypothesis",
-)
-_LENGTHS = (
-    "displacement",
-    "velocity",
-    "displacement_noise_std",
-    "contact_position",
-    "contact_position_std",
-)
-_OF_PARAMETERS = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
-
-
 def encode_estimates(
     series: Any,
     samples: Samples,
@@ -333,21 +309,10 @@ def encode_estimates(
     table["frame"] = frame
     table["sequence"] = samples.sequences
     table["configuration_revision"] = configuration_revision
-    for i, name in enumerate(_OF_PARAMETERS):
-        table[name] = series.parameters[:, i]
-        table[f"{name}_std"] = series.parameters_std[:, i]
-        table[f"{name}_identifiability"] = series.identifiability[:, i]
-    for name in _AS_THEY_ARE:
-        table[name] = getattr(series, name)
-    for name in _LENGTHS:
-        table[name] = getattr(series, name) / METRE_IN_MM
-    table["force_measured"] = samples.forces_n
-    table["innovation_displacement"] = series.innovation[:, 0] / METRE_IN_MM
-    table["innovation_force"] = series.innovation[:, 1]
     table["computation_time"] = computation_time_s
     table["latency"] = (now_ns - samples.stamps_ns) * 1e-9
-    table["covariance"] = series.covariance.reshape(count, 16)
-    table["hypothesis_scores"] = series.hypothesis_scores
+    for name, values in estimate_fields(series, samples.forces_n):
+        table[name] = values
     data, size = table.tobytes(), layout.itemsize
     return [data[i : i + size] for i in range(0, count * size, size)]
 
@@ -364,9 +329,9 @@ def fill_estimate_arrays(
         names: fields beside the parameters; lengths become metres.
     """
     deviations = series.parameters_std
-    for i, name in enumerate(_OF_PARAMETERS):
+    for i, name in enumerate(PARAMETERS):
         record[name] = series.parameters[..., i]
         record[f"{name}_std"] = deviations[..., i]
     for name in names:
         values = getattr(series, name)
-        record[name] = values / METRE_IN_MM if name in _LENGTHS else values
+        record[name] = values / METRE_IN_MM if name in LENGTHS else values
