@@ -26,6 +26,7 @@ from hc_estimator.multiple_model.records import (
 )
 
 LEAST_SHARE = 0.3  # of a window that must be in contact
+FEWEST_POINTS = 12  # of a window: three for each unknown
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed at which |v|^p is taken at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
@@ -247,7 +248,7 @@ def learn_window(finder: Any, velocity_exponent: float) -> bool:
         velocity_exponent: p, as far as it is known; 1 else.
     """
     finder.velocity_exponent = velocity_exponent
-    if _find_contact(finder) < LEAST_SHARE * finder.points:
+    if _find_contact(finder) < max(LEAST_SHARE * finder.points, FEWEST_POINTS):
         return False
     slot = finder.windows % WINDOWS
     reach = finder.reach
