@@ -30,7 +30,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 6  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 7  # of Estimator.state(); raised when its meaning changes
 
 DEFAULT_FILTER = "self_tuning_ukf"
 DEFAULT_STATE_SPACE = "kinematic"

@@ -31,6 +31,7 @@ from hc_estimator.contact.registry import (
 from hc_estimator.contact.registry import (
     SMALLEST_VELOCITY_EXPONENT as SMALLEST_P,
 )
+from hc_estimator.multiple_model import levels
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
@@ -49,6 +50,7 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY_EXPONENT,
     WALKS,
 )
+from hc_estimator.multiple_model.levels import UNBENT
 
 TINY = 1e-300
 LARGEST_LOG = 300.0  # of a force; beyond it exp() would not be finite when squared
@@ -68,6 +70,14 @@ def force_of(
     stiffness = math.exp(min(max(k, -LARGEST_LOG), LARGEST_LOG))
     damping = math.exp(min(max(b, -LARGEST_LOG), LARGEST_LOG))
     return contact_force(settings.contact_model, depth, velocity, stiffness, damping, n, p)
+
+
+@compiled
+def log_speed_of(row: Any, log_speed: float) -> float:
+    """The given one where K and B can both be learnt; else each stands for itself."""
+    free = row.covariance[LOG_STIFFNESS, LOG_STIFFNESS] > 0.0
+    free = free and row.covariance[LOG_DAMPING, LOG_DAMPING] > 0.0
+    return log_speed if free else UNBENT
 
 
 @compiled
@@ -162,7 +172,9 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool) -> None:
 
 
 @compiled
-def use_displacement(row: Any, reading: float, offset: float, noise: float, hold: int) -> None:
+def use_displacement(
+    row: Any, reading: float, offset: float, noise: float, hold: int, log_speed: float
+) -> None:
     """Kalman update with a displacement.
 
     Args:
@@ -171,6 +183,7 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
         offset: by how much later than the state it was taken [s].
         noise: its variance [mm^2].
         hold: which parameters are only considered.
+        log_speed: see `levels`.
     """
     covariance, gain = row.covariance, row.sensitivity
     count = COUNTS[row.index]
@@ -187,7 +200,7 @@ def use_displacement(row: Any, reading: float, offset: float, noise: float, hold
     row.innovation[0] = innovation
     row.innovation_variance[0] = variance
     row.nis[0] = innovation * innovation / variance
-    _apply(row, gain, innovation, variance, hold)
+    _apply(row, gain, innovation, variance, hold, log_speed)
 
 
 @compiled
@@ -199,7 +212,14 @@ def _is_held(i: int, hold: int) -> bool:
 
 
 @compiled
-def _apply(row: Any, covariance_column: Any, innovation: float, variance: float, hold: int) -> None:
+def _apply(
+    row: Any,
+    covariance_column: Any,
+    innovation: float,
+    variance: float,
+    hold: int,
+    log_speed: float,
+) -> None:
     """State and covariance after a scalar update.
 
     Args:
@@ -209,12 +229,15 @@ def _apply(row: Any, covariance_column: Any, innovation: float, variance: float,
         variance: of the innovation.
         hold: which parameters are only considered; the covariance is that of the reduced gain K',
             P - K' c^T - c K'^T + K' S K'^T.
+        log_speed: see `levels`.
     """
     state, covariance, column = row.state, row.covariance, covariance_column
     count = COUNTS[row.index]
     inverse = 1.0 / variance
     if hold == HOLD_NOTHING:
         scaled = innovation * inverse
+        log_speed = log_speed_of(row, log_speed)
+        k, b, p = state[LOG_STIFFNESS], state[LOG_DAMPING], state[VELOCITY_EXPONENT]
         for i in range(count):
             state[i] += column[i] * scaled
             gain = column[i] * inverse
@@ -222,6 +245,8 @@ def _apply(row: Any, covariance_column: Any, innovation: float, variance: float,
                 element = covariance[i, j] - gain * column[j]
                 covariance[i, j] = element
                 covariance[j, i] = element
+        if log_speed > UNBENT:
+            levels.follow(row, k, b, p, log_speed)
         return
     for i in range(count):
         held_i = _is_held(i, hold)
@@ -237,8 +262,13 @@ def _apply(row: Any, covariance_column: Any, innovation: float, variance: float,
 
 
 @compiled
-def foresee_force(settings: Any, row: Any) -> bool:
+def foresee_force(settings: Any, row: Any, log_speed: float) -> bool:
     """Unscented transform of the force: predicted mean, sensitivity and curvature.
+
+    Args:
+        settings: settings record.
+        row: what it expects is noted in it.
+        log_speed: see `levels`.
 
     Returns:
         False if the covariance has no Cholesky factor; the row is then lost.
@@ -256,10 +286,12 @@ def foresee_force(settings: Any, row: Any) -> bool:
         depth -= state[OWN]
         velocity -= state[OWN + 1]
     k, b, n, p = state[2], state[3], state[4], state[5]
+    log_speed = log_speed_of(row, log_speed)
+    share = levels.share_of_damping(k, b, p, log_speed)
     touching = depth > TINY
     log_depth = math.log(depth) if touching else 0.0
     speed = abs(velocity)
-    log_speed = math.log(speed) if speed > TINY else math.log(TINY)
+    log_velocity = math.log(speed) if speed > TINY else math.log(TINY)
     sign = 1.0 if velocity > 0.0 else -1.0
     least = -math.inf if settings.contact_model == ADHESIVE else 0.0
     centre = force_of(settings, depth, velocity, k, b, n, p)
@@ -281,36 +313,25 @@ def foresee_force(settings: Any, row: Any) -> bool:
         if not moves_tool and j > VELOCITY_EXPONENT:
             sensitivity[j] = 0.0
             continue
+        k_plus, b_plus = levels.moved(k, b, p, move_k, move_b, move_p, share, log_speed)
+        k_minus, b_minus = levels.moved(k, b, p, -move_k, -move_b, -move_p, share, log_speed)
+        n_plus, n_minus, p_plus, p_minus = n + move_n, n - move_n, p + move_p, p - move_p
         if plain and not moves_tool:
             plus, minus = 0.0, 0.0
             if touching:
                 plus = _parametric_force(
-                    log_depth, log_speed, sign, k + move_k, b + move_b, n + move_n, p + move_p
+                    log_depth, log_velocity, sign, k_plus, b_plus, n_plus, p_plus
                 )
                 minus = _parametric_force(
-                    log_depth, log_speed, sign, k - move_k, b - move_b, n - move_n, p - move_p
+                    log_depth, log_velocity, sign, k_minus, b_minus, n_minus, p_minus
                 )
                 plus = max(plus, least)
                 minus = max(minus, least)
         else:
-            plus = force_of(
-                settings,
-                depth + move_depth,
-                velocity + move_velocity,
-                k + move_k,
-                b + move_b,
-                n + move_n,
-                p + move_p,
-            )
-            minus = force_of(
-                settings,
-                depth - move_depth,
-                velocity - move_velocity,
-                k - move_k,
-                b - move_b,
-                n - move_n,
-                p - move_p,
-            )
+            above, below = depth + move_depth, depth - move_depth
+            faster, slower = velocity + move_velocity, velocity - move_velocity
+            plus = force_of(settings, above, faster, k_plus, b_plus, n_plus, p_plus)
+            minus = force_of(settings, below, slower, k_minus, b_minus, n_minus, p_minus)
         sensitivity[j] = 0.5 * (plus - minus) / spread
         even = 0.5 * (plus + minus) - centre
         total += even
@@ -379,8 +400,8 @@ def innovate_force(row: Any, reading: float, noise: float) -> None:
 
 
 @compiled
-def use_force(row: Any, hold: int) -> None:
-    """Update with the force whose innovation is noted; `hold` as in `use_displacement`."""
+def use_force(row: Any, hold: int, log_speed: float) -> None:
+    """Update with the force whose innovation is noted; the rest as in `use_displacement`."""
     count = COUNTS[row.index]
     factor, sensitivity = row.factor, row.sensitivity
     for i in range(count - 1, -1, -1):  # c = L s, in place from the bottom
@@ -388,4 +409,4 @@ def use_force(row: Any, hold: int) -> None:
         for j in range(i + 1):
             total += factor[i, j] * sensitivity[j]
         sensitivity[i] = total
-    _apply(row, sensitivity, row.innovation[1], row.innovation_variance[1], hold)
+    _apply(row, sensitivity, row.innovation[1], row.innovation_variance[1], hold, log_speed)

@@ -62,6 +62,7 @@ TOOL = record_type(
     (
         Field("mean_square_velocity", np.float64, (), 0.0),
         Field("mean_square_acceleration", np.float64, ()),  # less its own variance
+        Field("usual_square", np.float64, (), 0.0),  # mean square of the velocity in contact
         Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
         Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
         Field("deepest", np.float64),  # largest displacement in contact [mm]

@@ -23,6 +23,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
+    levels,
     model_error,
     plausible,
     readings,
@@ -40,6 +41,7 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_DAMPING,
     LOG_STIFFNESS,
     SURFACE,
+    VELOCITY,
 )
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
@@ -136,6 +138,7 @@ def _update(settings: Any, bank: Any) -> int:
     plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
     _foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
+    log_speed = levels.log_usual_speed(bank.tool)
     if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
         return OUTLIER
     for m in range(rows.shape[0]):
@@ -145,7 +148,7 @@ def _update(settings: Any, bank: Any) -> int:
         if clock.present[0] != 0:
             hold = _hold(settings, bank, row)
             noise = bank.sensor_noise[0]
-            use_displacement(row, clock.measurement[0], clock.offset, noise, hold)
+            use_displacement(row, clock.measurement[0], clock.offset, noise, hold, log_speed)
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
@@ -155,7 +158,7 @@ def _update(settings: Any, bank: Any) -> int:
             return OUTLIER
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
-                use_force(rows[m], _hold(settings, bank, rows[m]))
+                use_force(rows[m], _hold(settings, bank, rows[m]), log_speed)
     _give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
@@ -284,14 +287,15 @@ def _foresee(settings: Any, bank: Any) -> bool:
     """Innovation of the force for every row; False if the chosen row is lost."""
     clock, noise = bank.clock, bank.sensor_noise[1]
     samples = tempering.coherent_samples(settings, bank.tool, clock.force_elapsed)
+    log_speed = levels.log_usual_speed(bank.tool)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         if row.active == 0:
             continue
-        if not foresee_force(settings, row):
+        if not foresee_force(settings, row, log_speed):
             chosen = bank.rows[bank.judge.chosen]
             seed(chosen, row, bank.tool.contact_clock, bank.tool.contact_clock + judging.WAIT)
-            if not foresee_force(settings, row):
+            if not foresee_force(settings, row, log_speed):
                 return False
         force_noise = UNKNOWN
         if bank.calibrated != 0:
@@ -335,7 +339,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         touching = touching or clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
     if touching:
         tool.away_time = 0.0
-        tool.contact_clock += clock.elapsed if clock.restart == 0 else clock.period
+        elapsed = clock.elapsed if clock.restart == 0 else clock.period
+        tool.contact_clock += elapsed
+        levels.learn(tool, chosen.state[VELOCITY], elapsed)
         if clock.present[1] != 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:

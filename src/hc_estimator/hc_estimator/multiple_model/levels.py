@@ -1,0 +1,119 @@
+"""What a force teaches first: the level K + B v^p at the usual speed, not K and B by themselves.
+
+As long as the tool has moved at about one speed, only that level is known, and the likelihood is a
+ridge along which K + B v^p stays the same. In ln K and ln B the ridge is bent: points of the
+unscented transform leave it, and the law seems so far from linear that nothing is learnt for
+seconds (a press at constant speed). In the logarithms of the level and of B / K it is straight.
+
+So a row is normal in ln(K + B w), ln(B / K), n and p, where w is the usual speed to the power of p
+(ours; `hc bench accuracy presses`). Mean and covariance are kept in ln K and ln B all the same, the
+covariance as that of the tangents: sigma points are moved along the ridge by `moved`, and after an
+update mean and covariance follow it (`follow`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.hypotheses import (
+    COUNTS,
+    LOG_DAMPING,
+    LOG_STIFFNESS,
+    VELOCITY_EXPONENT,
+)
+
+UNBENT = -1e9  # logarithm of a speed at which the level is K
+LARGEST = 300.0  # exponent of exp()
+USUAL_TIME = 2.0  # in contact over which the usual speed is taken, at most [s]
+SLOWEST = 1e-6  # [mm^2/s^2]
+
+
+@compiled
+def learn(tool: Any, velocity: float, elapsed: float) -> None:
+    """Take a velocity in contact into the usual speed."""
+    time = min(max(tool.contact_clock, elapsed), USUAL_TIME)
+    share = elapsed / time if time > 0.0 else 1.0
+    tool.usual_square += share * (velocity * velocity - tool.usual_square)
+
+
+@compiled
+def log_usual_speed(tool: Any) -> float:
+    """Logarithm of the usual speed [mm/s]."""
+    return 0.5 * math.log(max(tool.usual_square, SLOWEST))
+
+
+@compiled
+def share_of_damping(k: float, b: float, p: float, log_speed: float) -> float:
+    """Share of B v^p in K + B v^p."""
+    return 1.0 / (1.0 + math.exp(min(k - b - p * log_speed, LARGEST)))
+
+
+@compiled
+def _log_rest(log_ratio: float) -> float:
+    """ln(1 + exp(x)): of the level over K, x being that of B v^p over K."""
+    return log_ratio if log_ratio > LARGEST else math.log1p(math.exp(log_ratio))
+
+
+@compiled
+def moved(
+    k: float,
+    b: float,
+    p: float,
+    move_k: float,
+    move_b: float,
+    move_p: float,
+    share: float,
+    log_speed: float,
+) -> tuple[float, float]:
+    """Some way along the ridge, in ln K and ln B.
+
+    Args:
+        k: ln K at the mean.
+        b: ln B there.
+        p: velocity exponent there.
+        move_k: way along the tangent in ln K.
+        move_b: in ln B.
+        move_p: in p.
+        share: of the damping at the mean.
+        log_speed: logarithm of the usual speed.
+    """
+    ratio = b - k
+    level = k + _log_rest(ratio + p * log_speed)
+    level += (1.0 - share) * move_k + share * (move_b + log_speed * move_p)
+    ratio += move_b - move_k
+    stiffness = level - _log_rest(ratio + (p + move_p) * log_speed)
+    return stiffness, stiffness + ratio
+
+
+@compiled
+def follow(row: Any, k: float, b: float, p: float, log_speed: float) -> None:
+    """Bring mean and covariance of a row back onto the ridge after a linear update.
+
+    Args:
+        row: changed.
+        k: ln K before the update.
+        b: ln B before it.
+        p: velocity exponent before it.
+        log_speed: logarithm of the usual speed.
+    """
+    state, covariance = row.state, row.covariance
+    share = share_of_damping(k, b, p, log_speed)
+    move_k, move_b = state[LOG_STIFFNESS] - k, state[LOG_DAMPING] - b
+    move_p = state[VELOCITY_EXPONENT] - p
+    k, b = moved(k, b, p, move_k, move_b, move_p, share, log_speed)
+    state[LOG_STIFFNESS] = k
+    state[LOG_DAMPING] = b
+    # The tangents turn by what the share has changed.
+    turn = share - share_of_damping(k, b, state[VELOCITY_EXPONENT], log_speed)
+    for j in range(COUNTS[row.index]):
+        along = covariance[LOG_DAMPING, j] - covariance[LOG_STIFFNESS, j]
+        along = turn * (along + log_speed * covariance[VELOCITY_EXPONENT, j])
+        covariance[LOG_STIFFNESS, j] += along
+        covariance[LOG_DAMPING, j] += along
+    for i in range(COUNTS[row.index]):
+        along = covariance[i, LOG_DAMPING] - covariance[i, LOG_STIFFNESS]
+        along = turn * (along + log_speed * covariance[i, VELOCITY_EXPONENT])
+        covariance[i, LOG_STIFFNESS] += along
+        covariance[i, LOG_DAMPING] += along
