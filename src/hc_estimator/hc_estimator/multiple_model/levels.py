@@ -8,7 +8,8 @@ seconds (a press at constant speed). In the logarithms of the level and of B / K
 So a row is normal in ln(K + B w), ln(B / K), n and p, where w is the usual speed to the power of p
 (ours; `hc bench accuracy presses`). Mean and covariance are kept in ln K and ln B all the same, the
 covariance as that of the tangents: sigma points are moved along the ridge by `moved`, and after an
-update mean and covariance follow it (`follow`).
+update mean and covariance follow it (`follow`). What the tangent leaves out is in the covariance
+that is given out (`bend_variance`).
 """
 
 from __future__ import annotations
@@ -117,3 +118,20 @@ def follow(row: Any, k: float, b: float, p: float, log_speed: float) -> None:
         along = turn * (along + log_speed * covariance[i, VELOCITY_EXPONENT])
         covariance[i, LOG_STIFFNESS] += along
         covariance[i, LOG_DAMPING] += along
+
+
+@compiled
+def bend_variance(row: Any, log_speed: float) -> float:
+    """Variance of ln K and ln B together that the tangent at the mean leaves out.
+
+    Second moment of the second-order term, -s (1 - s) z^2 / 2 for a share s of the damping and a
+    normal z, the error of ln(B w / K).
+    """
+    state, covariance = row.state, row.covariance
+    k, b, p = LOG_STIFFNESS, LOG_DAMPING, VELOCITY_EXPONENT
+    share = share_of_damping(state[k], state[b], state[p], log_speed)
+    variance = covariance[b, b] + covariance[k, k] - 2.0 * covariance[k, b]
+    variance += 2.0 * log_speed * (covariance[b, p] - covariance[k, p])
+    variance += log_speed * log_speed * covariance[p, p]
+    bend = share * (1.0 - share) * max(variance, 0.0)
+    return 0.75 * bend * bend

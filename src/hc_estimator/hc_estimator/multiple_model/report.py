@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hc_estimator import estimate as columns
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import levels
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
@@ -22,7 +23,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     VELOCITY,
 )
-from hc_estimator.multiple_model.kalman import depth_of
+from hc_estimator.multiple_model.kalman import depth_of, log_speed_of
 from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.multiple_model.sample import given_row
 from hc_estimator.report import clear_row, write_fixed_parameters
@@ -74,6 +75,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
             out[COVARIANCE + 4 * i + j] = element
             out[COVARIANCE + 4 * j + i] = element
+    _add_bend(row, bank.tool, out)
     since_varying = bank.tool.contact_clock - bank.judge.varied_at
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
         _add_spread(row, bank.rows[bank.judge.varying], out)
@@ -103,6 +105,18 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
             out[HYPOTHESIS_SCORES + CODES[m]] = math.sqrt(max(bank.rows[m].score, 0.0))
+
+
+@compiled
+def _add_bend(row: Any, tool: Any, out: NDArray[np.float64]) -> None:
+    """Add to the covariance of K and B that what is known of both together is bent."""
+    log_speed = log_speed_of(row, levels.log_usual_speed(tool))
+    if log_speed == levels.UNBENT:
+        return
+    variance = levels.bend_variance(row, log_speed)
+    for i in range(2):
+        for j in range(2):
+            out[COVARIANCE + 4 * i + j] += variance * out[PARAMETERS + i] * out[PARAMETERS + j]
 
 
 @compiled

@@ -277,7 +277,7 @@ def _hold(settings: Any, bank: Any, row: Any) -> int:
     displacement through what is left of their correlation with the motion.
     """
     spread = FREE_DEVIATIONS * math.sqrt(row.covariance[DEPTH, DEPTH])
-    if row.index == FITTED or (row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index]):
+    if row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index]:
         return HOLD_ALL
     return maneuvers.hold(settings, bank.maneuver, row, bank.clock.period)
 
