@@ -59,6 +59,8 @@ CENTRAL_WEIGHT = 2.0  # of the central point in covariances: alpha = 1, beta = 2
 HOLD_NOTHING = 0
 HOLD_ALL = 1
 HOLD_DAMPING = 2  # B and p
+SURE = 10.0  # deviations of a force from which on its logarithm is about normal
+LEAST_SHARE = 1e-6  # of the reading that every sigma point must have for its logarithm
 PIVOT_TOLERANCE = 1e-15  # a pivot this much smaller than its element is rounding error
 
 
@@ -262,13 +264,15 @@ def _apply(
 
 
 @compiled
-def foresee_force(settings: Any, row: Any, log_speed: float) -> bool:
+def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noise: float) -> bool:
     """Unscented transform of the force: predicted mean, sensitivity and curvature.
 
     Args:
         settings: settings record.
         row: what it expects is noted in it.
         log_speed: see `levels`.
+        reading: force that was measured [N].
+        noise: variance of its error [N^2].
 
     Returns:
         False if the covariance has no Cholesky factor; the row is then lost.
@@ -297,7 +301,6 @@ def foresee_force(settings: Any, row: Any, log_speed: float) -> bool:
     centre = force_of(settings, depth, velocity, k, b, n, p)
     total = 0.0
     squares = 0.0
-    used = 0
     for j in range(count):
         move_depth = spread * factor[DEPTH, j] if j == 0 else 0.0
         move_velocity = spread * factor[VELOCITY, j] if j <= VELOCITY else 0.0
@@ -312,6 +315,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float) -> bool:
         moves_tool = move_depth != 0.0 or move_velocity != 0.0
         if not moves_tool and j > VELOCITY_EXPONENT:
             sensitivity[j] = 0.0
+            row.sigma_force[j, 0] = centre
+            row.sigma_force[j, 1] = centre
             continue
         k_plus, b_plus = levels.moved(k, b, p, move_k, move_b, move_p, share, log_speed)
         k_minus, b_minus = levels.moved(k, b, p, -move_k, -move_b, -move_p, share, log_speed)
@@ -332,21 +337,71 @@ def foresee_force(settings: Any, row: Any, log_speed: float) -> bool:
             faster, slower = velocity + move_velocity, velocity - move_velocity
             plus = force_of(settings, above, faster, k_plus, b_plus, n_plus, p_plus)
             minus = force_of(settings, below, slower, k_minus, b_minus, n_minus, p_minus)
+        row.sigma_force[j, 0] = plus
+        row.sigma_force[j, 1] = minus
         sensitivity[j] = 0.5 * (plus - minus) / spread
         even = 0.5 * (plus + minus) - centre
         total += even
         squares += even * even
-        used += 1
     bend = total / scale  # of the mean against the central point
-    curvature = (squares - 2.0 * bend * total + count * bend * bend) / scale
-    curvature += CENTRAL_WEIGHT * bend * bend
+    _note_expected(row, centre + bend, _curvature(squares, total, bend, count))
+    if row.force_noise > noise and reading > SURE * math.sqrt(noise):
+        _foresee_logarithm(row, centre, reading)
+    return bool(math.isfinite(row.explained))
+
+
+@compiled
+def _curvature(squares: float, total: float, bend: float, count: int) -> float:
+    """Variance that the even parts of the sigma points make."""
+    scale = float(count)
+    curvature = (squares - 2.0 * bend * total + scale * bend * bend) / scale
+    return curvature + CENTRAL_WEIGHT * bend * bend
+
+
+@compiled
+def _note_expected(row: Any, mean: float, curvature: float) -> None:
+    """Note mean and variance of the force that are expected."""
     linear = 0.0
-    for j in range(count):
-        linear += sensitivity[j] * sensitivity[j]
-    row.innovation[1] = -(centre + bend)  # the reading is added by `innovate_force`
+    for j in range(COUNTS[row.index]):
+        linear += row.sensitivity[j] * row.sensitivity[j]
+    row.innovation[1] = -mean  # the reading is added by `innovate_force`
     row.explained = linear + curvature
     row.force_noise = curvature  # for `tempering`
-    return bool(math.isfinite(row.explained))
+
+
+@compiled
+def _foresee_logarithm(row: Any, centre: float, reading: float) -> None:
+    """The same for the logarithm of the force, where that is closer to linear.
+
+    A force that is clearly felt is known by a small share of itself, and its logarithm is linear in
+    ln K and n (ours). All is in newtons of the reading, reading ln(force / reading), so that noise
+    and likelihood stay the same; errors of second order in the share of the noise do not matter as
+    long as far more than the noise is unknown.
+    """
+    count = COUNTS[row.index]
+    least = LEAST_SHARE * reading
+    if not centre > least:
+        return
+    for j in range(count):
+        if not (row.sigma_force[j, 0] > least and row.sigma_force[j, 1] > least):
+            return
+    total, squares = 0.0, 0.0
+    middle = math.log(centre / reading)
+    for j in range(count):
+        plus = math.log(row.sigma_force[j, 0] / reading)
+        minus = math.log(row.sigma_force[j, 1] / reading)
+        even = 0.5 * reading * (plus + minus - 2.0 * middle)
+        total += even
+        squares += even * even
+    bend = total / count
+    curvature = _curvature(squares, total, bend, count)
+    if not curvature < row.force_noise:
+        return
+    spread = math.sqrt(float(count))
+    for j in range(count):
+        share = math.log(row.sigma_force[j, 0] / row.sigma_force[j, 1])
+        row.sensitivity[j] = 0.5 * reading * share / spread
+    _note_expected(row, reading * (1.0 + middle) + bend, curvature)
 
 
 @compiled

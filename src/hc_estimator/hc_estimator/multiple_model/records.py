@@ -50,6 +50,7 @@ ROW = record_type(
         Field("explained", np.float64, ()),  # force variance that the state explains [N^2]
         Field("force_noise", np.float64, ()),  # force variance used, tempering included [N^2]
         Field("sensitivity", np.float64, (STATES,)),  # of the force per column of the factor [N]
+        Field("sigma_force", np.float64, (STATES, 2)),  # at the sigma points [N]
         Field("factor", np.float64, (STATES, STATES)),  # Cholesky factor of the covariance
         Field("nis", np.float64, (2,)),  # displacement, force given displacement
         Field("untempered_nis", np.float64, ()),  # of both channels
@@ -62,7 +63,7 @@ TOOL = record_type(
     (
         Field("mean_square_velocity", np.float64, (), 0.0),
         Field("mean_square_acceleration", np.float64, ()),  # less its own variance
-        Field("usual_square", np.float64, (), 0.0),  # mean square of the velocity in contact
+        Field("usual_velocity", np.float64),  # mean of the last seconds in contact [mm/s]
         Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
         Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
         Field("deepest", np.float64),  # largest displacement in contact [mm]

@@ -292,10 +292,11 @@ def _foresee(settings: Any, bank: Any) -> bool:
         row = bank.rows[m]
         if row.active == 0:
             continue
-        if not foresee_force(settings, row, log_speed):
+        known = noise + row.model_error
+        if not foresee_force(settings, row, log_speed, clock.measurement[1], known):
             chosen = bank.rows[bank.judge.chosen]
             seed(chosen, row, bank.tool.contact_clock, bank.tool.contact_clock + judging.WAIT)
-            if not foresee_force(settings, row, log_speed):
+            if not foresee_force(settings, row, log_speed, clock.measurement[1], known):
                 return False
         force_noise = UNKNOWN
         if bank.calibrated != 0:
