@@ -16,9 +16,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.hypotheses import ACCELERATION, FRESH, LOG_DAMPING, LOG_STIFFNESS
+from hc_estimator.multiple_model.kalman import predict
 from hc_estimator.multiple_model.model_error import raise_model_error
 from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
 from hc_estimator.specification import ParameterSpecification
@@ -102,9 +104,19 @@ def may_test(settings: Any, tool: Any) -> bool:
 
 
 @compiled
-def start_fresh_motion(rows: Any, motion: Any, noise: float) -> None:
-    """What the veteran made of the motion since the change is as wrong as its parameters."""
-    take_motion(rows[FRESH], motion, noise)
+def start_fresh_motion(settings: Any, rows: Any, motion: Any, noise: float, ahead: float) -> None:
+    """What the veteran made of the motion since the change is as wrong as its parameters.
+
+    Args:
+        settings: settings record.
+        rows: the fresh row is changed.
+        motion: record of `motion_density`.
+        noise: variance of the displacement's noise [mm^2].
+        ahead: time of the sample since the last displacement [s].
+    """
+    if motion_density.is_settled(motion):
+        take_motion(rows[FRESH], motion, noise)
+        predict(rows[FRESH], max(ahead, 0.0), motion_density.jerk_density(settings, motion), False)
 
 
 @compiled
@@ -116,6 +128,7 @@ def answer(
     tool: Any,
     motion: Any,
     sensor_noise: Any,
+    ahead: float,
 ) -> None:
     """Answer the alarms of this sample: a test of a change, or model error.
 
@@ -127,6 +140,7 @@ def answer(
         tool: record of the motion.
         motion: record of `motion_density`.
         sensor_noise: variances in use, shape (2,).
+        ahead: time of the sample since the last displacement [s].
     """
     for m in range(FRESH + 1):
         row = rows[m]
@@ -135,7 +149,7 @@ def answer(
         begins = m == judge.chosen and change.testing == 0
         if begins and may_test(settings, tool):
             begin_test(settings, change, judge, rows, tool)
-            start_fresh_motion(rows, motion, sensor_noise[0])
+            start_fresh_motion(settings, rows, motion, sensor_noise[0], ahead)
         else:
             raise_model_error(settings, row, sensor_noise[1])
             if m == judge.chosen:

@@ -42,7 +42,8 @@ SMALLEST_ZERO = 0.2  # deviations of a reading below which no zero is moved
 STEEPEST = 3.0  # exponent of a tissue
 SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
-LEAST_DISTANCE = 0.1  # of the contact position from the zero [mm]
+# Of the contact position from the zero; and largest deviation of the tool's place [mm].
+LEAST_DISTANCE = 0.1
 FEWEST_RISING = 8  # readings of a force before the zero that was never seen free
 LEAST_RISE = 0.5  # of such a force, as a share of its mean
 CLEAR = 8.0  # deviations of its slope
@@ -101,9 +102,10 @@ def learn(settings: Any, bank: Any, time: float) -> bool:
     if onset.looked_back == 0:
         onset.looked_back = 1
         return _look_back(settings, bank)
-    if bank.clock.present[1] == 0:
+    row = bank.rows[bank.judge.chosen]
+    state, variance = row.state, row.covariance[DEPTH, DEPTH]
+    if bank.clock.present[1] == 0 or not variance < LEAST_DISTANCE * LEAST_DISTANCE:
         return False
-    state = bank.rows[bank.judge.chosen].state
     return _take(settings, bank, state[DEPTH], state[VELOCITY], bank.clock.measurement[1], time)
 
 

@@ -7,10 +7,10 @@ seconds (a press at constant speed). In the logarithms of the level and of B / K
 
 So a row is normal in ln(K + B w), ln(B / K), n and p, where w is the usual speed to the power of p
 (ours; `hc bench accuracy ablation`). To and fro no level is known better than K itself: the usual
-speed is that of the mean velocity, and next to nothing then. Mean and covariance are kept in ln K and ln B all the same, the
-covariance as that of the tangents: sigma points are moved along the ridge by `moved`, and after an
-update mean and covariance follow it (`follow`). What the tangent leaves out is in the covariance
-that is given out (`bend_variance`).
+speed is that of the mean velocity, and next to nothing then. Mean and covariance are kept in ln K
+and ln B all the same, the covariance as that of the tangents: sigma points are moved along the
+ridge by `moved`, and after an update mean and covariance follow it (`follow`). What the tangent
+leaves out is in the covariance that is given out (`bend_variance`).
 """
 
 from __future__ import annotations

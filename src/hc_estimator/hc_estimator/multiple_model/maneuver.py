@@ -46,6 +46,7 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.kalman import HOLD_ALL, HOLD_DAMPING, HOLD_NOTHING, depth_of
 from hc_estimator.multiple_model.model_error import raise_model_error
+from hc_estimator.multiple_model.readings import last_displacement, since_displacement
 from hc_estimator.multiple_model.records import KEPT
 from hc_estimator.multiple_model.rows import clear_motion
 from hc_estimator.specification import ParameterSpecification
@@ -198,7 +199,7 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
                 return False  # the alarm was there before
             changes.end_test(change, bank.rows)
         if maneuver.since >= BEFORE:
-            _go_back(bank, slot)
+            _go_back(bank, slot, time)
         maneuver.count = 0
         maneuver.doubted = 0
         return True
@@ -211,8 +212,9 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
         return False
     if changes.may_test(settings, bank.tool):
         changes.begin_test(settings, change, bank.judge, bank.rows, bank.tool)
-        changes.start_fresh_motion(bank.rows, bank.motion, bank.sensor_noise[0])
-    _go_back(bank, slot)
+        ahead = since_displacement(bank, time)
+        changes.start_fresh_motion(settings, bank.rows, bank.motion, bank.sensor_noise[0], ahead)
+    _go_back(bank, slot, time)
     maneuver.doubted = 1
     return True
 
@@ -229,9 +231,16 @@ def audit(settings: Any, bank: Any) -> None:
 
 
 @compiled
-def _go_back(bank: Any, slot: int) -> None:
-    """Take parameters and model errors from a slot; the motion is the last reading."""
-    maneuver, motion, noise = bank.maneuver, bank.motion, bank.sensor_noise[0]
+def _go_back(bank: Any, slot: int, time: float) -> None:
+    """Take parameters and model errors from a slot; the motion is the last reading.
+
+    Args:
+        bank: changed.
+        slot: that is taken.
+        time: of the sample in the displacement's time [s].
+    """
+    maneuver, motion = bank.maneuver, bank.motion
+    ahead = since_displacement(bank, time)
     chosen = maneuver.chosen[slot]
     velocity = bank.rows[chosen].state[VELOCITY]
     if motion.count > motion_density.FIRST_READINGS:
@@ -240,6 +249,8 @@ def _go_back(bank: Any, slot: int) -> None:
     square = max(maneuver.square_speed, (velocity - kept.state[VELOCITY]) ** 2)
     square += kept.covariance[VELOCITY, VELOCITY]
     acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
+    depth = last_displacement(bank) + ahead * velocity
+    variance = bank.sensor_noise[0] + ahead * ahead * square
     for m in range(FRESH):
         row, kept = bank.rows[m], maneuver.rows[slot, m]
         row.active = kept.active
@@ -248,8 +259,10 @@ def _go_back(bank: Any, slot: int) -> None:
         copy_vector(kept.state, row.state)
         copy_matrix(kept.covariance, row.covariance)
         clear_motion(row)
-        row.state[DEPTH] = bank.clock.measurement[0]
-        row.covariance[DEPTH, DEPTH] = noise
+        row.state[DEPTH] = depth
+        row.covariance[DEPTH, DEPTH] = variance
+        row.covariance[VELOCITY, DEPTH] = ahead * square
+        row.covariance[DEPTH, VELOCITY] = ahead * square
         row.covariance[VELOCITY, VELOCITY] = square
         row.covariance[ACCELERATION, ACCELERATION] = acceleration
         row.model_error = kept.model_error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from hc_estimator.adaptation import difference_noise, motion_density
@@ -10,6 +11,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import tempering
 from hc_estimator.multiple_model.hypotheses import DEPTH
 from hc_estimator.multiple_model.kalman import displacement_of
+from hc_estimator.multiple_model.records import RAW
 
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
@@ -49,6 +51,20 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
         return False
     counts[channel] = count + 1
     return True
+
+
+@compiled
+def last_displacement(bank: Any) -> float:
+    """Latest reading of the displacement [mm]; NaN if there was none since the start or a gap."""
+    count = bank.delay.raw_count[0]
+    return bank.delay.raw_value[0, (count - 1) % RAW] if count > 0 else math.nan
+
+
+@compiled
+def since_displacement(bank: Any, time: float) -> float:
+    """How much later than that reading a time [s] in the displacement's time is [s]."""
+    count = bank.delay.raw_count[0]
+    return time - bank.delay.raw_time[0, (count - 1) % RAW] if count > 0 else 0.0
 
 
 @compiled

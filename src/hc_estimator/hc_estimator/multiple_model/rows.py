@@ -174,15 +174,13 @@ def free_parameters(settings: Any, row: Any, deviations: tuple[float, float, flo
 
 @compiled
 def take_motion(row: Any, motion: Any, noise: float) -> None:
-    """Replace the motion by what the displacement alone says, if that has settled.
+    """Replace the motion by what the displacement alone says.
 
     Args:
         row: row that is changed; ties between motion and parameters are cut.
         motion: record of `motion_density`.
         noise: variance of the displacement's noise [mm^2].
     """
-    if not motion_density.is_settled(motion):
-        return
     clear_motion(row)
     for a in range(3):
         row.state[MOTION[a]] = motion_density.motion_of(motion, a)

@@ -106,6 +106,15 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         clock.period += share * (clock.elapsed - clock.period)
     anew = clock.restart != 0 or bank.motion_anew != 0
     clock.force_elapsed = clock.period if anew else place - clock.force_time
+    if anew and math.isnan(readings.last_displacement(bank)):
+        # As long as nobody knows where the tool is, a force says nothing.
+        bank.motion_anew = 1
+        _foretell(settings, bank)
+        bank.given.nis = 0.0
+        note_accepted(clock, time)
+        readings.learn(settings, bank, place)
+        clock.state_time = place
+        return ACCEPTED
     decision = _update(settings, bank)
     clock.state_time = place
     if clock.present[1] != 0:
@@ -220,12 +229,13 @@ def _predict(settings: Any, bank: Any) -> None:
     anew = clock.restart != 0 or bank.motion_anew != 0
     density = motion_density.jerk_density(settings, bank.motion)
     goes_on = bank.tool.away_time < AWAY_TIME
+    displacement = readings.last_displacement(bank)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         if row.active == 0:
             continue
         if anew:
-            begin_motion(settings, row, clock.measurement[0])
+            begin_motion(settings, row, displacement)
         else:
             jerk = maneuvers.jerk_density(bank.maneuver, row, clock.period, density)
             predict(row, clock.elapsed, jerk, goes_on or SURFACE[m])
@@ -370,6 +380,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
             tool,
             bank.motion,
             bank.sensor_noise,
+            readings.since_displacement(bank, time),
         )
     if bank.change.testing != 0 and touching and clock.present[1] != 0:
         rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
