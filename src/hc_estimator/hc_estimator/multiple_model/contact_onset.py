@@ -140,7 +140,7 @@ def _take(
     """Take a reading of the force, and where the tool was; True if a zero is to move."""
     onset, noise = bank.onset, bank.sensor_noise
     sure = SURE * math.sqrt(noise[1])
-    side = _leaves_window(onset, displacement, force, time, noise[1])
+    side = _leaves_window(onset, displacement, velocity, force, time, noise[1])
     if side != 0:
         is_air = side > 0 and _is_air(onset, noise, sure)
         onset.count = 0
@@ -262,7 +262,7 @@ def _add(count: int, mean: Any, moment: Any, displacement: float, force: float) 
 
 @compiled
 def _leaves_window(
-    onset: Any, displacement: float, force: float, time: float, variance: float
+    onset: Any, displacement: float, velocity: float, force: float, time: float, variance: float
 ) -> int:
     """Take a reading into the window in which the force stays the same.
 
@@ -276,6 +276,7 @@ def _leaves_window(
         onset.air_count = 0
         onset.lowest = displacement
         onset.highest = displacement
+        onset.fastest = velocity
         clear_vector(mean)
         clear_vector(moment)
     onset.count += 1
@@ -287,11 +288,14 @@ def _leaves_window(
     _add(onset.count, mean, moment, displacement, force)
     onset.lowest = min(onset.lowest, displacement)
     onset.highest = max(onset.highest, displacement)
+    onset.fastest = max(onset.fastest, velocity)
     if onset.upward == 0.0:  # what came before an onset
         onset.air_count = onset.count
         copy_vector(mean, onset.air_mean)
         copy_vector(moment, onset.air_moment)
         onset.air_travel = onset.highest - onset.lowest
+        onset.air_slowing = onset.fastest - velocity
+        onset.air_fastest = onset.fastest
         onset.inside_at = displacement
         onset.inside_time = time
     if onset.upward > THRESHOLD:
@@ -325,6 +329,9 @@ def _is_air(onset: Any, noise: Any, sure: float) -> bool:
         return False
     if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
         return True
+    # What a tissue pushes more with the depth, it may push less as the tool slows down.
+    if onset.air_slowing * mean[0] > onset.air_fastest * onset.air_travel:
+        return False
     # A tissue that pushed so would push at least in proportion to the depth.
     return bool(mean[1] / mean[0] > 2.0 * SAME * deviation)
 

@@ -263,11 +263,14 @@ ONSET = record_type(
         Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
         Field("lowest", np.float64),  # displacement [mm]
         Field("highest", np.float64),
+        Field("fastest", np.float64),  # velocity [mm/s]
         # The same up to where the force began to leave it upwards:
         Field("air_count", np.int64, (), 0),
         Field("air_mean", np.float64, (2,)),
         Field("air_moment", np.float64, (3,)),
         Field("air_travel", np.float64, (), 0.0),  # [mm]
+        Field("air_slowing", np.float64, (), 0.0),  # from the largest velocity on [mm/s]
+        Field("air_fastest", np.float64),
         Field("inside_at", np.float64),  # displacement there [mm]
         Field("inside_time", np.float64),  # [s]
         Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
