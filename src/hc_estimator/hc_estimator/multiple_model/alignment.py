@@ -16,13 +16,10 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import batch_fit, beginning, sample
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.hypotheses import FITTED, VELOCITY_EXPONENT
+from hc_estimator.multiple_model.hypotheses import FITTED
 from hc_estimator.multiple_model.records import HELD
-from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
-
-KNOWN = 0.1  # share of the prior variance of p below which it is known
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -201,11 +198,7 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     """Let the finder take the full window; begin anew with a delay that it has found."""
     finder = bank.delay
     before = finder.delay
-    row = bank.rows[bank.judge.chosen]
-    prior = prior_deviation(settings, 3) ** 2
-    known = row.covariance[VELOCITY_EXPONENT, VELOCITY_EXPONENT] < KNOWN * prior
-    exponent = row.state[VELOCITY_EXPONENT] if known else 1.0
-    if delays.learn_window(finder, exponent):
+    if delays.learn_window(settings, finder, bank.sensor_noise[0]):
         bank.held.first = bank.held.count
         if abs(finder.delay - before) > delays.BEGIN_ANEW:
             beginning.begin_aligned(settings, bank)

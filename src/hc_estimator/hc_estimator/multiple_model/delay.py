@@ -2,12 +2,13 @@
 
 Sensors filter and networks delay, and a delay of the force looks like damping (a negative one like
 damping that is not there). The delay cannot be a state: the likelihood has two optima, one false.
-Instead the readings of every half second are fitted, for each candidate delay, by the law with the
-p that the bank has found (1 until then), F = d^n (K + B v^p), B >= 0 (ours). Windows of their own
-are what makes this immune to tissue that varies. The logarithm of what a fit leaves is
-a log likelihood with an unknown noise per window; the windows' sum chooses, and their scatter says
-whether the answer is clear. A Gauss-Newton fit with the delay as a fourth parameter gives the fine
-value.
+Instead the readings of every half second are fitted, for each candidate delay, by the law F = d^n
+(K + B v^p), B >= 0 (ours). Windows of their own are what makes this immune to tissue that varies.
+The logarithm of what a fit leaves is a log likelihood with an unknown noise per window; the
+windows' sum chooses, and their scatter says whether the answer is clear. A Gauss-Newton fit gives
+the fine value. One window says too little of p, and with another p it would say another delay: each
+keeps its information on both, and both are found from the sum, with the prior of p. (The p of the
+filters would not do: next to a wrong delay they find the p that goes with it.)
 """
 
 from __future__ import annotations
@@ -24,17 +25,24 @@ from hc_estimator.multiple_model.records import (
     GRID,
     WINDOWS,
 )
+from hc_estimator.multiple_model.rows import (
+    LARGEST_VELOCITY_EXPONENT,
+    SMALLEST_VELOCITY_EXPONENT,
+    prior_deviation,
+)
 
 LEAST_SHARE = 0.3  # of a window that must be in contact
 FEWEST_POINTS = 12  # of a window: three for each unknown
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed at which |v|^p is taken at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
+NEAR = 1.5  # steps of the grid between a fine value and its candidate
 INDEPENDENT = 5.0  # points of a window that count as independent: 0.1 s apart
 EXPONENTS = np.arange(0.8, 3.3, 0.4)
 SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.5, 4.0
 REFINEMENTS = 4  # Gauss-Newton steps for n
 FINE_STEPS = 8  # Gauss-Newton steps with the delay
+LEAST_MOTION = 0.3  # share of the squares of the velocities that is no noise, at least
 LEAST_RESIDUAL = 1e-9  # of the mean squared force: below, the logarithm says nothing more
 # When the answer is clear:
 FEWEST_WINDOWS = 4
@@ -43,7 +51,9 @@ CONSISTENT = 5.0  # mean over standard error of the windows' ratios
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
-SIGNIFICANT = 4.0  # standard deviations
+SIGNIFICANT = 6.0  # standard deviations
+SURELY = 8.0  # the same, where the likelihoods are not consistent
+AGREEING = 0.7  # share of the windows that must be near the chosen candidate then
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 SMALLEST_DEVIATION = 0.0001  # no more is claimed [s]
@@ -55,6 +65,7 @@ def reset(finder: Any) -> None:
     finder.delay = 0.0
     finder.deviation = math.nan
     finder.windows = 0
+    finder.velocity_exponent = 1.0
     grids.restart(finder)
 
 
@@ -62,27 +73,36 @@ def reset(finder: Any) -> None:
 def _gather(finder: Any, delay: float) -> int:
     """Points in contact for a candidate delay, in finder.points_of; their number.
 
-    A point is ln d, w = sign(v) |v|^p, its rate along with the rate of ln d, and F.
+    A point is ln d, w = sign(v) |v|^p, its rate along with the rate of ln d, F, and the variance
+    of the noise of w.
     """
-    p = finder.velocity_exponent
-    shift = round(delay / finder.grid_step)
-    rest = shift * finder.grid_step - delay
+    p, step = finder.velocity_exponent, finder.grid_step
+    shift = max(math.floor(delay / step), -finder.reach)
+    rest = delay / step - shift
+    smooth = rest * rest * (3.0 - 2.0 * rest)
     count = 0
     for k in range(finder.points):
         if finder.in_contact[k] == 0:
             continue
         here = finder.first + k
-        point = finder.grid[(here - shift) % GRID]
-        depth = point[0] + rest * (point[1] + 0.5 * rest * point[2])
+        after, before = finder.grid[(here - shift) % GRID], finder.grid[(here - shift - 1) % GRID]
+        # Cubics between two points: by the second derivative of one point alone the noise would
+        # grow with the way from it, and least squares would keep to the points.
+        bend = rest * (1.0 - rest) * step * (after[1] - before[1])
+        depth = after[0] + rest * (before[0] - after[0]) - 0.5 * bend
+        velocity = after[1] + smooth * (before[1] - after[1])
+        velocity += rest * (1.0 - rest) * step * ((1.0 - rest) * -after[2] + rest * before[2])
+        acceleration = after[2] + rest * (before[2] - after[2])
         row = finder.points_of[count]
         row[0] = math.log(max(depth, 0.2 * LEAST_DEPTH))
-        velocity = point[1] + rest * point[2]
         speed = max(abs(velocity), SLOWEST)
         power = speed**p
         row[1] = math.copysign(power, velocity)
-        row[2] = p * power / speed * point[2]
+        row[2] = p * power / speed * acceleration
         row[4] = velocity / math.exp(row[0])
         row[3] = finder.grid[here % GRID, 3]
+        speed = max(speed, math.sqrt(finder.velocity_variance))
+        row[5] = (p * speed ** (p - 1.0)) ** 2 * finder.velocity_variance
         count += 1
     return count
 
@@ -107,8 +127,13 @@ def _find_contact(finder: Any) -> int:
 
 @compiled
 def _linear_fit(finder: Any, count: int, exponent: float) -> float:
-    """Least squares for K and B >= 0 at an exponent; the sum of squares left."""
-    g00, g01, g11, r0, r1, total = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    """Least squares for K and B >= 0 at an exponent; the sum of squares left.
+
+    Less what the noise of the velocities adds to both, B^2 times its squares: it would make B too
+    small, and what B leaves looks like a delay (corrected least squares; Fuller, Measurement Error
+    Models, 1987).
+    """
+    g00, g01, g11, r0, r1, total, noise = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(count):
         row = finder.points_of[k]
         a = math.exp(exponent * row[0])
@@ -116,9 +141,11 @@ def _linear_fit(finder: Any, count: int, exponent: float) -> float:
         g00 += a * a
         g01 += a * b
         g11 += b * b
+        noise += a * a * row[5]
         r0 += a * row[3]
         r1 += b * row[3]
         total += row[3] * row[3]
+    g11 = max(g11 - noise, LEAST_MOTION * g11)
     determinant = g00 * g11 - g01 * g01
     stiffness, damping = r0 / g00, 0.0
     if determinant > 1e-12 * g00 * g11:
@@ -132,7 +159,17 @@ def _linear_fit(finder: Any, count: int, exponent: float) -> float:
     finder.fit[2] = exponent
     left = total - 2.0 * (stiffness * r0 + damping * r1)
     left += stiffness * (stiffness * g00 + 2.0 * damping * g01) + damping * damping * g11
-    return max(left, LEAST_RESIDUAL * total)
+    return max(left + finder.noise_left, LEAST_RESIDUAL * total)
+
+
+@compiled
+def _noise_left(finder: Any, count: int) -> float:
+    """Squares that the noise of the velocities leaves with the fit in finder.fit."""
+    total = 0.0
+    for k in range(count):
+        row = finder.points_of[k]
+        total += math.exp(2.0 * finder.fit[2] * row[0]) * row[5]
+    return finder.fit[1] ** 2 * total  # type: ignore[no-any-return]
 
 
 @compiled
@@ -155,58 +192,98 @@ def _refine_exponent(finder: Any, count: int) -> float:
 
 
 @compiled
-def _fine_delay(finder: Any, start: float) -> bool:
+def _fine_delay(finder: Any, start: float, slot: int) -> bool:
     """Gauss-Newton for K, B, n and the delay from the fit in finder.fit; False if it runs away.
 
-    Leaves the delay and its variance in finder.fine.
+    Leaves the delay, and the window's information on delay and p, in the slot.
     """
     delay = start
     fit, normal, slope = finder.fit, finder.normal, finder.slope
     for _ in range(FINE_STEPS):
         count = _gather(finder, delay)
-        left = 0.0
-        for i in range(4):
-            slope[i] = 0.0
-            for j in range(4):
-                normal[i, j] = 0.0
-        for k in range(count):
-            row = finder.points_of[k]
-            power = math.exp(fit[2] * row[0])
-            force = power * (fit[0] + fit[1] * row[1])
-            residual = row[3] - force
-            left += residual * residual
-            finder.column[0] = power
-            finder.column[1] = power * row[1]
-            finder.column[2] = force * row[0]
-            finder.column[3] = -(fit[2] * force * row[4] + power * fit[1] * row[2])
-            for i in range(4):
-                slope[i] += finder.column[i] * residual
-                for j in range(i + 1):
-                    normal[i, j] += finder.column[i] * finder.column[j]
-        fixed = 1 if fit[1] <= 0.0 and slope[1] <= 0.0 else -1  # B stays at zero
-        if not _solve(normal, slope, fixed):
+        _add_up(finder, count)
+        if not _solve(normal, slope, _fixed(fit, slope)):
             return False
         delay += slope[3]
         fit[0] += slope[0]
         fit[1] = max(fit[1] + slope[1], 0.0)
         fit[2] = min(max(fit[2] + slope[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-        if not abs(delay - start) < 1.5 * finder.grid_step or abs(delay) > grids.LARGEST:
+        if not abs(delay - start) < NEAR * finder.grid_step or abs(delay) > grids.LARGEST:
             return False
         if abs(slope[3]) < 1e-5:
             break
-    finder.fine[0] = delay
-    independent = min(INDEPENDENT, float(count))
-    # `_solve` leaves the variance factor of the last unknown in normal[3, 3].
-    finder.fine[1] = normal[3, 3] * left / count * (count / independent)
+    count = _gather(finder, delay)
+    left = _add_up(finder, count)
+    fixed = _fixed(fit, slope)
+    for k in range(3):  # K, B and n are the window's own
+        if k == fixed:
+            continue
+        pivot = normal[k, k]
+        if not pivot > 0.0:
+            return False
+        for i in range(k + 1, 5):
+            share = normal[i, k] / pivot
+            slope[i] -= share * slope[k]
+            for j in range(k + 1, i + 1):
+                normal[i, j] -= share * normal[j, k]
+    if not (normal[3, 3] > 0.0 and left > 0.0):
+        return False
+    weight = min(INDEPENDENT, float(count)) / left
+    weight = min(weight, 1.0 / (SMALLEST_DEVIATION**2 * normal[3, 3]))
+    finder.fine_delay[slot] = delay
+    p = finder.velocity_exponent
+    both, of_p = weight * normal[4, 3], weight * max(normal[4, 4], 0.0)
+    information, vector = finder.fine_information[slot], finder.fine_vector[slot]
+    information[0] = weight * normal[3, 3]
+    information[1] = both
+    information[2] = of_p
+    vector[0] = information[0] * delay + both * p + weight * slope[3]
+    vector[1] = both * delay + of_p * p + weight * slope[4]
     return True
 
 
 @compiled
-def _solve(normal: Any, slope: Any, fixed: int) -> bool:
-    """Solve the 4x4 normal equations in place (lower triangle); `fixed` stays 0 unless -1.
+def _fixed(fit: Any, slope: Any) -> int:
+    """1 while B stays at zero, else -1."""
+    return 1 if fit[1] <= 0.0 and slope[1] <= 0.0 else -1
 
-    Leaves the last element of the inverse in normal[3, 3].
-    """
+
+@compiled
+def _add_up(finder: Any, count: int) -> float:
+    """Normal equations of K, B, n, delay and p at the fit (lower triangle); squares left."""
+    fit, normal, slope, column = finder.fit, finder.normal, finder.slope, finder.column
+    left, noise, bent_noise = 0.0, 0.0, 0.0
+    for i in range(5):
+        slope[i] = 0.0
+        for j in range(5):
+            normal[i, j] = 0.0
+    for k in range(count):
+        row = finder.points_of[k]
+        power = math.exp(fit[2] * row[0])
+        force = power * (fit[0] + fit[1] * row[1])
+        residual = row[3] - force
+        left += residual * residual
+        column[0] = power
+        column[1] = power * row[1]
+        column[2] = force * row[0]
+        column[3] = -(fit[2] * force * row[4] + power * fit[1] * row[2])
+        column[4] = column[1] * fit[1] * math.log(abs(row[1])) / finder.velocity_exponent
+        for i in range(5):
+            slope[i] += column[i] * residual
+            for j in range(i + 1):
+                normal[i, j] += column[i] * column[j]
+        noise += power * power * row[5]
+        bent_noise += power * power * row[5] * row[0]
+    share = min(1.0, (1.0 - LEAST_MOTION) * normal[1, 1] / noise) if noise > 0.0 else 0.0
+    slope[1] += share * fit[1] * noise  # as in `_linear_fit`
+    slope[2] += share * fit[1] * fit[1] * bent_noise
+    normal[1, 1] -= share * noise
+    return left
+
+
+@compiled
+def _solve(normal: Any, slope: Any, fixed: int) -> bool:
+    """Solve the first four normal equations in place; unknown `fixed` stays 0 unless it is -1."""
     if fixed >= 0:
         for j in range(4):
             normal[max(fixed, j), min(fixed, j)] = 1.0 if j == fixed else 0.0
@@ -233,21 +310,23 @@ def _solve(normal: Any, slope: Any, fixed: int) -> bool:
         for j in range(i + 1, 4):
             slope[i] -= normal[j, i] * slope[j]
         slope[i] /= normal[i, i]
-    normal[3, 3] = 1.0 / (normal[3, 3] * normal[3, 3])
     return True
 
 
 @compiled
-def learn_window(finder: Any, velocity_exponent: float) -> bool:
+def learn_window(settings: Any, finder: Any, noise: float) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
     The new delay is then finder.delay, and the window's K, B and n at it are finder.fit.
 
     Args:
+        settings: settings record.
         finder: changed.
-        velocity_exponent: p, as far as it is known; 1 else.
+        noise: variance of the displacement [mm^2].
     """
-    finder.velocity_exponent = velocity_exponent
+    finder.velocity_variance = grids.velocity_variance(finder, noise)
+    if finder.windows == 0:
+        finder.velocity_exponent = settings.initial_velocity_exponent
     if _find_contact(finder) < max(LEAST_SHARE * finder.points, FEWEST_POINTS):
         return False
     slot = finder.windows % WINDOWS
@@ -258,11 +337,13 @@ def learn_window(finder: Any, velocity_exponent: float) -> bool:
         profile[j] = math.inf
     count = _gather(finder, 0.0)
     best = math.inf
+    finder.noise_left = 0.0
     for exponent in EXPONENTS:
         left = _linear_fit(finder, count, exponent)
         if left < best:
             best = left
             finder.guess[2] = exponent
+            finder.noise_left = _noise_left(finder, count)
     for side in (1, -1):
         finder.fit[2] = finder.guess[2]
         for j in range(reach + 1):
@@ -277,12 +358,8 @@ def learn_window(finder: Any, velocity_exponent: float) -> bool:
     count = _gather(finder, start)
     finder.fit[2] = finder.guess[2]
     _refine_exponent(finder, count)
-    finder.fine_valid[slot] = 0
-    if _fine_delay(finder, start):
-        finder.fine_valid[slot] = 1
-        finder.fine_delay[slot] = finder.fine[0]
-        finder.fine_variance[slot] = finder.fine[1]
-    return _decide(finder, chosen)
+    finder.fine_valid[slot] = 1 if _fine_delay(finder, start, slot) else 0
+    return _decide(settings, finder, chosen)
 
 
 @compiled
@@ -301,35 +378,66 @@ def _choose(finder: Any) -> int:
 
 
 @compiled
-def _decide(finder: Any, chosen: int) -> bool:
+def _is_used(finder: Any, w: int, chosen: int) -> bool:
+    """True if a window has a fine value, and that is near the chosen candidate."""
+    away = finder.fine_delay[w] - (chosen - CANDIDATES // 2) * finder.grid_step
+    return bool(finder.fine_valid[w] != 0 and abs(away) < NEAR * finder.grid_step)
+
+
+@compiled
+def _join(settings: Any, finder: Any, chosen: int) -> bool:
+    """Delay and its deviation from all windows, in finder.fine; False if too few say something.
+
+    The p that goes with it is that of the next window.
+    """
+    deviation = prior_deviation(settings, 3)
+    of_p = 1.0 / max(deviation, SMALLEST_DEVIATION) ** 2
+    vector_p = of_p * settings.initial_velocity_exponent
+    of_delay, both, vector = 0.0, 0.0, 0.0
+    used, windows = 0, min(finder.windows, WINDOWS)
+    for w in range(windows):
+        if _is_used(finder, w, chosen):
+            information = finder.fine_information[w]
+            of_delay += information[0]
+            both += information[1]
+            of_p += information[2]
+            vector += finder.fine_vector[w, 0]
+            vector_p += finder.fine_vector[w, 1]
+            used += 1
+    known = of_delay - both * both / of_p
+    if used < FEWEST_WINDOWS or not known > 0.0:
+        return False
+    mean = (vector - both * vector_p / of_p) / known
+    p = (vector_p - both * mean) / of_p
+    p = min(max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+    square = 0.0
+    for w in range(windows):
+        if _is_used(finder, w, chosen):
+            information = finder.fine_information[w]
+            own = (finder.fine_vector[w, 0] - information[1] * p) / information[0]
+            square += information[0] * (own - mean) ** 2
+    scatter = square / max(used - 1, 1)  # 1 where the windows' own variances are right
+    finder.fine[0] = mean
+    finder.fine[1] = math.sqrt(max(scatter, 1.0) / known + SMALLEST_DEVIATION**2)
+    finder.velocity_exponent = p
+    return True
+
+
+@compiled
+def _decide(settings: Any, finder: Any, chosen: int) -> bool:
     """Value and deviation of the delay; True if the one in use is to change."""
     windows = min(finder.windows, WINDOWS)
     if windows < FEWEST_WINDOWS:
         return False
-    step, centre = finder.grid_step, CANDIDATES // 2
+    step = finder.grid_step
     for j in range(CANDIDATES):
         apart = abs(j - chosen) * step > APART
         if apart and finder.total[j] - finder.total[chosen] < RIVAL:
             finder.deviation = math.nan if finder.delay == 0.0 else finder.deviation
             return False
-    weight, mean, square, used = 0.0, 0.0, 0.0, 0
-    for w in range(windows):
-        near = abs(finder.fine_delay[w] - (chosen - centre) * step) < 1.5 * step
-        if finder.fine_valid[w] != 0 and near:
-            share = 1.0 / (finder.fine_variance[w] + SMALLEST_DEVIATION**2)
-            weight += share
-            mean += share * finder.fine_delay[w]
-            used += 1
-    if used < FEWEST_WINDOWS:
+    if not _join(settings, finder, chosen):
         return False
-    mean /= weight
-    for w in range(windows):
-        near = abs(finder.fine_delay[w] - (chosen - centre) * step) < 1.5 * step
-        if finder.fine_valid[w] != 0 and near:
-            share = 1.0 / (finder.fine_variance[w] + SMALLEST_DEVIATION**2)
-            square += share * (finder.fine_delay[w] - mean) ** 2
-    scatter = square / max(used - 1, 1)  # 1 where the windows' own variances are right
-    deviation = math.sqrt(max(scatter, 1.0) / weight + SMALLEST_DEVIATION**2)
+    mean, deviation = finder.fine[0], finder.fine[1]
     distance = abs(mean - finder.delay)
     if finder.delay == 0.0:
         finder.deviation = deviation
@@ -348,7 +456,10 @@ def _decide(finder: Any, chosen: int) -> bool:
 
 @compiled
 def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
-    """True if the windows agree that the chosen candidate is better than the delay in use."""
+    """True if the windows agree that the chosen candidate is better than the delay in use.
+
+    By their likelihoods, or by their fine values, whose scatter is in the deviation.
+    """
     step, centre = finder.grid_step, CANDIDATES // 2
     used = centre + round(finder.delay / step)
     if used == chosen:  # between two candidates: by the fine values alone
@@ -359,4 +470,9 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
         mean += lead / windows
         square += lead * lead / windows
     error = math.sqrt(max(square - mean * mean, 0.0) / max(windows - 1, 1))
-    return bool(mean * windows > LEAD and mean > CONSISTENT * error)
+    near = 0
+    for w in range(windows):
+        near += 1 if _is_used(finder, w, chosen) else 0
+    significant = abs(finder.fine[0] - finder.delay) > SURELY * finder.fine[1]
+    significant = significant and near > AGREEING * windows
+    return bool(mean * windows > LEAD and (mean > CONSISTENT * error or significant))

@@ -116,6 +116,14 @@ def _period(finder: Any, channel: int) -> float:
 
 
 @compiled
+def velocity_variance(finder: Any, noise: float) -> float:
+    """Variance of a parabola's slope [mm^2/s^2], from that of a reading [mm^2]."""
+    width = max(finder.grid_width, 1e-9)
+    readings = max(width / max(_period(finder, 0), 1e-9), 1.0)
+    return 12.0 * noise / (width * width * readings)  # type: ignore[no-any-return]
+
+
+@compiled
 def advance(finder: Any) -> bool:
     """Add the points of the grid that the readings allow by now; True if a window is full."""
     if min(finder.raw_count[0], finder.raw_count[1]) < 2 * FEWEST_READINGS:

@@ -221,19 +221,23 @@ DELAY = record_type(
         Field("profile", np.float64, (WINDOWS, CANDIDATES), finite=False),
         Field("fine_valid", np.int64, (WINDOWS,), 0, 1),
         Field("fine_delay", np.float64, (WINDOWS,)),  # [s]
-        Field("fine_variance", np.float64, (WINDOWS,), 0.0),  # [s^2]
+        # Information on delay, both and p; and the vector that goes with it.
+        Field("fine_information", np.float64, (WINDOWS, 3)),
+        Field("fine_vector", np.float64, (WINDOWS, 2)),
         Field("fit", np.float64, (3,)),  # K, B, n of the last window
         # Within one window:
         Field("in_contact", np.int64, (GRID,), 0, 1),
-        Field("velocity_exponent", np.float64),  # p of the fits
-        Field("points_of", np.float64, (GRID, 5)),  # see `delay`
+        Field("velocity_exponent", np.float64, (), 0.1),  # p of the fits
+        Field("velocity_variance", np.float64, (), 0.0),  # noise of its points [mm^2/s^2]
+        Field("noise_left", np.float64, (), 0.0),  # squares that it leaves [N^2]
+        Field("points_of", np.float64, (GRID, 6)),  # see `delay`
         Field("parabola", np.float64, (5,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
-        Field("normal", np.float64, (4, 4)),
-        Field("slope", np.float64, (4,)),
-        Field("column", np.float64, (4,)),
-        Field("fine", np.float64, (2,)),
+        Field("normal", np.float64, (5, 5)),
+        Field("slope", np.float64, (5,)),
+        Field("column", np.float64, (5,)),
+        Field("fine", np.float64, (2,)),  # delay and its deviation [s]
     )
 )
 
