@@ -159,7 +159,7 @@ def _linear_fit(finder: Any, count: int, exponent: float) -> float:
     finder.fit[2] = exponent
     left = total - 2.0 * (stiffness * r0 + damping * r1)
     left += stiffness * (stiffness * g00 + 2.0 * damping * g01) + damping * damping * g11
-    return max(left + finder.noise_left, LEAST_RESIDUAL * total)
+    return float(max(left + finder.noise_left, LEAST_RESIDUAL * total))
 
 
 @compiled
@@ -169,7 +169,7 @@ def _noise_left(finder: Any, count: int) -> float:
     for k in range(count):
         row = finder.points_of[k]
         total += math.exp(2.0 * finder.fit[2] * row[0]) * row[5]
-    return finder.fit[1] ** 2 * total  # type: ignore[no-any-return]
+    return float(finder.fit[1] ** 2 * total)
 
 
 @compiled

@@ -135,4 +135,4 @@ def bend_variance(row: Any, log_speed: float) -> float:
     variance += 2.0 * log_speed * (covariance[b, p] - covariance[k, p])
     variance += log_speed * log_speed * covariance[p, p]
     bend = share * (1.0 - share) * max(variance, 0.0)
-    return 0.75 * bend * bend
+    return float(0.75 * bend * bend)
