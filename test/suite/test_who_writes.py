@@ -46,7 +46,12 @@ OWNERS = {
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
     "noise": ("adaptation/difference_noise",),
     "motion": ("adaptation/motion_density",),
-    "tool": ("multiple_model/plausible", "multiple_model/sample", "multiple_model/tempering"),
+    "tool": (
+        "multiple_model/levels",
+        "multiple_model/plausible",
+        "multiple_model/sample",
+        "multiple_model/tempering",
+    ),
     "row": ("multiple_model/rows", "multiple_model/kalman", "multiple_model/model_error"),
     "judge": ("multiple_model/judge",),
     "change": ("multiple_model/change",),

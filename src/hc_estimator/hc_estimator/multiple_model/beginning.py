@@ -9,7 +9,7 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
-from hc_estimator.multiple_model import contact_onset, plausible, tempering
+from hc_estimator.multiple_model import contact_onset, levels, plausible, tempering
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
@@ -44,6 +44,7 @@ def start(settings: Any, bank: Any) -> None:
     bank.tool.away_time = 0.0
     bank.tool.contact_clock = 0.0
     plausible.reset(bank.tool)
+    levels.reset(bank.tool)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         row.index = m
@@ -113,6 +114,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     bank.guessed = 0
     bank.motion_anew = 1
     plausible.reset(bank.tool)
+    levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)

@@ -161,7 +161,7 @@ def _score(
     know yet says nothing about who is right by now.
     """
     period = max(PERIOD, judge.waited)
-    tool = rows[judge.chosen].state
+    tool = rows[_trusted_motion(judge, rows)].state
     known = 0.0
     for h in range(HORIZONS.size):
         back = max(round(HORIZONS[h] / period), 1)
@@ -257,6 +257,21 @@ def _steadiest(rows: Any) -> float:
         if rows[m].active != 0:
             least = min(least, rows[m].recent_nis)
     return max(least, 2.0)
+
+
+@compiled
+def _trusted_motion(judge: Any, rows: Any) -> int:
+    """Row whose motion of the tool is believed: the chosen one, unless it is far from consistent.
+
+    A row that is led astray takes its velocity along, and all others would look wrong by that.
+    """
+    steadiest = judge.chosen
+    if rows[steadiest].recent_nis <= CONSISTENT * _steadiest(rows):
+        return steadiest  # type: ignore[no-any-return]
+    for m in range(FRESH):
+        if rows[m].active != 0 and rows[m].recent_nis < rows[steadiest].recent_nis:
+            steadiest = m
+    return steadiest  # type: ignore[no-any-return]
 
 
 @compiled

@@ -60,6 +60,7 @@ HOLD_NOTHING = 0
 HOLD_ALL = 1
 HOLD_DAMPING = 2  # B and p
 SURE = 10.0  # deviations of a force from which on its logarithm is about normal
+UNKNOWN_SHARE = 0.5  # of the reading, as the deviation of what was expected
 LEAST_SHARE = 1e-6  # of the reading that every sigma point must have for its logarithm
 PIVOT_TOLERANCE = 1e-15  # a pivot this much smaller than its element is rounding error
 
@@ -345,7 +346,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         squares += even * even
     bend = total / scale  # of the mean against the central point
     _note_expected(row, centre + bend, _curvature(squares, total, bend, count))
-    if row.force_noise > noise and reading > SURE * math.sqrt(noise):
+    unknown = row.explained > UNKNOWN_SHARE**2 * reading * reading
+    if unknown and reading > SURE * math.sqrt(noise):
         _foresee_logarithm(row, centre, reading)
     return bool(math.isfinite(row.explained))
 
@@ -375,8 +377,8 @@ def _foresee_logarithm(row: Any, centre: float, reading: float) -> None:
 
     A force that is clearly felt is known by a small share of itself, and its logarithm is linear in
     ln K and n (ours). All is in newtons of the reading, reading ln(force / reading), so that noise
-    and likelihood stay the same; errors of second order in the share of the noise do not matter as
-    long as far more than the noise is unknown.
+    and likelihood stay the same. Only as long as next to nothing is known: what is curved in a law
+    must be tempered, or a law that does not fit teaches wrong parameters for certain.
     """
     count = COUNTS[row.index]
     least = LEAST_SHARE * reading

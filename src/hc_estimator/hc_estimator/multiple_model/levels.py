@@ -6,11 +6,11 @@ unscented transform leave it, and the law seems so far from linear that nothing 
 seconds (a press at constant speed). In the logarithms of the level and of B / K it is straight.
 
 So a row is normal in ln(K + B w), ln(B / K), n and p, where w is the usual speed to the power of p
-(ours; `hc bench accuracy ablation`). To and fro no level is known better than K itself: the usual
-speed is that of the mean velocity, and next to nothing then. Mean and covariance are kept in ln K
-and ln B all the same, the covariance as that of the tangents: sigma points are moved along the
-ridge by `moved`, and after an update mean and covariance follow it (`follow`). What the tangent
-leaves out is in the covariance that is given out (`bend_variance`).
+(ours). That is so until the tool has retreated for the first time: to and fro no level is known
+better than K itself. Mean and covariance are kept in ln K and ln B all the same, the covariance as
+that of the tangents: sigma points are moved along the ridge by `moved`, and after an update mean
+and covariance follow it (`follow`). What the tangent leaves out is in the covariance that is given
+out (`bend_variance`).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
     LOG_DAMPING,
     LOG_STIFFNESS,
+    VELOCITY,
     VELOCITY_EXPONENT,
 )
 
@@ -30,11 +31,22 @@ UNBENT = -1e9  # logarithm of a speed at which the level is K
 LARGEST = 300.0  # exponent of exp()
 USUAL_TIME = 2.0  # in contact over which the usual velocity is taken, at most [s]
 SLOWEST = 1e-3  # [mm/s]
+MOVING = 3.0  # deviations of the velocity that are no noise
 
 
 @compiled
-def learn(tool: Any, velocity: float, elapsed: float) -> None:
-    """Take a velocity in contact into the usual one."""
+def reset(tool: Any) -> None:
+    """The tool has not been in contact yet."""
+    tool.usual_velocity = 0.0
+    tool.retreated = 0
+
+
+@compiled
+def learn(tool: Any, row: Any, elapsed: float) -> None:
+    """Take the velocity of a row in contact into the usual one."""
+    velocity = row.state[VELOCITY]
+    if velocity < -MOVING * math.sqrt(row.covariance[VELOCITY, VELOCITY]):
+        tool.retreated = 1
     time = min(max(tool.contact_clock, elapsed), USUAL_TIME)
     share = elapsed / time if time > 0.0 else 1.0
     tool.usual_velocity += share * (velocity - tool.usual_velocity)
@@ -42,7 +54,9 @@ def learn(tool: Any, velocity: float, elapsed: float) -> None:
 
 @compiled
 def log_usual_speed(tool: Any) -> float:
-    """Logarithm of the usual velocity [mm/s]; that of next to nothing while the tool retreats."""
+    """Logarithm of the usual velocity [mm/s]; UNBENT once the tool has retreated."""
+    if tool.retreated != 0:
+        return UNBENT
     return math.log(max(tool.usual_velocity, SLOWEST))
 
 

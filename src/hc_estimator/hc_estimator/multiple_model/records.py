@@ -64,6 +64,7 @@ TOOL = record_type(
         Field("mean_square_velocity", np.float64, (), 0.0),
         Field("mean_square_acceleration", np.float64, ()),  # less its own variance
         Field("usual_velocity", np.float64),  # mean of the last seconds in contact [mm/s]
+        Field("retreated", np.int64, (), 0, 1),  # 1 once the tool has moved out in contact
         Field("away_time", np.float64, (), 0.0),  # since contact was lost [s]
         Field("contact_clock", np.float64, (), 0.0),  # time in contact so far [s]
         Field("deepest", np.float64),  # largest displacement in contact [mm]

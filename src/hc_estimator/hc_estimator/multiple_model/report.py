@@ -111,12 +111,13 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
 def _add_bend(row: Any, tool: Any, out: NDArray[np.float64]) -> None:
     """Add to the covariance of K and B that what is known of both together is bent."""
     log_speed = log_speed_of(row, levels.log_usual_speed(tool))
-    if log_speed == levels.UNBENT:
+    if log_speed <= levels.UNBENT:
         return
     variance = levels.bend_variance(row, log_speed)
     for i in range(2):
         for j in range(2):
-            out[COVARIANCE + 4 * i + j] += variance * out[PARAMETERS + i] * out[PARAMETERS + j]
+            both = out[PARAMETERS + i] * out[PARAMETERS + j]
+            out[COVARIANCE + 4 * i + j] += variance * both
 
 
 @compiled

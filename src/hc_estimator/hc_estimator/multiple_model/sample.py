@@ -41,7 +41,6 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_DAMPING,
     LOG_STIFFNESS,
     SURFACE,
-    VELOCITY,
 )
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
@@ -344,15 +343,15 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
             if rows[m].position_deviation > 0.0 and SURFACE[m] and rows[m].model_error > 0.0:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
-    touching = depth_of(chosen) > TOUCHING_DEPTH and chosen.predicted_force > 0.0
-    if SURFACE[chosen.index] and clock.present[1] != 0:
-        # A surface thought to be far off must not stop what would refute it.
-        touching = touching or clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
+    # A row that expects no force where there is one must not stop what would refute it.
+    felt = clock.present[1] != 0 and clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
+    touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or felt)
+    touching = touching or (SURFACE[chosen.index] and felt)
     if touching:
         tool.away_time = 0.0
         elapsed = clock.elapsed if clock.restart == 0 else clock.period
         tool.contact_clock += elapsed
-        levels.learn(tool, chosen.state[VELOCITY], elapsed)
+        levels.learn(tool, chosen, elapsed)
         if clock.present[1] != 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:

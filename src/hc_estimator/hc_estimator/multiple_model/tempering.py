@@ -40,7 +40,6 @@ def reset(tool: Any) -> None:
     """Nothing is known of the motion: the coherence time starts at its longest."""
     tool.mean_square_velocity = 1.0
     tool.mean_square_acceleration = 0.0
-    tool.usual_velocity = 0.0
 
 
 @compiled
