@@ -198,7 +198,8 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     """Let the finder take the full window; begin anew with a delay that it has found."""
     finder = bank.delay
     before = finder.delay
-    if delays.learn_window(settings, finder, bank.sensor_noise[0]):
+    constant = bank.judge.chosen <= FITTED
+    if delays.learn_window(settings, finder, bank.sensor_noise[0], constant):
         bank.held.first = bank.held.count
         if abs(finder.delay - before) > delays.BEGIN_ANEW:
             beginning.begin_aligned(settings, bank)

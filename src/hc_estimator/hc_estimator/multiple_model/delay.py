@@ -314,7 +314,7 @@ def _solve(normal: Any, slope: Any, fixed: int) -> bool:
 
 
 @compiled
-def learn_window(settings: Any, finder: Any, noise: float) -> bool:
+def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
     The new delay is then finder.delay, and the window's K, B and n at it are finder.fit.
@@ -323,6 +323,7 @@ def learn_window(settings: Any, finder: Any, noise: float) -> bool:
         settings: settings record.
         finder: changed.
         noise: variance of the displacement [mm^2].
+        constant: False where tissue or surface seem to vary: that looks like a small delay.
     """
     finder.velocity_variance = grids.velocity_variance(finder, noise)
     if finder.windows == 0:
@@ -359,7 +360,7 @@ def learn_window(settings: Any, finder: Any, noise: float) -> bool:
     finder.fit[2] = finder.guess[2]
     _refine_exponent(finder, count)
     finder.fine_valid[slot] = 1 if _fine_delay(finder, start, slot) else 0
-    return _decide(settings, finder, chosen)
+    return _decide(settings, finder, chosen, constant)
 
 
 @compiled
@@ -424,7 +425,7 @@ def _join(settings: Any, finder: Any, chosen: int) -> bool:
 
 
 @compiled
-def _decide(settings: Any, finder: Any, chosen: int) -> bool:
+def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
     """Value and deviation of the delay; True if the one in use is to change."""
     windows = min(finder.windows, WINDOWS)
     if windows < FEWEST_WINDOWS:
@@ -442,6 +443,7 @@ def _decide(settings: Any, finder: Any, chosen: int) -> bool:
     if finder.delay == 0.0:
         finder.deviation = deviation
         changes = distance > max(SIGNIFICANT * deviation, SMALLEST)
+        changes = changes and (constant or distance > step)
         changes = changes and _is_clear(finder, chosen, windows)
     else:
         changes = distance > max(deviation, CORRECTION)

@@ -57,6 +57,9 @@ CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far 
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
+# Mean square of the others over a moving surface's before it stands against a misfit: tissue that
+# relaxes lets go early, and that looks like a surface that has sunk.
+SURFACE_GAIN = 2.0
 UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
 UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
 WAIT = 2.0  # time after which a row seeded anew counts again [s]
@@ -321,19 +324,22 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
             likeliest = max(likeliest, rows[m].log_likelihood)
     for m in range(FRESH):
         rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
-    best, best_fitting = math.inf, math.inf
+    best, best_still, best_fitting = math.inf, math.inf, math.inf
     learning = _still_learns(rows[0]) or _still_learns(rows[FITTED])
     learning = learning and _is_eligible(rows[FITTED], clock, steadiest, likeliest)
     asked = FITTED + 1 if learning else FRESH
     for m in range(asked):
         if _is_eligible(rows[m], clock, steadiest, likeliest):
             best = min(best, _cost(rows[m]))
+        if _is_eligible(rows[m], clock, steadiest, likeliest) and not SURFACE[m]:
+            best_still = min(best_still, _cost(rows[m]))
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     for m in range(asked):
         row = rows[m]
         margin = MISFIT_MARGIN if m <= FITTED else FREE_MARGIN
         fits = row.model_error == 0.0 and _cost(row) <= margin * best
+        fits = fits and (not SURFACE[m] or SURFACE_GAIN * _cost(row) <= best_still)
         if fits and _is_eligible(row, clock, steadiest, likeliest):
             best_fitting = min(best_fitting, _cost(row))
     must_fit = best_fitting < math.inf
