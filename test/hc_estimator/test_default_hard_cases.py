@@ -203,11 +203,6 @@ def test_other_contact_models(model, parameters):
     assert not np.any(series.change_detected)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="K + B v^p is right after 0.5 s, but on the way the one-step prediction is 1.6 to 2.4 N "
-    "off (RMS from 0.1 s on; `ukf` 0.12 N)",
-)
 @pytest.mark.parametrize("seed", range(3))
 def test_first_half_second_at_constant_velocity_is_told_by_all_samples_so_far(seed):
     """Paper A, table 1: far too short for the tempered filter, not for least squares."""

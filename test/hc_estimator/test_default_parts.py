@@ -421,7 +421,8 @@ def test_a_maneuver_takes_back_scores_and_choice(parts):
     rows_of(options, bank, (50.0, 50.0, 50.0, 0.1, 50.0))
     bank.rows[3].log_likelihood = 99.0
     bank.judge.chosen = 3
-    maneuver._go_back(bank, 0)
+    grid.take(bank.delay, 0, 1.0, 2.0)
+    maneuver._go_back(bank, 0, 1.0)
     assert bank.judge.chosen == 0
     assert [bank.rows[m].score for m in range(FRESH)] == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert bank.rows[3].log_likelihood == 0.0
@@ -438,7 +439,8 @@ def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):
             bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
         )
     bank.rows[FITTED].active = 1
-    maneuver._go_back(bank, 0)
+    grid.take(bank.delay, 0, 1.0, 2.0)
+    maneuver._go_back(bank, 0, 1.0)
     assert bank.rows[FITTED].active == 0
 
 

@@ -57,9 +57,9 @@ CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far 
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
-# Mean square of the others over a moving surface's before it stands against a misfit: tissue that
-# relaxes lets go early, and that looks like a surface that has sunk.
-SURFACE_GAIN = 2.0
+# Mean square of the others over a moving surface's before one is believed against a misfit: tissue
+# that relaxes lets go early, and that looks like a surface that has sunk.
+SURFACE_GAIN = 1.3
 UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
 UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
 WAIT = 2.0  # time after which a row seeded anew counts again [s]
@@ -337,9 +337,10 @@ def _choose(judge: Any, rows: Any, clock: float) -> None:
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     for m in range(asked):
         row = rows[m]
-        margin = MISFIT_MARGIN if m <= FITTED else FREE_MARGIN
+        goes_on = SURFACE[m] and m == judge.chosen
+        margin = MISFIT_MARGIN if m <= FITTED or goes_on else FREE_MARGIN
         fits = row.model_error == 0.0 and _cost(row) <= margin * best
-        fits = fits and (not SURFACE[m] or SURFACE_GAIN * _cost(row) <= best_still)
+        fits = fits and (not SURFACE[m] or goes_on or SURFACE_GAIN * _cost(row) <= best_still)
         if fits and _is_eligible(row, clock, steadiest, likeliest):
             best_fitting = min(best_fitting, _cost(row))
     must_fit = best_fitting < math.inf

@@ -46,7 +46,6 @@ from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
     force_of_row,
-    foresee_force,
     innovate_force,
     predict,
     use_displacement,
@@ -59,6 +58,7 @@ from hc_estimator.multiple_model.rows import (
     limit,
     seed,
 )
+from hc_estimator.multiple_model.unscented import foresee_force
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 
 PERIOD_SHARE = 0.05  # of a new interval in the usual one
