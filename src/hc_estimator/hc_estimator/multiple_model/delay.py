@@ -54,6 +54,7 @@ SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 6.0  # standard deviations
 SURELY = 8.0  # the same, where the likelihoods are not consistent
 AGREEING = 0.7  # share of the windows that must be near the chosen candidate then
+FEWEST_AGREEING = 8  # windows of which that is so, at least
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 
@@ -203,7 +204,11 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
     else:
         changes = distance > max(deviation, CORRECTION)
         if changes and distance > step:
-            changes = _is_clear(finder, chosen, windows)
+            # Back towards none it takes less: the first windows may have been wrong.
+            used = min(max(CANDIDATES // 2 + round(finder.delay / step), 0), CANDIDATES - 1)
+            doubted = finder.total[used] - finder.total[chosen] > RIVAL
+            back = abs(mean) < 0.5 * abs(finder.delay) and doubted
+            changes = back or _is_clear(finder, chosen, windows)
     if changes:
         finder.delay = mean
     if changes or finder.delay != 0.0:
@@ -231,5 +236,6 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     for w in range(windows):
         near += 1 if _is_used(finder, w, chosen) else 0
     significant = abs(finder.fine[0] - finder.delay) > SURELY * finder.fine[1]
-    significant = significant and near > AGREEING * windows
+    significant = significant and near > AGREEING * max(windows, FEWEST_AGREEING)
+    significant = significant and abs(chosen - centre) < finder.reach
     return bool(mean * windows > LEAD and (mean > CONSISTENT * error or significant))

@@ -42,10 +42,30 @@ def reset(tool: Any) -> None:
 
 
 @compiled
-def learn(tool: Any, row: Any, elapsed: float) -> None:
-    """Take the velocity of a row in contact into the usual one."""
+def learn(tool: Any, rows: Any, row: Any, elapsed: float) -> None:
+    """Take the velocity of a row in contact into the usual one.
+
+    When the tool retreats for the first time the rows become normal in ln K and ln B: what their
+    tangents leave out is added.
+
+    Args:
+        tool: changed.
+        rows: all of them.
+        row: the one in charge.
+        elapsed: time in contact [s].
+    """
     velocity = row.state[VELOCITY]
-    if velocity < -MOVING * math.sqrt(row.covariance[VELOCITY, VELOCITY]):
+    retreats = velocity < -MOVING * math.sqrt(row.covariance[VELOCITY, VELOCITY])
+    if retreats and tool.retreated == 0:
+        log_speed = log_usual_speed(tool)
+        for m in range(rows.shape[0]):
+            covariance = rows[m].covariance
+            k, b = covariance[LOG_STIFFNESS, LOG_STIFFNESS], covariance[LOG_DAMPING, LOG_DAMPING]
+            if rows[m].active != 0 and k > 0.0 and b > 0.0:
+                variance = bend_variance(rows[m], log_speed)
+                for i in (LOG_STIFFNESS, LOG_DAMPING):
+                    for j in (LOG_STIFFNESS, LOG_DAMPING):
+                        covariance[i, j] += variance
         tool.retreated = 1
     time = min(max(tool.contact_clock, elapsed), USUAL_TIME)
     share = elapsed / time if time > 0.0 else 1.0

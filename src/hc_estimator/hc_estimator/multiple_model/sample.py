@@ -351,7 +351,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         tool.away_time = 0.0
         elapsed = clock.elapsed if clock.restart == 0 else clock.period
         tool.contact_clock += elapsed
-        levels.learn(tool, chosen, elapsed)
+        levels.learn(tool, rows, chosen, elapsed)
         if clock.present[1] != 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:
