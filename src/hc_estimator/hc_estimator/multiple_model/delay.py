@@ -52,7 +52,8 @@ APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 6.0  # standard deviations
-SURELY = 8.0  # the same, where the likelihoods are not consistent
+LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
+SURELY = 8.0  # standard deviations that are clear then
 AGREEING = 0.7  # share of the windows that must be near the chosen candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
@@ -238,4 +239,5 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     significant = abs(finder.fine[0] - finder.delay) > SURELY * finder.fine[1]
     significant = significant and near > AGREEING * max(windows, FEWEST_AGREEING)
     significant = significant and abs(chosen - centre) < finder.reach
-    return bool(mean * windows > LEAD and (mean > CONSISTENT * error or significant))
+    consistent = mean > (LESS_CONSISTENT if significant else CONSISTENT) * error
+    return bool(mean * windows > LEAD and consistent)
