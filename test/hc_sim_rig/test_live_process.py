@@ -158,6 +158,43 @@ def test_without_a_force_sensor_the_force_is_felt_all_the_same(
     assert np.sqrt(np.mean((force - true)[late] ** 2)) < 0.3
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["position_position", "wave_variables", "direct"])
+def test_every_method_of_feedback_runs_live(
+    start: Start, ros_domain: int, tmp_path: Path, method: str
+) -> None:
+    """Two ROS domains, a round trip of 20 ms with jitter and loss: told to the master alone."""
+    ports = free_ports()
+    added = ("link.added_delay=0.01", "link.added_jitter=0.001", "link.added_loss=0.1")
+    slave = start(
+        ros_domain,
+        *HC,
+        *("run", "slave", "--duration", "25", "--json", "--headless", "--bag", "bag"),
+        *parameters("slave", f"link.port={ports[1]}", f"link.peer_port={ports[0]}", *added),
+    )
+    master = start(
+        ros_domain + 101,  # the other side's domain
+        *HC,
+        *("run", "master", "--duration", "35", "--json", "--headless"),
+        *parameters("master", f"link.port={ports[0]}", f"link.peer_port={ports[1]}", *added),
+        *parameters("master", f"feedback.method={method}"),
+    )
+    observer = start(ros_domain + 101, sys.executable, str(HERE / "live_observer.py"), "15")
+    told, errors = observer.communicate(timeout=180)
+    assert observer.returncode == 0, errors
+    found = json.loads(told)
+    told, errors = slave.communicate(timeout=240)
+    assert slave.returncode == 0, errors
+    master.send_signal(signal.SIGINT)
+    _, true = read_forces(tmp_path / "bag")["/indenter/truth"]
+    assert json.loads(told)["estimates"] > 3000
+    assert float(found["status"]["link_received"]) > 5000
+    assert float(found["status"]["link_refused"]) == 0
+    assert found["stiffness"] == 0.0  # no model is rendered
+    assert true.max() > 0.5  # the tool was led into the tissue
+    assert found["force_n"] > 0.2  # and the hand felt it
+
+
 def read_forces(bag: Path) -> dict[str, np.ndarray]:
     """Time and force of the samples, which the estimator made of the effort, and of the truth."""
     kinds = {"/indenter/sample": IndenterSample, "/indenter/truth": IndenterTruth}
@@ -201,7 +238,7 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
 
 def test_nodes_say_in_one_line_what_cannot_be(start: Start, ros_domain: int) -> None:
     for module, name, value, word in (
-        ("master", "feedback.method", "wave_variables", "is not one of model_mediated, direct"),
+        ("master", "feedback.method", "telepathy", "is not one of direct, position_position"),
         ("slave", "slave.stiffness_low", "50.0", "stiffness_low is 50"),
         ("master", "motion", "/no/such/file.csv", "cannot read the motion"),
         ("slave", "link.bind", "192.0.2.1", "link from 192.0.2.1"),
