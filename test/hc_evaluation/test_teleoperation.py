@@ -194,16 +194,17 @@ def test_the_bounds_hold_with_every_filter_over_all_delays(filter: str, round_tr
 
 def test_the_document_takes_the_table(result: dict, tmp_path) -> None:
     path = tmp_path / "page.md"
-    path.write_text(f"before\n{table.START}\nold\n{table.END}\nafter\n")
-    table.write_table(result, path)
+    path.write_text(f"before\n<!-- teleoperation -->\nold\n{table.END}\nafter\n")
+    table.write_table("teleoperation", table.markdown_table(result), "Said.", path)
     text = path.read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
     assert "old" not in text
+    assert "\nSaid.\n" in text
     assert text.count("| direct |") == 2
     path.write_text("nothing")
     with pytest.raises(ValueError, match="no lines"):
-        table.write_table(result, path)
+        table.check_document(path, "teleoperation")
 
 
 @pytest.mark.slow
