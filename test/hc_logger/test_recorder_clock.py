@@ -1,4 +1,4 @@
-"""The recorder's clock: what a clock that is set, or a process that stands still, does to stamps."""
+"""The clock of received messages: what a clock that is set does to a bag's stamps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import pytest
 
 from hc_logger.reader import BagReader
 from hc_logger.reception_clock import ReceptionClock
+from hc_logger.recording import read_recording
 from hc_logger.session import RecordingSession
+from hc_logger.writer import BagWriter
 
 SAMPLE = "hc_msgs/msg/IndenterSample"
 
