@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from hc_estimator.estimator import DEFAULT_FILTER
+from hc_estimator.kinds import DEFAULT_FILTER
 from hc_evaluation.teleoperation import bench, effort, table
 from hc_evaluation.teleoperation.scores import (
     force_at_the_hand,

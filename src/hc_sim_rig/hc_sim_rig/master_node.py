@@ -246,8 +246,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         Raises:
             NodeStartError: if the sampler's thread failed.
         """
-        if self._sampler.error is not None:
-            raise NodeStartError(f"the master stopped: {self._sampler.error}")
+        self._sampler.raise_failure(NodeStartError, "the master")
         return self._sampler.started and not self._sampler.running
 
     def close(self) -> None:

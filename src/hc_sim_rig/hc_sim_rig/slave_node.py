@@ -276,8 +276,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         Raises:
             NodeStartError: if the sampler's thread failed.
         """
-        if self._sampler.error is not None:
-            raise NodeStartError(f"the slave stopped: {self._sampler.error}")
+        self._sampler.raise_failure(NodeStartError, "the slave")
         return False
 
     def close(self) -> None:
