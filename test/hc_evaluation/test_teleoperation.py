@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -237,3 +239,34 @@ def test_the_effort_tables_have_a_line_a_row() -> None:
     assert text.count("| effort |") == 2
     assert "NO" in text
     assert "nan" not in text
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "teleoperation.md"
+
+
+def measured_rows(chosen: list[tuple[str, str | None]], round_trip_ms: int) -> list[str]:
+    """Rows of the page's table as they come out now."""
+    result = bench.run_teleoperation(round_trips_ms=(round_trip_ms,), chosen=chosen)
+    return table.markdown_table(result).splitlines()[2:]
+
+
+def test_the_page_is_not_older_than_the_simulation() -> None:
+    """Rows without a filter, to the last digit: else `hc bench teleoperation --document` anew."""
+    page = PAGE.read_text(encoding="utf-8")
+    chosen = [("position_position", None), ("wave_variables", None)]
+    for row in measured_rows(chosen, 20):
+        assert row in page
+
+
+@pytest.mark.slow
+def test_the_page_is_not_older_than_the_default_filter() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for row in measured_rows([("model_mediated", DEFAULT_FILTER)], 100):
+        assert row in page
+
+
+def test_every_table_of_the_page_says_where_it_is_from() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for name in ("teleoperation", *effort.PLACES, "impedance"):
+        said = page.split(f"<!-- {name} -->\n")[1].split("\n")[0]
+        assert re.match(r"\d+ seeds?\. `hc bench \w+ --document \S+`, hc \S+ \(commit \w+", said)
