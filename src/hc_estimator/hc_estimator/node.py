@@ -368,7 +368,7 @@ class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: igno
         if self._session.check_silence(time.perf_counter_ns()) and not self._silent:
             self._silent = True
             self._diagnostics.publish()  # not up to a second later
-        self._silent = self._session.silent
+        self._silent = self._session.watch.silent
         for suspicion in self._suspicions.look(time.monotonic()):
             self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
         if failure := self._suspicions.failure:
