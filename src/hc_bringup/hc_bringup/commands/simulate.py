@@ -20,7 +20,7 @@ TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file (none: list what there is)"
+        "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file (none: list them)"
     )
     parser.add_argument("-o", "--output", metavar="OUT", help="CSV file (.csv) or bag folder")
     parser.add_argument("--seed", type=natural, metavar="N", help="seed (default: the scenario's)")
