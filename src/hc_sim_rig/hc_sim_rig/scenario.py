@@ -9,6 +9,7 @@ up there (and in the installed copy), anything else is a path.
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -116,8 +117,11 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
         if path.suffix not in (".yaml", ".yml") and not path.is_file():
             path = SCENARIO_FOLDER / f"{text}.yaml"
             if not path.is_file():
+                known = available_scenarios()
+                close = difflib.get_close_matches(text, known, n=1)
+                guess = f" (did you mean {close[0]}?)" if close else ""
                 raise ScenarioError(
-                    f"no scenario {text!r}; known: {', '.join(available_scenarios())}, "
+                    f"no scenario {text!r}{guess}; known: {', '.join(known)}, "
                     "or the path of a .yaml file"
                 )
         data = read_plain_yaml(path)
