@@ -85,7 +85,7 @@ def _is_usual(center: NDArray[np.float64], factor: NDArray[np.float64], j: int, 
         if not abs(center[i]) + s * abs(factor[i, j]) < LARGEST_LOG:
             return False
     n, p = s * abs(factor[5, j]), s * abs(factor[6, j])
-    return (
+    return bool(
         center[5] - n > SMALLEST_DISPLACEMENT_EXPONENT
         and center[5] + n < LARGEST_DISPLACEMENT_EXPONENT
         and center[6] - p > SMALLEST_VELOCITY_EXPONENT
