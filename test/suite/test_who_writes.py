@@ -56,7 +56,6 @@ OWNERS = {
         "multiple_model/rows",
         "multiple_model/kalman",
         "multiple_model/unscented",
-        "multiple_model/levels",
         "multiple_model/model_error",
     ),
     "judge": ("multiple_model/judge",),
