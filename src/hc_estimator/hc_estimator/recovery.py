@@ -66,7 +66,6 @@ def reset(settings: Any, memory: Any) -> None:
     policy.reset(settings, memory)
     strong_tracking.restart(memory)
     covariance_matching.restart(memory)
-    covariance_matching.be_impatient(memory)
 
 
 @compiled

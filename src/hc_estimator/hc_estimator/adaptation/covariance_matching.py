@@ -10,11 +10,6 @@ over both measurements, whatever their units. "corrected" matches each measureme
 for the process noise, one state (the force of `paper`, the acceleration of `kinematic`), and adds
 the window mean of the updated covariance P(k|k), without which Eq. 22 estimates
 P(k|k-1) - P(k|k).
-
-What a filter that is lost does not explain, it takes for noise, and then trusts the readings too
-little to find back: with the weight 1 / J for minutes. Noise shows in the readings themselves: the
-third difference of a smooth signal is nearly zero, that of white noise of variance r has the
-variance 20 r. `takes_misfit_for_noise` holds the matched noise against that.
 """
 
 from __future__ import annotations
@@ -37,13 +32,6 @@ PROCESS = 1
 LITERAL = 1
 KEEP = 0
 MODIFIED = 1
-# Doubt about the matched noise.
-ORDER = 3  # of the differences of the readings
-DIFFERENCE_VARIANCE = 20.0  # of the third difference of white noise of variance 1
-FIRST_DOUBT = 500  # differences after which the matched noise is held against them
-LAST_DOUBT = 1_000_000  # the wait doubles with every doubt: a misfit that stays is no accident
-DOUBTED = 16.0  # matched variance over that in the readings, from which on it is none of theirs
-SMALL_MISFIT = 4e-4  # share of the readings' mean square that a law may leave unexplained
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -112,13 +100,6 @@ FIELDS = (
     Field("matching_filled", np.int64, (3,), 0, LONGEST_WINDOW),
     Field("matching_mean", np.float64, (3,), 0.0),  # what the predicted covariances should be
     Field("matching_count", np.int64, (3,), 0),  # J: samples in the recursion
-    # Of displacement and force:
-    Field("matching_readings", np.float64, (2, ORDER)),  # the last ones, newest first
-    Field("matching_following", np.int64, (2,), 0, ORDER),  # of them, that follow one another
-    Field("matching_differences", np.float64, (2,), 0.0),  # sum of their squared differences
-    Field("matching_squares", np.float64, (2,), 0.0),  # sum of the squared readings
-    Field("matching_differences_count", np.int64, (2,), 0),
-    Field("matching_patience", np.int64, (2,), 0),  # doubts more than answers without one
 )
 
 
@@ -129,17 +110,7 @@ def restart(memory: Any) -> None:
         memory.matching_position[c] = 0
         memory.matching_filled[c] = 0
         memory.matching_mean[c] = 0.0
-    for i in range(2):
-        memory.matching_following[i] = 0
-        _begin_differences(memory, i)
     abrupt_change(memory)
-
-
-@compiled
-def be_impatient(memory: Any) -> None:
-    """Doubt the matched noise as soon as at the start."""
-    for i in range(2):
-        memory.matching_patience[i] = 0
 
 
 @compiled
@@ -256,55 +227,3 @@ def _take(settings: Any, memory: Any, c: int, value: float) -> None:
     for k in range(window):
         total += values[k, c]
     memory.matching_mean[c] += weight * (total / window - memory.matching_mean[c])
-
-
-@compiled
-def takes_misfit_for_noise(settings: Any, memory: Any) -> bool:
-    """Take the readings of an accepted sample; True if the matched noise is none of theirs.
-
-    Asked now and then, more seldom after each doubt. A law that does not fit leaves a misfit that
-    comes back each time; that one is kept.
-    """
-    doubt = False
-    for i in range(2):
-        if memory.restart != 0:
-            memory.matching_following[i] = 0
-        if memory.present[i] == 0:
-            continue
-        values, reading = memory.matching_readings[i], memory.measurement[i]
-        if memory.matching_following[i] == ORDER:
-            difference = reading - 3.0 * (values[0] - values[1]) - values[2]
-            memory.matching_differences[i] += difference * difference
-            memory.matching_squares[i] += reading * reading
-            memory.matching_differences_count[i] += 1
-        else:
-            memory.matching_following[i] += 1
-        values[2], values[1], values[0] = values[1], values[0], reading
-        count = memory.matching_differences_count[i]
-        if count < min(FIRST_DOUBT * 2 ** min(memory.matching_patience[i], 20), LAST_DOUBT):
-            continue
-        shown = memory.matching_differences[i] / (DIFFERENCE_VARIANCE * count)
-        small = max(_given(settings, i), SMALL_MISFIT * memory.matching_squares[i] / count)
-        if memory.noise[i] > max(DOUBTED * shown, small):
-            memory.matching_patience[i] += 1
-            doubt = True
-        else:
-            memory.matching_patience[i] = max(memory.matching_patience[i] - 1, 0)
-        _begin_differences(memory, i)
-    return doubt
-
-
-@compiled
-def _begin_differences(memory: Any, channel: int) -> None:
-    """Forget what the readings of a channel showed."""
-    memory.matching_differences[channel] = 0.0
-    memory.matching_squares[channel] = 0.0
-    memory.matching_differences_count[channel] = 0
-
-
-@compiled
-def _given(settings: Any, channel: int) -> float:
-    """Noise variance of the settings."""
-    if channel == 0:
-        return float(settings.displacement_noise_std**2)
-    return float(settings.force_noise_std**2)

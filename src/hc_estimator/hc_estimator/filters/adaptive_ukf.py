@@ -3,8 +3,7 @@
 `aukf` takes the noise from a window of innovations (section 4.1); `raukf` averages that over all
 samples since the start or, with the modified weighting, since the last abrupt change (section
 4.2). The paper does not say how an abrupt change is found; here the innovations of the force tell,
-by a window or a CUSUM (see `adaptation.change_detection`). Nor does it say what ends a noise that
-was learnt from a misfit: `covariance_matching.takes_misfit_for_noise` does.
+by a window or a CUSUM (see `adaptation.change_detection`).
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise,
 from hc_estimator.recovery import recover
 from hc_estimator.report import write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
-from hc_estimator.state_space import registry as state_space
 
 AUKF_SPECIFICATIONS = (
     *covariance_matching.SPECIFICATIONS,
@@ -72,18 +70,6 @@ def _use(settings: Any, memory: Any, time: float) -> int:
 
 
 @compiled
-def _holds_its_noise_against_readings(settings: Any) -> bool:
-    """True for the recursive form with the modified weighting, unless it is the paper's."""
-    if settings.window_only != 0 or settings.weighting != covariance_matching.MODIFIED:
-        return False
-    return bool(
-        settings.adapted_noise != covariance_matching.PROCESS
-        and settings.matching_trace != covariance_matching.LITERAL
-        and not state_space.is_literal(settings)
-    )
-
-
-@compiled
 def run(
     settings_array: Any,
     memory_array: Any,
@@ -99,12 +85,4 @@ def run(
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
         recover(settings, memory, time, decision)
-        if (
-            decision == ACCEPTED
-            and _holds_its_noise_against_readings(settings)
-            and covariance_matching.takes_misfit_for_noise(settings, memory)
-        ):
-            policy.forget_tissue(settings, memory)
-            covariance_matching.restart(memory)
-            memory.change_detected = 1
         write_row(settings, memory, decision, rows[k])
