@@ -17,7 +17,6 @@ from typing import Any
 
 from mcap.writer import CompressionType, IndexType, Writer
 
-from hc_logger.chunk_indexes import PackedChunkIndexes
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, BagExistsError
 from hc_logger.metadata import (
@@ -103,8 +102,6 @@ class BagWriter:
             compression=CompressionType.ZSTD,
             index_types=IndexType.ALL,
         )
-        # The list is private to the pinned mcap package; a test measures that this takes effect.
-        self._writer._Writer__chunk_indices = PackedChunkIndexes()
         self._writer.start(profile="ros2", library=LIBRARY)
         self._counts_at_open = [topic.message_count for topic in self._topics]
         self._schemas.clear()
