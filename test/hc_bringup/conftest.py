@@ -4,8 +4,8 @@ The latter is for many hostile files one after another.
 """
 
 import json
-import os
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -19,6 +19,7 @@ import pytest
 
 from hc_bringup.cli import main
 from hc_bringup.commands.simulate import _write_bag
+from hc_msgs_py.node_processes import Processes
 from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import load_scenario
 
@@ -26,18 +27,12 @@ SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
 HC = [sys.executable, "-m", "hc_bringup"]
 
 
-class CommandLine:
+class CommandLine(Processes):
     """Runs hc as a process in one ROS domain."""
 
     def __init__(self, domain_id: int, folder: Path) -> None:
+        super().__init__(domain_id, folder, COLUMNS="100")
         self.folder = folder
-        self.environment = {
-            **os.environ,
-            "ROS_DOMAIN_ID": str(domain_id),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "COLUMNS": "100",
-        }
-        self.started: list[subprocess.Popen[str]] = []
 
     def run(self, *words: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
         """Run a command to its end."""
@@ -55,16 +50,7 @@ class CommandLine:
         self, *words: str, module: str = "hc_bringup", through: Sequence[str] = ()
     ) -> subprocess.Popen[str]:
         """Start a command (or another module), through another program if given; it goes on."""
-        process = subprocess.Popen(
-            [*through, sys.executable, "-m", module, *words],
-            cwd=self.folder,
-            env=self.environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        self.started.append(process)
-        return process
+        return super().start("-m", module, *words, through=through)
 
     def node_process(self, module: str = "hc_estimator.node") -> int | None:
         """Return the process id of a node in this domain, None if none lives."""
@@ -86,10 +72,7 @@ def command_line(ros_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
     """A command line in a domain of its own; what it started is ended with the test."""
     line = CommandLine(ros_domain, tmp_path)
     yield line
-    for process in line.started:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+    line.close(signal.SIGKILL)
 
 
 @pytest.fixture

@@ -75,6 +75,7 @@ def test_help_needs_neither_ros_nor_numba() -> None:
         (["replay", "x.csv", "--rate", "0"], "a number > 0"),
         (["bag", "info", "no-bag"], "no-bag does not exist"),
         (["simulate", "no-scenario", "-o", "x.csv"], "no-scenario"),
+        (["simulate", "palpaton_scan", "-o", "x.csv"], "(did you mean palpation_scan?)"),
         (["simulate", "multisine"], "with -o"),
         (["param", "get", "estimator"], "required"),
     ],

@@ -339,3 +339,81 @@ def test_a_recording_is_estimated_with_a_law_of_another_package(tmp_path: Path) 
     assert found["damping"] == pytest.approx(0.03, rel=0.1)
     assert found["displacement_exponent"] == pytest.approx(0.8, rel=0.1)
     assert found["velocity_exponent"] == 1.0
+
+
+TISSUE = """
+import math
+from hc_sim_rig.compilation import compiled
+from hc_sim_rig.tissues_of_others import TissueEntry
+
+@compiled
+def force(d, v, K, B, n, p, inner, rates):
+    rates[0] = (max(d, 0.0) - inner[0]) / 0.2
+    return FACTOR * K * math.expm1(min(n * d, 50.0)) + B * (d - inner[0]) if d > 0.0 else 0.0
+
+TISSUE = TissueEntry(
+    force, "K (exp(n d) - 1) and a spring that relaxes", ("stiffness", "damping", HAS)
+)
+"""
+OF_TISSUE = """
+description: presses once and holds
+duration_s: 4.0
+drive:
+  kind: stage
+  motion: {kind: waypoints, shape: minimum_jerk, points: [[0.0, -1.0], [1.0, 2.0], [4.0, 2.0]]}
+tissue: {kind: fung, stiffness: 0.3, damping: 0.5, displacement_exponent: 0.8}
+"""
+
+
+def test_a_tissue_that_cannot_be_used_says_why_and_disturbs_nobody(tmp_path: Path) -> None:
+    points = "[hc.tissues]\nfung = nowhere:TISSUE\nodd = os:path\nlayered = os:path\n"
+    install(tmp_path, "a", points)
+    (tmp_path / "hold.yaml").write_text(OF_TISSUE)
+    done = run(tmp_path, "-m", "hc_bringup", "simulate", "hold.yaml", "-o", "a.csv")
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "tissue fung cannot be used: nowhere:TISSUE: ModuleNotFoundError" in done.stderr
+    code = (
+        "from hc_sim_rig import load_scenario; from hc_sim_rig.tissues_of_others import PROBLEMS; "
+        "print(load_scenario('layered_tissue.yaml').tissue.kind, PROBLEMS)"
+    )
+    layered = OF_TISSUE.replace("{kind: fung, stiffness: 0.3, damping: 0.5", "{kind: none} #")
+    (tmp_path / "layered_tissue.yaml").write_text(layered)
+    done = run(tmp_path, "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert "'layered': 'a tissue of that name is there already, not os:path'" in done.stdout
+    assert "'odd': 'os:path is a module, no TissueEntry'" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_tissue_of_another_package_is_pressed_and_never_stale(tmp_path: Path) -> None:
+    install(tmp_path, "fung", "[hc.tissues]\nfung = fung:TISSUE\n")
+    (tmp_path / "hold.yaml").write_text(OF_TISSUE)
+    wrong = OF_TISSUE.replace("displacement_exponent", "velocity_exponent")
+    (tmp_path / "wrong.yaml").write_text(wrong)
+    code = (
+        "import json; from hc_sim_rig import Rig, load_scenario, settings_of; "
+        "s = load_scenario('hold.yaml'); t = Rig(s).run(4.0).truth; "
+        "print(json.dumps([t.displacement_mm.tolist(), t.force_n.tolist(), "
+        "t.parameters[-1].tolist(), [n for n in settings_of(s) if 'exponent' in n]]))"
+    )
+    for factor in (1.0, 2.0):
+        text = TISSUE.replace("FACTOR", str(factor)).replace("HAS", "'displacement_exponent'")
+        (tmp_path / "fung.py").write_text(text)
+        done = run(tmp_path, "-c", code)
+        assert done.returncode == 0, done.stderr
+        depth, force, known, exponents = json.loads(done.stdout)
+        assert depth[-1] == pytest.approx(2.0, abs=1e-6)
+        spring = factor * 0.3 * np.expm1(0.8 * 2.0)
+        assert force[-1] == pytest.approx(spring, rel=1e-6)  # 15 time constants later
+        assert max(force) > spring + 0.2  # the rest has relaxed
+        assert force[0] == 0.0
+        assert known[:3] == [0.3, 0.5, 0.8]
+        assert np.isnan(known[3])
+        assert exponents == ["displacement_exponent"]
+    command = ("-m", "hc_bringup", "simulate", "wrong.yaml", "-o", "a.csv")
+    told = run(tmp_path, *command).stderr
+    assert "velocity_exponent is given, which the tissue fung does not have" in told
+    done = run(tmp_path, "-m", "hc_bringup", "simulate", "hold.yaml", "-o", "a.csv")
+    assert done.returncode == 0, done.stderr

@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from rich.console import Console
+from rich.text import Text
 
+from hc_bringup.commands.run import show_ending
 from hc_bringup.dashboard.columns import COLUMNS, INDEX
 from hc_bringup.terminal.ending import Profile, draw_depth, draw_profile, find_lump
 from hc_bringup.terminal.numbers import SteadyDecimals, decimals_of, engineering, file_size
@@ -249,6 +253,25 @@ def test_one_stray_estimate_is_no_lump() -> None:
     profile = scan(1.0)
     profile.stiffness[20] = 5.0
     assert find_lump(profile) is None
+
+
+def test_samples_of_two_publishers_make_no_picture(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Regression: a second rig in the domain, and "No lump along the way" of a mixed bag."""
+    both = np.column_stack([np.arange(300), 8000 + np.arange(300)]).ravel().astype(np.uint64)
+    recording = SimpleNamespace(sequence=both)
+    monkeypatch.setattr("hc_logger.recording.read_recording", lambda _path: recording)
+    felt = SimpleNamespace(contact=np.ones(600, bool), used=np.ones(600, bool))
+    monkeypatch.setattr("hc_bringup.run_data.recorded", lambda _recording: felt)
+    monkeypatch.setattr("hc_bringup.terminal.ending.ending", lambda *_: [Text("a picture")])
+    show_ending(tmp_path)
+    assert capsys.readouterr().out == (
+        "no picture of this run: its bag holds the samples of several publishers, mixed\n"
+    )
+    recording.sequence = np.arange(600, dtype=np.uint64)
+    show_ending(tmp_path)
+    assert "a picture" in capsys.readouterr().out
 
 
 def test_force_over_depth_in_dots() -> None:

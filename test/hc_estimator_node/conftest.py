@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -14,6 +11,7 @@ import pytest
 
 from hc_estimator import available_filters, create_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_msgs_py.node_processes import Caller, Processes, end, ros_arguments
 
 TRUE_PARAMETERS = (0.2, 0.008, 1.8, 1.05)  # with which the tissue never pulls
 
@@ -110,11 +108,7 @@ def start_process(processes, compiled):
     """Start `python -m MODULE` with ROS arguments in the test's domain; killed at the end."""
 
     def start(module="hc_estimator.node", *arguments, **parameters):
-        command = ["-m", module, "--ros-args", *arguments]
-        for name, value in parameters.items():
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-            command += ["-p", f"{name.replace('__', '.')}:={text}"]
-        return processes(*command)
+        return processes("-m", module, *ros_arguments(parameters, *arguments))
 
     return start
 
@@ -132,39 +126,8 @@ def start_script(processes):
 @pytest.fixture
 def processes(domain_id):
     """Start Python processes in the test's domain; ended with the test."""
-    started = []
-
-    def start(*arguments):
-        environment = os.environ | {
-            "ROS_DOMAIN_ID": str(domain_id),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
-        process = subprocess.Popen(
-            [sys.executable, *arguments],
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        started.append(process)
-        return process
-
-    yield start
-    for process in started:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)  # a killed one leaves shared memory behind
-        try:
-            process.communicate(timeout=10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate(timeout=10)
-
-
-def end(process):
-    """Ask a process to end; return exit status, output and errors."""
-    process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=20)
-    return process.returncode, output, errors
+    with Processes(domain_id) as started:
+        yield started.start
 
 
 @pytest.fixture
@@ -172,12 +135,11 @@ def end_process():
     return end
 
 
-class Probe:
+class Probe(Caller):
     """The test's own node: publishes samples, listens to everything, calls services."""
 
     def __init__(self, domain_id):
         os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from hc_msgs.msg import (
             ContactSummary,
@@ -186,15 +148,10 @@ class Probe:
             HuntCrossleyEstimate,
             IndenterSample,
         )
-        from rclpy.executors import SingleThreadedExecutor
 
         from hc_msgs_py import qos, topics
 
-        self.context = rclpy.Context()
-        rclpy.init(args=[], context=self.context, domain_id=domain_id)
-        self.node = rclpy.create_node("probe", context=self.context, enable_rosout=False)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
+        super().__init__(domain_id, "probe")
         self.estimates, self.events, self.contacts = [], [], []
         self.configurations, self.statuses = [], []
         for kind, topic, profile, take in (
@@ -215,38 +172,17 @@ class Probe:
     def _on_diagnostics(self, message):
         self.statuses += [s for s in message.status if s.name == "estimator"]
 
-    def spin(self, duration_s):
-        end_s = time.monotonic() + duration_s
-        while (left := end_s - time.monotonic()) > 0:
-            self.executor.spin_once(timeout_sec=left)
-
     def wait(self, condition, timeout_s=20.0, what="condition"):
         """Spin until a condition holds; fail when it does not in time."""
-        end_s = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < end_s, f"not within {timeout_s} s: {what}"
-            self.executor.spin_once(timeout_sec=0.05)
+        assert self.spin_until(condition, timeout_s), f"not within {timeout_s} s: {what}"
 
     def call(self, name, request_type=None, request=None, timeout_s=90.0):
-        """Call a service of the estimator; a Trigger unless told otherwise.
-
-        An answer may be lost while the two sides are still finding each other: ask again then.
-        """
+        """Call a service of the estimator; a Trigger unless told otherwise."""
         from std_srvs.srv import Trigger
 
-        kind = request_type or Trigger
-        client = self.node.create_client(kind, f"/estimator/{name}")
-        self.wait(client.service_is_ready, timeout_s, f"service {name}")
-        for _attempt in range(5):
-            future = client.call_async(request or kind.Request())
-            end_s = time.monotonic() + 10.0
-            while not future.done() and time.monotonic() < end_s:
-                self.executor.spin_once(timeout_sec=0.05)
-            if future.done():
-                break
-        assert future.done(), f"no answer of {name}"
-        self.node.destroy_client(client)
-        return future.result()
+        return super().call(
+            request_type or Trigger, f"/estimator/{name}", request, timeout_s, answer_s=10.0
+        )
 
     def wait_ready(self):
         """Wait until the estimator says that it has found this node, and this node found it."""
@@ -316,11 +252,6 @@ class Probe:
 
     def kinds(self):
         return [event.kind for event in self.events]
-
-    def close(self):
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.context.try_shutdown()
 
 
 @pytest.fixture

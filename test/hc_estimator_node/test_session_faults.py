@@ -100,9 +100,9 @@ def test_a_burst_of_rejections_is_one_event_with_its_reason(session, recorder, p
     bursts = [e for e in recorder.events if e.kind == EventKind.REJECTION_BURST]
     assert len(bursts) == 1
     assert "not_finite" in bursts[0].reason
-    assert any("200 samples rejected in a row" in alarm for alarm in session.alarms)
+    assert any("200 samples rejected in a row" in alarm for alarm in session.watch.alarms)
     feed(session, plant.samples(10, start=300), first=number)
-    assert session.alarms == []
+    assert session.watch.alarms == []
 
 
 def test_spikes_are_rejected_and_the_estimate_stays_in_place(session, plant):
@@ -130,9 +130,9 @@ def test_a_frozen_reading_is_an_event_and_an_alarm_until_it_moves(session, recor
     frozen = [(0.1 + i * 1e-3, d, 1.25) for i, (_t, d, _f) in enumerate(plant.samples(300))]
     number = feed(session, frozen, first=number)
     assert recorder.kinds().count(EventKind.INPUT_FROZEN) == 1
-    assert "force frozen at 1.25 N" in session.alarms
+    assert "force frozen at 1.25 N" in session.watch.alarms
     feed(session, plant.samples(10, start=400), first=number)
-    assert not any("frozen" in alarm for alarm in session.alarms)
+    assert not any("frozen" in alarm for alarm in session.watch.alarms)
 
 
 def test_a_force_of_zero_in_free_motion_is_not_frozen(session, recorder):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hc_estimator.estimator import DEFAULT_FILTER
+from hc_estimator.kinds import DEFAULT_FILTER
 from hc_evaluation.teleoperation import bench, effort, table
 from hc_evaluation.teleoperation.scores import (
     force_at_the_hand,
@@ -194,16 +196,17 @@ def test_the_bounds_hold_with_every_filter_over_all_delays(filter: str, round_tr
 
 def test_the_document_takes_the_table(result: dict, tmp_path) -> None:
     path = tmp_path / "page.md"
-    path.write_text(f"before\n{table.START}\nold\n{table.END}\nafter\n")
-    table.write_table(result, path)
+    path.write_text(f"before\n<!-- teleoperation -->\nold\n{table.END}\nafter\n")
+    table.write_table("teleoperation", table.markdown_table(result), "Said.", path)
     text = path.read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
     assert "old" not in text
+    assert "\nSaid.\n" in text
     assert text.count("| direct |") == 2
     path.write_text("nothing")
     with pytest.raises(ValueError, match="no lines"):
-        table.write_table(result, path)
+        table.check_document(path, "teleoperation")
 
 
 @pytest.mark.slow
@@ -236,3 +239,34 @@ def test_the_effort_tables_have_a_line_a_row() -> None:
     assert text.count("| effort |") == 2
     assert "NO" in text
     assert "nan" not in text
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "teleoperation.md"
+
+
+def measured_rows(chosen: list[tuple[str, str | None]], round_trip_ms: int) -> list[str]:
+    """Rows of the page's table as they come out now."""
+    result = bench.run_teleoperation(round_trips_ms=(round_trip_ms,), chosen=chosen)
+    return table.markdown_table(result).splitlines()[2:]
+
+
+def test_the_page_is_not_older_than_the_simulation() -> None:
+    """Rows without a filter, to the last digit: else `hc bench teleoperation --document` anew."""
+    page = PAGE.read_text(encoding="utf-8")
+    chosen = [("position_position", None), ("wave_variables", None)]
+    for row in measured_rows(chosen, 20):
+        assert row in page
+
+
+@pytest.mark.slow
+def test_the_page_is_not_older_than_the_default_filter() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for row in measured_rows([("model_mediated", DEFAULT_FILTER)], 100):
+        assert row in page
+
+
+def test_every_table_of_the_page_says_where_it_is_from() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    for name in ("teleoperation", *effort.PLACES, "impedance"):
+        said = page.split(f"<!-- {name} -->\n")[1].split("\n")[0]
+        assert re.match(r"\d+ seeds?\. `hc bench \w+ --document \S+`, hc \S+ \(commit \w+", said)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -18,6 +15,7 @@ from numpy.typing import NDArray
 from hc_logger.definitions import installed_definition
 from hc_logger.layout import encode
 from hc_logger.writer import BagWriter
+from hc_msgs_py.node_processes import Caller, Processes, end, ros_arguments, wait
 
 START_NS = 1_700_000_000_123_456_789
 
@@ -71,40 +69,20 @@ def make_bag(tmp_path: Path) -> Callable[..., Path]:
 
 
 class NodeProcess:
-    """A node of this package as a process, in a ROS domain of its own."""
+    """A node of this package as a process; keeps what it said."""
 
-    def __init__(self, module: str, domain: int, **parameters: Any) -> None:
-        arguments = ["--ros-args"]
-        for name, value in parameters.items():
-            arguments += ["-p", f"{name}:={value}"]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
-            env=environment(domain),
-            stderr=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            text=True,
-        )
+    def __init__(self, processes: Processes, module: str, **parameters: Any) -> None:
+        words = ("-m", module, *ros_arguments(parameters))
+        self.process = processes.start(*words, stdout=subprocess.DEVNULL)
         self.error = ""
 
     def end(self, number: int = signal.SIGINT, timeout: float = 15.0) -> int:
-        if self.process.poll() is None:
-            self.process.send_signal(number)
-        return self.wait(timeout)
+        status, _, self.error = end(self.process, number, timeout)
+        return status
 
     def wait(self, timeout: float = 20.0) -> int:
-        try:
-            _, self.error = self.process.communicate(timeout=timeout)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            _, self.error = self.process.communicate(timeout=10)
-        return self.process.returncode
-
-
-def environment(domain: int) -> dict[str, str]:
-    return os.environ | {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
+        status, _, self.error = wait(self.process, timeout)
+        return status
 
 
 @pytest.fixture
@@ -115,58 +93,24 @@ def domain(ros_domain: int) -> int:
 
 @pytest.fixture
 def start_node(domain: int) -> Iterator[Callable[..., NodeProcess]]:
-    """Start nodes that are killed at the end of the test if they still live."""
-    started: list[NodeProcess] = []
-
-    def start(module: str, **parameters: Any) -> NodeProcess:
-        started.append(NodeProcess(module, domain, **parameters))
-        return started[-1]
-
-    yield start
-    for node in started:
-        if node.process.poll() is None:
-            node.process.kill()
-            node.process.communicate(timeout=10)
+    """Start nodes, which end with the test."""
+    with Processes(domain) as processes:
+        yield lambda module, **parameters: NodeProcess(processes, module, **parameters)
 
 
 @pytest.fixture
 def graph(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A node of the test itself, in the same domain as the processes that it starts."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.executors import SingleThreadedExecutor
-
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    node = rclpy.create_node("test", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-
-    def spin_until(condition: Callable[[], bool], timeout: float = 15.0) -> bool:
-        end = time.monotonic() + timeout
-        while not condition():
-            if time.monotonic() > end:
-                return False
-            executor.spin_once(timeout_sec=0.02)
-        return True
+    caller = Caller(domain, "test")
 
     def call(kind: Any, name: str, request: Any = None, timeout: float = 10.0) -> Any:
-        client = node.create_client(kind, name)
-        try:
-            assert spin_until(client.service_is_ready, timeout), f"no service {name}"
-            future = client.call_async(request if request is not None else kind.Request())
-            assert spin_until(future.done, timeout), f"{name} does not answer"
-            return future.result()
-        finally:
-            node.destroy_client(client)
+        return caller.call(kind, name, request, timeout, answer_s=timeout)
 
-    node.spin_until = spin_until
-    node.call = call
-    yield node
-    executor.shutdown()
-    node.destroy_node()
-    context.try_shutdown()
+    caller.node.spin_until = lambda done, timeout=15.0: caller.spin_until(done, timeout)
+    caller.node.call = call
+    yield caller.node
+    caller.close()
 
 
 @pytest.fixture

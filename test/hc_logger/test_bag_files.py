@@ -190,6 +190,28 @@ def test_info_counts_gaps_and_losses(tmp_path: Path, sample_messages: Any, start
     assert info.problems == []
 
 
+@pytest.mark.parametrize("kind", ["two publishers", "random", "far apart"])
+def test_numbers_that_are_no_count_tell_no_losses(
+    tmp_path: Path, sample_messages: Any, start_ns: int, kind: str
+) -> None:
+    """Regression: two rigs in a domain gave "lost 53347875"."""
+    sequence = {
+        "two publishers": np.column_stack([np.arange(300), 8000 + np.arange(300)]).ravel(),
+        "random": np.random.default_rng(1).integers(0, 2**62, 600),
+        "far apart": np.arange(600) * 10**8,
+    }[kind]
+    times = start_ns + np.arange(600) * 1_000_000
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.add_topic("indenter/sample", SAMPLE)
+        for time, message in zip(times.tolist(), sample_messages(sequence, times), strict=True):
+            writer.write(topic, time, message)
+    (one,) = bag_info(tmp_path / "bag").topics
+    assert one.lost is None
+    assert one.is_no_count
+    assert one.repeated_or_backward is not None
+    assert one.repeated_or_backward > 200
+
+
 def test_memory_does_not_grow_with_the_bag(make_bag: MakeBag) -> None:
     """Streaming through 6 MB of messages holds only chunks."""
     import tracemalloc

@@ -65,6 +65,66 @@ def quoted() -> bytes:
     return (head + rows('"{:.3f}";"{:.4f}";"{:.5f}"', TIME, DEPTH, FORCE, decimal=",")).encode()
 
 
+def bluehill() -> bytes:
+    """Instron: the results of the test stand above its readings, as rows of numbers too."""
+    head = (
+        '"Results Table 1"\n,"Maximum Load","Compressive extension at Maximum Load"\n'
+        ',"(N)","(mm)"\n1,3.29,3.00\n\n"Time","Extension","Load"\n"(sec)","(cm)","(kgf)"\n'
+    )
+    return (head + rows('"{:.3f}","{:.5f}","{:.8f}"', TIME, DEPTH / 10, FORCE / (1e3 * G))).encode()
+
+
+def american() -> bytes:
+    head = "Time,Compressive extension,Extension,Load\n(s),(in),(in),(lbf)\n"
+    table = rows(
+        "{:.3f},{:.7f},{:.7f},{:.8f}", TIME, DEPTH / 25.4, -DEPTH / 25.4, FORCE / 4.4482216152605
+    )
+    return (head + table).encode()
+
+
+def exponent_without_brackets() -> bytes:
+    head = "Load [kgf]\tExtension cm\tTime sec\r\n"
+    return (head + rows("{:.8f}\t{:.6f}\t{:.3f}", FORCE / (1e3 * G), DEPTH / 10, TIME)).encode()
+
+
+def force_gauge() -> bytes:
+    head = "Emperor Force Data\nSample Rate,500,Hz\n\nReading,Load (gf),Travel (mm),Time (s)\n"
+    return (head + rows("{},{:.5f},{:.4f},{:.3f}", range(1, 61), FORCE / G, DEPTH, TIME)).encode()
+
+
+def test_expert() -> bytes:
+    head = '"Prüfung"\t"Leber 3"\r\n\r\n"Prüfzeit"\t"Standardweg"\t"Standardkraft"\r\n'
+    table = rows("{:.4f}\t{:.5f}\t{:.5f}", TIME, DEPTH, FORCE, decimal=",")
+    return (head + '"s"\t"mm"\t"N"\r\n' + table).encode("cp1252")
+
+
+test_expert.__test__ = False  # type: ignore[attr-defined]  # its name is the program's
+
+
+LABVIEW_HEAD = """LabVIEW Measurement\t
+Writer_Version\t2
+Separator\tTab
+Date\t2024/03/05
+Time\t10:11:12.3450000
+***End_of_Header***\t
+\t
+Channels\t2\t\t
+Samples\t60\t60\t
+Time\t10:11:12.345\t10:11:12.345\t
+Y_Unit_Label\tum\tmN\t
+X_Dimension\tTime\tTime\t
+X0\t0.0000000000000000E+0\t0.0000000000000000E+0\t
+Delta_X\t0.002000\t0.002000\t
+***End_of_Header***\t\t\t
+X_Value\tDisplacement\tForce\tComment
+"""
+
+
+def labview() -> bytes:
+    table = rows("{:.6f}\t{:.6f}\t{:.6f}\t", TIME, DEPTH * 1e3, FORCE * 1e3)
+    return (LABVIEW_HEAD + table).encode()
+
+
 def with_byte_order_mark() -> bytes:
     head = "time_s,displacement_mm,force_N\n"
     return codecs.BOM_UTF8 + (head + rows("{:.3f},{:.4f},{:.5f}", TIME, DEPTH, FORCE)).encode()
@@ -73,6 +133,12 @@ def with_byte_order_mark() -> bytes:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
+        (bluehill(), ["'Time' in s", "'Extension' in cm", "'Load' in kgf"]),
+        (american(), ["'Compressive extension' in in", "'Load' in lbf", "the one of compression"]),
+        (exponent_without_brackets(), ["'Extension cm' in cm", "'Load [kgf]' in kgf"]),
+        (force_gauge(), ["'Load (gf)' in gf", "'Travel (mm)' in mm"]),
+        (test_expert(), ["'Prüfzeit' in s", "'Standardkraft' in N", "by tab, decimal comma"]),
+        (labview(), ["'Time' in s", "'Displacement' in um", "'Force' in mN"]),
         (texture_analyser(), ["'Force' in gf", "the force of a mass", "by comma"]),
         (german_machine(), ["'Standardweg' in um", "decimal comma", "encoding cp1252"]),
         (unicode_export(), ["'Load [mN]' in mN", "by tab", "encoding utf-16"]),
@@ -101,6 +167,10 @@ def test_what_machines_write_is_read_and_said(
     [
         ("Time [s],Force A [N],Force B [N],Pos [mm]\n0,1,2,3\n", "several columns could be the f"),
         ("Time [s],Pos,Force [N]\n0,1,2\n", "unit of 'Pos' is not known; say it with --units disp"),
+        (
+            "Time [s],Pos,F\n0,1,2\n",
+            "'Pos' and 'F' are not known; say it with --units displacement=",
+        ),
         ("Time,Pos [mm],Force [N]\n0,1,2\n1,1,2\n2,1,2\n", "the unit of 'Time' is not known"),
         ("Time [s],Pos [mm],Force [daN]\n0,1,2\n", "the unit of 'Force [daN]' is not known"),
         ("0,1,2\n0.1,1,2\n", "the columns have no names; say it with --columns"),
@@ -108,6 +178,12 @@ def test_what_machines_write_is_read_and_said(
         ("Zeit,Weg,Kraft\n0,1, 2,5, 3,7\n0,2, 2,6, 3,8\n", "no names; say it with --columns"),
         ("time,d,f\n2024-03-01 12:00:00.1,1,2\n", "as on a clock (12:00:00): write it as seconds"),
         ("[t, pos, force]\n[0.0, 1, 2],\n", "written as JSON, with brackets"),
+        (
+            "Force (gf),Distance (mm)\n1.5,2\n1.6,3\n",
+            "two columns of numbers, and three are needed",
+        ),
+        ("Zeit [s];Weg [mm];Kraft [mN]\n0,1;2,5;1.234,5\n", "between the thousands (1.234,5)"),
+        ("Time [s],Pos [mm],Load [tonf]\n0,1,2\n", "the unit of 'Load [tonf]' is not known"),
         ("nothing of numbers\nat all\n", "no rows of three numbers are to be seen"),
     ],
 )
@@ -119,6 +195,21 @@ def test_a_doubt_is_refused_with_the_option_that_settles_it(
         read_recording(path)
     assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_second_table_in_a_file_is_named_and_not_left_out(tmp_path: Path) -> None:
+    specimen = "Time,Extension,Load\n(s),(mm),(N)\n" + rows("{:.3f},{},{}", TIME, DEPTH, FORCE)
+    with pytest.raises(BagError, match="line 63: Time is 'Time' instead of a number"):
+        read_recording(write(tmp_path / "two.csv", specimen + specimen))
+
+
+@pytest.mark.parametrize("suffix", [".tab", ".tra", ".lvm", ".prn", ".TXT"])
+def test_the_endings_of_machines_are_known(tmp_path: Path, suffix: str) -> None:
+    path = write(tmp_path / f"export{suffix}", "t[s]\tz[mm]\tF[N]\n0\t1\t2\n0.1\t1\t2\n")
+    assert read_recording(path).force_n.tolist() == [2.0, 2.0]
+    sheet = write(tmp_path / "export.xlsx", "PK")
+    with pytest.raises(BagError, match=r"a table in text ends in one of \.csv \.tsv \.tab"):
+        read_recording(sheet)
 
 
 def test_options_settle_what_is_in_doubt(tmp_path: Path) -> None:
@@ -183,6 +274,8 @@ def test_an_assignment_may_hold_commas() -> None:
         ("Force (Compression)", "force", None),
         ("DISTANCE MM", "distance", "mm"),
         ("Load kN", "load", "kN"),
+        ("Extension in", "extension", "in"),
+        ("Load (lb)", "load", "lbf"),
         ("F", "f", None),
     ],
 )

@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from hc_msgs_py.node_processes import Caller, Processes, ros_arguments
+
 TIMEOUT_S = 40.0
 
 
-class Listener:
+class Listener(Caller):
     """A node in this process: collects messages and calls services."""
 
     def __init__(self, domain: int) -> None:
-        import rclpy
-        from rclpy.context import Context
         from rclpy.experimental import EventsExecutor
 
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.clients: dict[str, Any] = {}
-        self.node = rclpy.create_node("listener", context=self.context)
-        self.executor = EventsExecutor(context=self.context)
-        self.executor.add_node(self.node)
+        super().__init__(domain, "listener", EventsExecutor)
 
     def collect(self, kind: Any, topic: str, profile: Any, convert: Callable[[Any], Any]) -> list:
         found: list = []
@@ -37,46 +28,20 @@ class Listener:
         return found
 
     def spin(self, seconds: float = 0.0, until: Callable[[], bool] | None = None) -> bool:
-        end = time.monotonic() + (seconds or TIMEOUT_S)
-        while time.monotonic() < end:
-            if until is not None and until():
-                return True
-            self.executor.spin_once(timeout_sec=0.02)
-        return until is None
-
-    def call(self, kind: Any, name: str, request: Any) -> Any:
-        if name not in self.clients:
-            self.clients[name] = self.node.create_client(kind, name)
-        client = self.clients[name]
-        assert self.spin(until=client.service_is_ready), f"no service {name}"
-        # Discovery is one-sided: an answer can be lost, so ask again.
-        for _ in range(10):
-            future = client.call_async(request)
-            if self.spin(TIMEOUT_S / 10.0, until=future.done):
-                return future.result()
-        raise AssertionError(f"no answer from {name}")
-
-    def close(self) -> None:
-        self.executor.shutdown()
-        self.node.destroy_node()
-        self.context.try_shutdown()
+        """Listen for a time, or until something is so: False if it is not in time."""
+        reached = self.spin_until(until or (lambda: False), seconds or TIMEOUT_S)
+        return until is None or reached
 
 
 class RigProcess:
     """`python -m hc_sim_rig.node` with parameters."""
 
-    def __init__(self, domain: int, folder: Path, parameters: dict[str, Any]) -> None:
-        command = [sys.executable, "-m", "hc_sim_rig.node", "--ros-args", "-r", "__node:=indenter"]
-        for name, value in parameters.items():
-            text = str(value).lower() if isinstance(value, bool) else str(value)
-            command += ["-p", f"{name}:={text}"]
-        environment = dict(os.environ)
-        environment["ROS_DOMAIN_ID"] = str(domain)
-        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    def __init__(self, processes: Processes, folder: Path, parameters: dict[str, Any]) -> None:
+        words = ros_arguments(parameters, "-r", "__node:=indenter")
         self.errors = folder / "stderr.txt"
         with self.errors.open("w") as errors:
-            self.process = subprocess.Popen(
-                command, env=environment, stderr=errors, stdout=errors, text=True
+            self.process = processes.start(
+                "-m", "hc_sim_rig.node", *words, stdout=errors, stderr=errors
             )
 
     def stop(self, number: int = signal.SIGINT) -> int:
@@ -98,19 +63,16 @@ def start_rig(
 ) -> Iterator[Callable[..., tuple[RigProcess, Listener]]]:
     """Start a rig node with parameters; gives the process and a listener in its domain."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    processes: list[RigProcess] = []
+    started: list[RigProcess] = []
     listeners: list[Listener] = []
 
     def start(**parameters: Any) -> tuple[RigProcess, Listener]:
-        processes.append(RigProcess(ros_domain, tmp_path, parameters))
+        started.append(RigProcess(processes, tmp_path, parameters))
         if not listeners:
             listeners.append(Listener(ros_domain))
-        return processes[-1], listeners[0]
+        return started[-1], listeners[0]
 
-    yield start
-    for listener in listeners:
-        listener.close()
-    for process in processes:
-        if process.process.poll() is None:
-            process.process.kill()
-            process.process.wait()
+    with Processes(ros_domain) as processes:
+        yield start
+        for listener in listeners:
+            listener.close()

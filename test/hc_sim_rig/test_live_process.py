@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from hc_msgs.msg import IndenterSample, IndenterTruth
 from rclpy.serialization import deserialize_message
 
 from hc_logger.reader import BagReader
+from hc_msgs_py.node_processes import Processes
 from hc_sim_rig.bilateral.parts import Bilateral
 from hc_sim_rig.bilateral.sides import MasterSide, SlaveSide
 from hc_sim_rig.bilateral.udp_link import Added, UdpLink
@@ -26,7 +26,7 @@ from hc_sim_rig.bilateral.udp_link import Added, UdpLink
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
-HC = [sys.executable, "-m", "hc_bringup"]
+HC = ["-m", "hc_bringup"]
 Start = Callable[..., subprocess.Popen]
 
 
@@ -42,31 +42,13 @@ def compiled() -> None:
 @pytest.fixture
 def start(compiled: None, tmp_path: Path) -> Iterator[Start]:
     """Start processes in a domain, in a namespace if wanted; ended with the test."""
-    started = []
+    with ExitStack() as stack:
 
-    def begin(domain: int, *words: str, through: tuple[str, ...] = (), **more: str) -> Any:
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(domain), **more}
-        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        process = subprocess.Popen(
-            [*through, *words],
-            env=environment,
-            cwd=tmp_path,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        started.append(process)
-        return process
+        def begin(domain: int, *words: str, through: tuple[str, ...] = (), **more: str) -> Any:
+            processes = stack.enter_context(Processes(domain, tmp_path, **more))
+            return processes.start(*words, through=through)
 
-    yield begin
-    for process in started:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=20)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate(timeout=10)
+        yield begin
 
 
 @pytest.mark.slow
@@ -100,7 +82,6 @@ def test_two_hosts_feel_through_a_link_with_delay_and_loss(
     )
     observer = start(
         ros_domain,
-        sys.executable,
         str(HERE / "live_observer.py"),
         "40",
         through=inside[0],
@@ -158,6 +139,43 @@ def test_without_a_force_sensor_the_force_is_felt_all_the_same(
     assert np.sqrt(np.mean((force - true)[late] ** 2)) < 0.3
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["position_position", "wave_variables", "direct"])
+def test_every_method_of_feedback_runs_live(
+    start: Start, ros_domain: int, tmp_path: Path, method: str
+) -> None:
+    """Two ROS domains, a round trip of 20 ms with jitter and loss: told to the master alone."""
+    ports = free_ports()
+    added = ("link.added_delay=0.01", "link.added_jitter=0.001", "link.added_loss=0.1")
+    slave = start(
+        ros_domain,
+        *HC,
+        *("run", "slave", "--duration", "25", "--json", "--headless", "--bag", "bag"),
+        *parameters("slave", f"link.port={ports[1]}", f"link.peer_port={ports[0]}", *added),
+    )
+    master = start(
+        ros_domain + 101,  # the other side's domain
+        *HC,
+        *("run", "master", "--duration", "35", "--json", "--headless"),
+        *parameters("master", f"link.port={ports[0]}", f"link.peer_port={ports[1]}", *added),
+        *parameters("master", f"feedback.method={method}"),
+    )
+    observer = start(ros_domain + 101, str(HERE / "live_observer.py"), "15")
+    told, errors = observer.communicate(timeout=180)
+    assert observer.returncode == 0, errors
+    found = json.loads(told)
+    told, errors = slave.communicate(timeout=240)
+    assert slave.returncode == 0, errors
+    master.send_signal(signal.SIGINT)
+    _, true = read_forces(tmp_path / "bag")["/indenter/truth"]
+    assert json.loads(told)["estimates"] > 3000
+    assert float(found["status"]["link_received"]) > 5000
+    assert float(found["status"]["link_refused"]) == 0
+    assert found["stiffness"] == 0.0  # no model is rendered
+    assert true.max() > 0.5  # the tool was led into the tissue
+    assert found["force_n"] > 0.2  # and the hand felt it
+
+
 def read_forces(bag: Path) -> dict[str, np.ndarray]:
     """Time and force of the samples, which the estimator made of the effort, and of the truth."""
     kinds = {"/indenter/sample": IndenterSample, "/indenter/truth": IndenterTruth}
@@ -178,14 +196,11 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
     ports = free_ports()
     master = start(
         ros_domain,
-        sys.executable,
         *("-m", "hc_sim_rig.master_node", "--ros-args", "-r", "__node:=master"),
         *("-p", "device.kind:=crtk", "-p", f"link.port:={ports[0]}"),
         *("-p", f"link.peer_port:={ports[1]}"),
     )
-    device = start(
-        ros_domain, sys.executable, str(HERE / "fake_device.py"), "6", str(ports[0]), str(ports[1])
-    )
+    device = start(ros_domain, str(HERE / "fake_device.py"), "6", str(ports[0]), str(ports[1]))
     told, errors = device.communicate(timeout=120)
     assert device.returncode == 0, errors
     found = json.loads(told)
@@ -201,13 +216,13 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
 
 def test_nodes_say_in_one_line_what_cannot_be(start: Start, ros_domain: int) -> None:
     for module, name, value, word in (
-        ("master", "feedback.method", "wave_variables", "is not one of model_mediated, direct"),
+        ("master", "feedback.method", "telepathy", "is not one of direct, position_position"),
         ("slave", "slave.stiffness_low", "50.0", "stiffness_low is 50"),
         ("master", "motion", "/no/such/file.csv", "cannot read the motion"),
         ("slave", "link.bind", "192.0.2.1", "link from 192.0.2.1"),
     ):
         command = ("-m", f"hc_sim_rig.{module}_node", "--ros-args", "-p", f"{name}:={value}")
-        process = start(ros_domain, sys.executable, *command)
+        process = start(ros_domain, *command)
         _, errors = process.communicate(timeout=60)
         assert process.returncode == 2
         assert word in errors

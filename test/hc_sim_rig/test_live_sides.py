@@ -18,13 +18,9 @@ from hypothesis import strategies as st
 from hc_sim_rig.bilateral import Bilateral, Feedback, SlaveArm, simulate
 from hc_sim_rig.bilateral.clock_offset import ClockOffset
 from hc_sim_rig.bilateral.datagrams import MASTER, NEVER, SIZE, SLAVE, Datagram, decode
-from hc_sim_rig.bilateral.sides import (
-    MasterSide,
-    ModelSource,
-    SimulatedHand,
-    SlaveModel,
-    SlaveSide,
-)
+from hc_sim_rig.bilateral.model_source import ModelSource, SlaveModel
+from hc_sim_rig.bilateral.sides import MasterSide, SlaveSide
+from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
 from hc_sim_rig.bilateral.udp_link import Added, LinkError, UdpLink
 from hc_sim_rig.schema import ScenarioError
@@ -58,6 +54,10 @@ def test_a_datagram_comes_back_as_it_went() -> None:
         ({"model": (-1.0, 0.0, 1.0, 1.0, 0.0)}, "model"),
         ({"model": (1e6, 0.0, 1.0, 1.0, 0.0)}, "model"),
         ({"side": 9}, "side"),
+        ({"method": 4}, "method 4"),
+        ({"wave": math.inf}, "waves"),
+        ({"wave_energy_mj": -1.0}, "waves"),
+        ({"wave_impedance": 0.0}, "waves"),
     ],
 )
 def test_what_cannot_be_is_refused(changed: dict, word: str) -> None:
@@ -291,11 +291,6 @@ def test_only_estimates_that_are_known_become_the_model() -> None:
     assert not source.current.sure
 
 
-def test_waves_do_not_run_live(links: tuple[UdpLink, UdpLink]) -> None:
-    with pytest.raises(ValueError, match="wave_variables"):
-        MasterSide(Bilateral(feedback=Feedback(method="wave_variables")), links[0])
-
-
 # The controller that adapts.
 
 
@@ -383,4 +378,4 @@ def test_a_motion_that_is_none_is_named(tmp_path: Path, text: str, word: str) ->
 def test_struct_size_is_what_the_page_says() -> None:
     page = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
     assert f"{SIZE} bytes" in page
-    assert struct.calcsize("<4sBBHIqqq4d5d4dd") == SIZE
+    assert struct.calcsize("<4sBBHIqqq4d3d5d4dd") == SIZE

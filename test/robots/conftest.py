@@ -1,8 +1,6 @@
 """Fake robots, nodes and commands in a domain of the test's own; all of them end with it."""
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -10,32 +8,21 @@ from pathlib import Path
 
 import pytest
 
+from hc_msgs_py.node_processes import Processes
+
 HERE = Path(__file__).parent
 
 
-class Bench:
-    """Starts processes in one ROS domain and one folder."""
+class Bench(Processes):
+    """Starts processes in one ROS domain and one folder, each with a log of its own."""
 
     def __init__(self, domain_id, folder):
+        super().__init__(domain_id, folder, COLUMNS="100")
         self.folder = folder
-        self.environment = os.environ | {
-            "ROS_DOMAIN_ID": str(domain_id),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "COLUMNS": "100",
-        }
-        self.started = []
 
     def start(self, *words):
         log = (self.folder / f"process_{len(self.started)}.log").open("w")
-        process = subprocess.Popen(
-            [sys.executable, *words],
-            cwd=self.folder,
-            env=self.environment,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-        )
-        self.started.append(process)
-        return process
+        return super().start(*words, stdout=log, stderr=subprocess.STDOUT)
 
     def robot(self, **specification):
         """Start a fake robot; see fake_robot.DEFAULTS."""
@@ -64,17 +51,6 @@ class Bench:
                 return done
             time.sleep(1.0)
         return done
-
-    def close(self):
-        for process in self.started:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
-        for process in self.started:
-            try:
-                process.wait(15)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait(10)
 
 
 @pytest.fixture

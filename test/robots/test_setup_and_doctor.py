@@ -1,11 +1,14 @@
 """hc setup and hc doctor on a robot that nobody has described, and on what is set up wrongly."""
 
+import io
 import json
+import sys
 
 import numpy as np
 import pytest
 import yaml
 
+from hc_bringup.commands import setup
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
@@ -138,3 +141,21 @@ def test_doctor_finds_a_delay_and_forecasts_what_the_motion_does_not_show(bench)
     text = bench.hc("doctor", str(slow)).stdout
     assert "to know more: " in text
     assert " mm/s give" in text
+
+
+def test_the_seconds_that_are_left_do_not_stay_on_the_terminal(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    class FakeRecorder:
+        def spin(self, seconds, tell):
+            tell(seconds)
+
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    setup._record(FakeRecorder(), 3.0, "press")
+    assert shown.getvalue() == "\rpress:   3 s \r\x1b[K"
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    setup._record(FakeRecorder(), 3.0, "press")
+    assert sys.stderr.getvalue() == ""

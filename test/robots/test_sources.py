@@ -49,6 +49,10 @@ def test_a_frame_or_a_quality_of_service_that_cannot_be_is_one_line(bench):
             {"qos_overrides./ft_sensor/wrench.subscription.reliability": "always"},
             "cannot subscribe to ft_sensor/wrench",
         ),
+        (
+            {"qos_overrides./ft_sensor/wrench.subscription.depth": -3},
+            "depth is -3, must be 1 to",
+        ),
     ):
         process = start_node(bench, **settings)
         assert process.wait(60) != 0

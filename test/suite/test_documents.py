@@ -92,6 +92,14 @@ def test_modules_that_pages_name_exist() -> None:
     assert not dead
 
 
+def test_every_page_has_a_place_in_the_site() -> None:
+    """`mkdocs build --strict` refuses a page that its navigation leaves out."""
+    site = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    names = [page.relative_to(ROOT / "docs").as_posix() for page in ROOT.glob("docs/**/*.md")]
+    places = set(re.findall(r"^ +- (?:[^:\n]+: )?([\w/]+\.md)$", site, re.MULTILINE))
+    assert set(names) == places
+
+
 def test_the_design_names_every_topic_and_node() -> None:
     page = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
     names = [v for k, v in vars(topics).items() if k.isupper() and not k.startswith("FRAME_")]

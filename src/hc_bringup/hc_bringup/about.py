@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shlex
 import subprocess
+import sys
+from datetime import date
 from importlib import resources
 
 from hc_bringup.paths import checkout_root
@@ -17,6 +20,12 @@ def version_line() -> str:
     """
     commit = _checked_out() or _built_from()
     return f"hc {VERSION} ({f'commit {commit}' if commit else 'commit unknown'})"
+
+
+def origin_line() -> str:
+    """Say where figures of this moment come from: the command, the version and commit, the day."""
+    command = shlex.join(["hc", *sys.argv[1:]])
+    return f"`{command}`, {version_line()}, {date.today().isoformat()}."
 
 
 def _checked_out() -> str:

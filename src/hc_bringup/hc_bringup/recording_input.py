@@ -123,7 +123,8 @@ def add_csv_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--units",
         metavar="UNITS",
-        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um; mN, kN, gf, kgf",
+        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um, in; mN, kN, gf, kgf, "
+        "lbf",
     )
     group.add_argument(
         "--separator", metavar="C", help="comma, semicolon, tab, bar or space (or the character)"
@@ -141,7 +142,8 @@ def csv_options(arguments: argparse.Namespace) -> Any:
     Raises:
         UserError: if one is not of its form.
     """
-    from hc_logger.csv_layout import SEPARATORS, CsvOptions, parse_assignments
+    from hc_logger.csv_layout import CsvOptions, parse_assignments
+    from hc_logger.csv_table import SEPARATORS
 
     given = {}
     for name in ("columns", "units"):

@@ -2,13 +2,12 @@
 
 from hc_estimator.array import EstimatesOfChannels, EstimatorArray
 from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Hypothesis, Rejection
-from hc_estimator.estimator import (
+from hc_estimator.estimator import Estimator, create_estimator
+from hc_estimator.kinds import (
     DEFAULT_FILTER,
-    Estimator,
     available_contact_models,
     available_filters,
     available_state_spaces,
-    create_estimator,
     filter_summary,
     parameter_specifications,
 )

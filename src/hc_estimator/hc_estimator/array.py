@@ -15,13 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from hc_estimator.array_kernels import KERNELS
 from hc_estimator.estimate import COLUMNS, EstimateSeries
-from hc_estimator.estimator import (
-    DEFAULT_CONTACT_MODEL,
-    DEFAULT_STATE_SPACE,
-    Estimator,
-    last_time,
-)
+from hc_estimator.estimator import Estimator, last_time
 from hc_estimator.filters.registry import FILTERS
+from hc_estimator.kinds import DEFAULT_CONTACT_MODEL, DEFAULT_STATE_SPACE
 from hc_estimator.late_readings import LateReadings
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 

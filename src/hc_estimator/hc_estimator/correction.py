@@ -18,12 +18,27 @@ from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix, cop
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 from hc_estimator.state_space import registry as state_space
+from hc_estimator.state_space.sigma_forces import has_shared_logarithms, measure_sigma_points
 
 # Once the gate has opened, so many samples in a row must lie inside before it closes: a change
 # that takes a few samples must not be met by refusal after refusal.
 OPEN_SAMPLES = 30
 # Standard deviations of the predicted displacement from which on free motion is certain.
 FREE_DEVIATIONS = 3.0
+
+
+@compiled
+def _measure_points(settings: Any, memory: Any, spread: float) -> None:
+    """Measurement function at the predicted mean and at mean +- spread times each column of L."""
+    outputs, center = memory.outputs, memory.predicted_state
+    state_space.measure(settings, center, outputs[0])
+    for j in range(7):
+        for i in range(7):
+            memory.point[i] = center[i] + spread * memory.factor[i, j]
+        state_space.measure(settings, memory.point, outputs[1 + j])
+        for i in range(7):
+            memory.point[i] = center[i] - spread * memory.factor[i, j]
+        state_space.measure(settings, memory.point, outputs[8 + j])
 
 
 @compiled
@@ -44,14 +59,12 @@ def measure_unscented(settings: Any, memory: Any) -> bool:
     scale = sigma_scale(settings)
     spread = math.sqrt(scale)
     outputs, center = memory.outputs, memory.predicted_state
-    state_space.measure(settings, center, outputs[0])
-    for j in range(7):
-        for i in range(7):
-            memory.point[i] = center[i] + spread * memory.factor[i, j]
-        state_space.measure(settings, memory.point, outputs[1 + j])
-        for i in range(7):
-            memory.point[i] = center[i] - spread * memory.factor[i, j]
-        state_space.measure(settings, memory.point, outputs[8 + j])
+    if state_space.has_linear_process(settings.state_space) and has_shared_logarithms(
+        settings.contact_model
+    ):
+        measure_sigma_points(settings.contact_model, center, memory.factor, spread, outputs)
+    else:
+        _measure_points(settings, memory, spread)
     for i in range(2):
         total = 0.0
         for j in range(7):

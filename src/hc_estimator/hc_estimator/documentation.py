@@ -13,8 +13,8 @@ from pathlib import Path
 
 from hc_estimator import screening
 from hc_estimator.contact import registry as contact_registry
-from hc_estimator.estimator import parameter_specifications
 from hc_estimator.filters.registry import FILTERS
+from hc_estimator.kinds import parameter_specifications
 from hc_estimator.specification import ParameterSpecification, ParameterValue
 from hc_estimator.state_space import registry as state_space_registry
 

@@ -21,7 +21,7 @@ from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
 from hc_estimator.online.suspicion_watch import SuspicionWatch
 from hc_estimator.online.vocabulary import Batch, Cause, Event, EventKind, Revision
-from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.channel import QosOverrideError, SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.event_log import EventLog
@@ -195,6 +195,8 @@ class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: igno
             self._cannot_listen = ""
         except SubscriptionError as error:
             self._cannot_listen = str(error)
+            if isinstance(error, QosOverrideError):
+                self.on_failure(NodeStartError(str(error)))
 
     def _stop_listening(self) -> None:
         self._wants_input = False
@@ -368,7 +370,7 @@ class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: igno
         if self._session.check_silence(time.perf_counter_ns()) and not self._silent:
             self._silent = True
             self._diagnostics.publish()  # not up to a second later
-        self._silent = self._session.silent
+        self._silent = self._session.watch.silent
         for suspicion in self._suspicions.look(time.monotonic()):
             self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
         if failure := self._suspicions.failure:

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import os
 import random
-import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -29,6 +27,7 @@ from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 from hc_logger.type_names import SAMPLE_TYPE
 from hc_logger.writer import BagWriter
+from hc_msgs_py.node_processes import Caller, Processes, ros_arguments
 from hc_msgs_py.topics import JOINT_STATES, NODE_PLAYER, NODE_RECORDER, SAMPLE, TRUTH, WRENCH
 
 FILE_MESSAGES = 200_000
@@ -151,26 +150,11 @@ def _node(
     module: str, domain: int, *, name: str = "", **parameters: Any
 ) -> Iterator[subprocess.Popen[str]]:
     """Run a node as a process; it is ended with SIGINT, or killed if that does not help."""
-    arguments = [sys.executable, "-m", module, "--ros-args"]
-    if name:
-        arguments += ["-r", f"__node:={name}"]
-    for parameter, value in parameters.items():
-        arguments += ["-p", f"{parameter}:={value}"]
-    environment = os.environ | {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-    process = subprocess.Popen(arguments, env=environment, stderr=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=20)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate(timeout=20)
+    renamed = ("-r", f"__node:={name}") if name else ()
+    with Processes(domain) as processes:
+        yield processes.start(
+            "-m", module, *ros_arguments(parameters, *renamed), stdout=subprocess.DEVNULL
+        )
 
 
 def _cpu_s(process: subprocess.Popen[str]) -> float:
@@ -178,74 +162,41 @@ def _cpu_s(process: subprocess.Popen[str]) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-class _Graph:
+class _Graph(Caller):
     """The benchmark's own node: calls services and reads diagnostics."""
 
     def __init__(self, domain: int) -> None:
-        import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
-        from rclpy.context import Context
-        from rclpy.executors import SingleThreadedExecutor
 
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain)
-        self._node = rclpy.create_node("bench", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        super().__init__(domain, "bench")
         self.status: dict[str, dict[str, str]] = {}
-        self._node.create_subscription(DiagnosticArray, "/diagnostics", self._keep, 100)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._keep, 100)
 
     def _keep(self, message: Any) -> None:
         for status in message.status:
             values = {value.key: value.value for value in status.values}
             self.status[status.name] = values | {"message": status.message}
 
-    def spin_until(self, done: Callable[[], bool], timeout_s: float) -> bool:
-        end = time.monotonic() + timeout_s
-        while not done():
-            if time.monotonic() > end:
-                return False
-            self._executor.spin_once(timeout_sec=0.05)
-        return True
-
     def wait_until_ready(self, name: str) -> None:
         from std_srvs.srv import Trigger
 
-        client = self._node.create_client(Trigger, f"/{name}/ready")
-        end = time.monotonic() + START_TIMEOUT_S
+        until = time.monotonic() + START_TIMEOUT_S
         said = "it does not answer"
-        while time.monotonic() < end:
-            if not self.spin_until(client.service_is_ready, 1.0):
-                continue
-            future = client.call_async(Trigger.Request())
-            if self.spin_until(future.done, 2.0):
-                if future.result().success:
-                    self._node.destroy_client(client)
-                    return
-                said = future.result().message
-            self.spin_until(lambda: False, 0.1)
+        while (left := until - time.monotonic()) > 0.0:
+            answer = self.ask(Trigger, f"/{name}/ready", timeout_s=left, answer_s=2.0)
+            if answer is not None and answer.success:
+                return
+            if answer is not None:
+                said = answer.message
+            self.spin(0.1)
         raise BagError(f"the benchmark's node {name} does not get ready: {said}")
 
     def run(self, name: str) -> None:
         from std_srvs.srv import SetBool
 
-        client = self._node.create_client(SetBool, f"/{name}/run")
-        end = time.monotonic() + START_TIMEOUT_S
-        while time.monotonic() < end:
-            if not self.spin_until(client.service_is_ready, 1.0):
-                continue
-            # a service that is seen may not see its client yet: ask again
-            future = client.call_async(SetBool.Request(data=True))
-            if self.spin_until(future.done, 2.0):
-                self._node.destroy_client(client)
-                return
-        raise BagError(f"the benchmark's node {name} does not start")
-
-    def close(self) -> None:
-        self._executor.shutdown()
-        self._node.destroy_node()
-        self._context.try_shutdown()
+        request = SetBool.Request(data=True)
+        if self.ask(SetBool, f"/{name}/run", request, START_TIMEOUT_S, answer_s=2.0) is None:
+            raise BagError(f"the benchmark's node {name} does not start")
 
 
 @contextmanager

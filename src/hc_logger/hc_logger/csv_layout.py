@@ -17,6 +17,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from hc_logger.csv_table import (
+    LABVIEW,
+    SEPARATORS,
+    Table,
+    cut,
+    labview_header,
+    why_no_rows,
+)
 from hc_logger.csv_text import find_encoding, first_lines, number, split_line
 from hc_logger.csv_vocabulary import NAMES, QUANTITIES, UNITS, is_weight, split_name, unit_of
 from hc_logger.errors import BagError
@@ -24,9 +32,6 @@ from hc_logger.errors import BagError
 COLUMNS: Final = ("time_s", "displacement_mm", "force_N")
 LONGEST_SECONDS: Final = 0.5
 """Median step of a time without a unit: below it, it is taken for seconds."""
-_NUMERIC_SHARE: Final = 0.9
-SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
-_CLOCK: Final = re.compile(r"\d{1,2}:\d{2}:\d{2}")
 _ASSIGNMENT = re.compile(r"(?:^|,)\s*(time|displacement|force)\s*=", re.ASCII)
 
 
@@ -151,16 +156,6 @@ def _own_layout(lines: list[str], encoding: str) -> CsvLayout | None:
     return None
 
 
-class _Table(NamedTuple):
-    """One way to cut the first lines into cells."""
-
-    separator: str
-    decimal: str
-    first: int  # line of the first row of numbers
-    width: int  # cells in a row
-    numeric: tuple[int, ...]  # columns that hold numbers
-
-
 class _Finder:
     """Finds the layout of one file of others."""
 
@@ -183,10 +178,18 @@ class _Finder:
         if len(set(indices)) < len(indices):
             raise self._refusal("two quantities are the same column", "--columns")
         names = tuple(cells[i] if cells else f"column {i + 1}" for i in indices)
-        found = [
-            self._unit(q, name, units[i] if units else "", table, i)
+        maybe = {
+            q: self._unit(q, name, units[i] if units else "", table, i)
             for q, i, name in zip(QUANTITIES, indices, names, strict=True)
-        ]
+        }
+        unknown = [q for q in QUANTITIES if maybe[q] is None]
+        if unknown:
+            told = " and ".join(repr(names[QUANTITIES.index(q)]) for q in unknown)
+            options = ",".join(f"{q}=..." for q in unknown)
+            choices = "; ".join(", ".join(UNITS[q]) for q in unknown)
+            what = f"the unit of {told} is" if len(unknown) == 1 else f"the units of {told} are"
+            raise self._refusal(f"{what} not known", f"--units {options} ({choices})")
+        found = [pair for pair in maybe.values() if pair is not None]
         self._notes.insert(0, self._summary(table, names, found))
         return CsvLayout(
             self._encoding,
@@ -204,7 +207,7 @@ class _Finder:
         shown = "".join(c if c.isprintable() else " " for c in head.strip())[:80]
         return BagError(f"{self._path}: {what}; say it with {option} (first line: {shown!r})")
 
-    def _table(self) -> _Table:
+    def _table(self) -> Table:
         if not any(line.strip() for line in self._lines):
             raise BagError(f"{self._path} has no rows: it is empty")
         options = self._options
@@ -215,7 +218,7 @@ class _Finder:
             for separator in separators
             for decimal in decimals
             if not (separator == "," and decimal == ",")
-            if (table := self._cut(separator, decimal)) is not None
+            if (table := cut(self._lines, separator, decimal, options.header_lines)) is not None
         ]
         if not tables:
             raise self._no_rows()
@@ -237,64 +240,23 @@ class _Finder:
 
     def _no_rows(self) -> BagError:
         """Say what stands there instead of rows of three numbers."""
-        last = next(line for line in reversed(self._lines) if line.strip()).strip()
-        if last[0] in "{[":
-            return BagError(
-                f"{self._path} is written as JSON, with brackets: write its three columns as a "
-                "table with the header time_s,displacement_mm,force_N"
-            )
-        clock = _CLOCK.search(last)
-        if clock is not None:
-            return BagError(
-                f"{self._path}: the time is written as on a clock ({clock[0]}): write it as "
-                "seconds from the start"
-            )
+        why = why_no_rows(self._lines) if self._options.header_lines is None else ""
+        if why:
+            return BagError(f"{self._path}: {why}")
         return self._refusal(
             "no rows of three numbers are to be seen (time, displacement, force)",
             "--separator, --decimal, --header-lines",
         )
 
-    def _cut(self, separator: str, decimal: str) -> _Table | None:
-        """Cut the lines; None if that gives no rows of three numbers."""
-        rows = [split_line(line, separator) if line.strip() else [] for line in self._lines]
-        first = self._options.header_lines
-        if first is None:
-            first = self._first_row(rows, decimal)
-        body = [row for row in rows[first:] if row] if first is not None else []
-        if first is None or not body:
-            return None
-        width = max(set(map(len, body)), key=[len(row) for row in body].count)
-        same = [row for row in body if len(row) == width]
-        numeric = tuple(
-            i
-            for i in range(width)
-            if sum(number(row[i], decimal) is not None for row in same)
-            >= _NUMERIC_SHARE * len(same)
-            and any(row[i].strip() for row in same)
-        )
-        if len(numeric) < len(QUANTITIES) or len(same) < _NUMERIC_SHARE * len(body):
-            return None
-        return _Table(separator, decimal, first, width, numeric)
-
-    @staticmethod
-    def _first_row(rows: list[list[str]], decimal: str) -> int | None:
-        """Return the first line that is a row: three numbers, as many cells as the last ones."""
-        widths = [len(row) for row in rows if row][-20:]
-        usual = max(set(widths), key=widths.count)
-        for line, row in enumerate(rows):
-            given = [cell for cell in row if cell.strip()]
-            numbers = sum(number(cell, decimal) is not None for cell in given)
-            if len(row) == usual and numbers >= len(QUANTITIES):
-                return line
-        return None
-
-    def _header(self, table: _Table) -> tuple[list[str], list[str]]:
+    def _header(self, table: Table) -> tuple[list[str], list[str]]:
         """Return the names of the columns and their units, each empty if there are none."""
         above = [
             [cell.strip() for cell in split_line(line, table.separator)]
             for line in self._lines[: table.first]
             if line.strip()
         ]
+        if above and above[0][0] == LABVIEW:
+            return labview_header(above, table.width)
         rows = [row for row in above if len(row) == table.width]
         units: list[str] = []
         if (
@@ -307,7 +269,7 @@ class _Finder:
             units = rows.pop()
         return (rows[-1] if rows else []), units
 
-    def _column(self, quantity: str, table: _Table, cells: list[str]) -> int:
+    def _column(self, quantity: str, table: Table, cells: list[str]) -> int:
         wanted = self._options.columns.get(quantity)
         if wanted is not None:
             return self._named(quantity, wanted, table, cells)
@@ -318,6 +280,10 @@ class _Finder:
         exact = [i for i in numeric if plain[i] == quantity]
         known = exact or [i for i in numeric if plain[i] in NAMES[quantity]]
         known = known or [i for i in numeric if self._contains(plain[i], quantity)]
+        pressed = [i for i in known if plain[i].startswith("compress")]
+        if len(known) > 1 and len(pressed) == 1:
+            self._notes.append(f"of {len(known)} columns of {quantity} the one of compression")
+            known = pressed
         if len(known) == 1:
             return known[0]
         shown = ", ".join(repr(cells[i][:30]) for i in (known or numeric)[:8])
@@ -329,7 +295,7 @@ class _Finder:
         words = name.split()
         return any(word in words for word in NAMES[quantity] if len(word) > 1)
 
-    def _named(self, quantity: str, wanted: str, table: _Table, cells: list[str]) -> int:
+    def _named(self, quantity: str, wanted: str, table: Table, cells: list[str]) -> int:
         bare = [" ".join(cell.split()).lower() for cell in cells]
         same = [i for i, cell in enumerate(bare) if cell == " ".join(wanted.split()).lower()]
         same = same or [
@@ -344,9 +310,9 @@ class _Finder:
         raise BagError(f"{self._path}: {what} {wanted[:40]!r}; it has {shown}")
 
     def _unit(
-        self, quantity: str, name: str, below: str, table: _Table, index: int
-    ) -> tuple[str, float]:
-        """Return the unit of a column and its factor."""
+        self, quantity: str, name: str, below: str, table: Table, index: int
+    ) -> tuple[str, float] | None:
+        """Return the unit of a column and its factor, None if it is not known."""
         given = self._options.units.get(quantity)
         found = unit_of(given, quantity) if given else None
         if found is None:
@@ -356,14 +322,9 @@ class _Finder:
         if found is None and quantity == "time" and self._looks_like_seconds(table, index):
             found = "s"
             self._notes.append(f"{name} has no unit: taken for seconds")
-        if found is None:
-            raise self._refusal(
-                f"the unit of {name!r} is not known",
-                f"--units {quantity}=... ({', '.join(UNITS[quantity])})",
-            )
-        return found, UNITS[quantity][found]
+        return None if found is None else (found, UNITS[quantity][found])
 
-    def _looks_like_seconds(self, table: _Table, index: int) -> bool:
+    def _looks_like_seconds(self, table: Table, index: int) -> bool:
         values = []
         for line in self._lines[table.first :]:
             cells = split_line(line, table.separator)
@@ -373,9 +334,7 @@ class _Finder:
         steps = sorted(abs(b - a) for a, b in itertools.pairwise(values))
         return bool(steps) and 0.0 < steps[len(steps) // 2] < LONGEST_SECONDS
 
-    def _summary(
-        self, table: _Table, names: tuple[str, ...], units: list[tuple[str, float]]
-    ) -> str:
+    def _summary(self, table: Table, names: tuple[str, ...], units: list[tuple[str, float]]) -> str:
         columns = ", ".join(
             f"{quantity} is {name!r} in {unit}"
             for quantity, name, (unit, _) in zip(QUANTITIES, names, units, strict=True)
@@ -388,7 +347,7 @@ class _Finder:
         return f"{columns}; {', '.join(how)}: mind signs and zeros"
 
 
-def _example(table: _Table) -> str:
+def _example(table: Table) -> str:
     return (
         f"--columns time=...,displacement=...,force=... (names, or numbers 1 to {table.width}), or "
         f"name the columns {','.join(COLUMNS)}"

@@ -11,13 +11,14 @@ STANDARD_GRAVITY: Final = 9.80665
 
 UNITS: Final[dict[str, dict[str, float]]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-    "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3},
+    "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "in": 25.4},
     "force": {
         "N": 1.0,
         "mN": 1e-3,
         "kN": 1e3,
         "gf": STANDARD_GRAVITY * 1e-3,
         "kgf": STANDARD_GRAVITY,
+        "lbf": 0.45359237 * STANDARD_GRAVITY,
     },
 }
 """Factor of each unit into the core's s, mm, N."""
@@ -47,6 +48,8 @@ _OTHER_SPELLINGS: Final = {
     "microns": "um",
     "micrometre": "um",
     "micrometer": "um",
+    "inch": "in",
+    "inches": "in",
     "newton": "N",
     "newtons": "N",
     "millinewton": "mN",
@@ -58,8 +61,12 @@ _OTHER_SPELLINGS: Final = {
     "kilogram": "kgf",
     "kilograms": "kgf",
     "kp": "kgf",
+    "lb": "lbf",
+    "lbs": "lbf",
+    "pound": "lbf",
+    "pounds": "lbf",
 }
-_ONLY_AS_FORCE: Final = ("g", "kg")
+_ONLY_AS_FORCE: Final = ("g", "kg", "lb", "lbs")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
     "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
              "prüfzeit", "messzeit", "temps", "tiempo", "tempo"),

@@ -25,6 +25,10 @@ GAP_FACTOR = 5.0
 """An interval of more than so many times the usual one is called a gap. Usual is the median or the
 mean, whichever is larger: where messages come in bunches the median says nothing."""
 _SEQUENCE_FIELD = "sequence"
+MOST_UNORDERED = 0.01
+"""Share of the messages; where more numbers do not grow, or jump far, they are no count."""
+LONGEST_COUNTED_GAP = 1_000_000
+"""A jump of the numbers beyond this is no loss: somebody counts otherwise, or not at all."""
 
 
 @dataclass
@@ -40,8 +44,10 @@ class TopicInfo:
         median_interval_s: between log times, to 1 %; None with fewer than two messages.
         longest_interval_s: largest interval between log times.
         gaps: intervals longer than five times the median or mean, whichever is larger.
-        lost: numbers missing in the messages' own field `sequence`; None if they have none.
-        repeated_or_backward: messages whose sequence does not grow; None as above.
+        lost: numbers missing in the messages' own field `sequence`; None if they have none, or if
+            the numbers are no count: those of two publishers, or random ones.
+        repeated_or_backward: messages whose sequence does not grow, or jumps far; None if they
+            have none.
         displacement_hz: rate of the samples that hold a displacement; None for other types.
         force_hz: rate of the samples that hold a force; None for other types.
     """
@@ -58,6 +64,11 @@ class TopicInfo:
     repeated_or_backward: int | None = None
     displacement_hz: float | None = None
     force_hz: float | None = None
+
+    @property
+    def is_no_count(self) -> bool:
+        """True if the messages have numbers, and they do not count the messages."""
+        return self.lost is None and self.repeated_or_backward is not None
 
 
 @dataclass
@@ -146,6 +157,11 @@ def bag_info(path: str | os.PathLike[str], *, progress: Progress = nothing) -> B
         )
 
 
+def counts(messages: int, repeated_or_backward: int) -> bool:
+    """True if the numbers of so many messages may be a count, so that missing ones were lost."""
+    return repeated_or_backward <= 2 + MOST_UNORDERED * messages
+
+
 def _add(one: _Pass, times: NDArray[np.int64]) -> None:
     if one.count:
         times = np.concatenate([[one.last], times])
@@ -199,8 +215,9 @@ def _add_sequence(one: _Pass, sequence: NDArray[np.int64]) -> None:
         sequence = np.concatenate([[one.sequence], sequence])
     one.sequence = int(sequence[-1])
     steps = np.diff(sequence)
-    one.lost += int((steps[steps > 1] - 1).sum())
-    one.unordered += int(np.count_nonzero(steps < 1))
+    onward = (steps > 0) & (steps <= LONGEST_COUNTED_GAP + 1)
+    one.lost += int((steps[onward] - 1).sum())
+    one.unordered += int(np.count_nonzero(~onward))
 
 
 def _add_readings(one: _Pass, messages: Messages, place: NDArray[np.int64]) -> None:
@@ -223,7 +240,8 @@ def _topic(reader: Bag, name: str, one: _Pass, sequenced: bool) -> TopicInfo:
         usual_ns = max(median_ns, (one.last - one.first) / (one.count - 1), 1.0)
         info.gaps = int(one.intervals.between(np.array([GAP_FACTOR * usual_ns]))[1])
     if sequenced:
-        info.lost, info.repeated_or_backward = one.lost, one.unordered
+        info.lost = one.lost if counts(one.count, one.unordered) else None
+        info.repeated_or_backward = one.unordered
     if definition.name == SAMPLE_TYPE and info.rate_hz is not None:
         shares = one.readings / one.count
         info.displacement_hz, info.force_hz = (info.rate_hz * shares).tolist()

@@ -33,7 +33,8 @@ SAMPLE_FIELDS = {"sequence": INTEGER, "displacement": REAL, "force": REAL}
 """Of hc_msgs/IndenterSample."""
 _FARTHEST_S = 2.0**62 / NANOSECONDS
 _JSON_SUFFIXES = (".json", ".jsonl", ".ndjson")
-TEXT_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".asc")
+TEXT_SUFFIXES = (".csv", ".tsv", ".tab", ".txt", ".dat", ".asc", ".prn", ".tra", ".lvm")
+"""Of tables in text; .tra is what testXpert writes, .lvm LabVIEW."""
 
 
 def read_recording(
@@ -60,7 +61,10 @@ def read_recording(
             "with the header time_s,displacement_mm,force_N"
         )
     if not is_text(path):
-        raise BagError(f"{path} is neither a CSV file (.csv) nor a bag (a folder, or .mcap)")
+        raise BagError(
+            f"{path} is neither a CSV file (.csv) nor a bag (a folder, or .mcap); a table in text "
+            f"ends in one of {' '.join(TEXT_SUFFIXES)}"
+        )
     layout = find_layout(path, csv_options)
     blocks = [np.empty((0, 3))]
     size = 0

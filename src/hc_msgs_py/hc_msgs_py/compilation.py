@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -104,6 +104,33 @@ def _hash(paths: Iterable[Path]) -> str:
 def inlined(function: F, *, nogil: bool = False) -> F:
     """Compile a small helper that only other kernels call: no cache file of its own."""
     return numba.njit(error_model="numpy", nogil=nogil)(function)  # type: ignore[no-any-return]
+
+
+def by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable[..., Any]:
+    """Return a compiled function of a code and arguments that calls the function with that code.
+
+    These links have no cache of their own: they are compiled into the kernels that call them,
+    which have. (numba would make a tuple of functions one of pointers, which it cannot inline.)
+
+    Args:
+        functions: compiled ones, the position being the code; one at least.
+        code: of the first.
+    """
+    function = functions[0]
+    if len(functions) == 1:
+        last: Callable[..., Any] = numba.njit(error_model="numpy")(
+            lambda _code, *arguments: function(*arguments)
+        )
+        return last
+    others = by_code(functions[1:], code + 1)
+
+    def choose(wanted: int, *arguments: Any) -> Any:
+        if wanted == code:
+            return function(*arguments)
+        return others(wanted, *arguments)
+
+    chosen: Callable[..., Any] = numba.njit(error_model="numpy")(choose)
+    return chosen
 
 
 class _BesideTheSources(InTreeCacheLocator):  # type: ignore[misc]  # numba ships no types

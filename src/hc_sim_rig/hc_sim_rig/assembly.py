@@ -47,6 +47,7 @@ from hc_sim_rig.layout import (
     TISSUE_KELVIN_VOIGT,
     TISSUE_LAYERED,
     TISSUE_NONE,
+    TISSUE_OF_OTHERS,
     TISSUE_VISCOELASTIC,
     TUNABLES,
     TUNE_AMPLITUDE,
@@ -71,6 +72,7 @@ from hc_sim_rig.profile import Profile, profile_at, profile_from_points
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.sensors import Noise, Variates
 from hc_sim_rig.tissues import MM_PER_UNIT, branch_table, change_table, layer_table
+from hc_sim_rig.tissues_of_others import OTHERS
 
 Array = NDArray[np.float64]
 
@@ -85,6 +87,7 @@ TISSUES = {
     "kelvin_voigt": TISSUE_KELVIN_VOIGT,
     "viscoelastic": TISSUE_VISCOELASTIC,
     "layered": TISSUE_LAYERED,
+    **{name: TISSUE_OF_OTHERS + code for code, name in enumerate(OTHERS)},
 }
 SIGNALS = {
     "none": NO_SIGNAL,

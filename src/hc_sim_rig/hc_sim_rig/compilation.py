@@ -1,7 +1,7 @@
 """The decorator of the rig's kernels, and what those are made of.
 
-The kernels here call the contact law of hc_estimator, so its sources count too. How they are
-compiled and cached: hc_msgs_py.compilation.
+The kernels here call the contact law of hc_estimator and the tissues of other packages, so their
+sources count too. How they are compiled and cached: hc_msgs_py.compilation.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 
 from hc_estimator import contact
 from hc_msgs_py.compilation import KernelCompiler, inlined
+from hc_msgs_py.entry_points import sources_of
 
 __all__ = ("compiled", "inlined")
 
@@ -24,6 +25,7 @@ def kernel_sources() -> Iterator[Path]:
         if not path.stem.endswith(WITHOUT_KERNELS):
             yield path
     yield from Path(contact.__file__).parent.rglob("*.py")
+    yield from sources_of("hc.tissues")
 
 
 compiled = KernelCompiler(kernel_sources)

@@ -51,6 +51,7 @@ from hc_sim_rig.layout import (
     TISSUE_KELVIN_VOIGT,
     TISSUE_LAYERED,
     TISSUE_NONE,
+    TISSUE_OF_OTHERS,
     TISSUE_VISCOELASTIC,
     TUNE_BACKWARD_DELAY,
     TUNE_DISPLACEMENT_NOISE,
@@ -75,6 +76,7 @@ from hc_sim_rig.manipulator_kernel import (
 from hc_sim_rig.profile import profile_at
 from hc_sim_rig.sensor_kernel import reading
 from hc_sim_rig.tissue_kernel import rupture, tissue_force, tissue_now
+from hc_sim_rig.tissues_of_others import HAS
 from hc_sim_rig.tunables import glide
 
 
@@ -100,8 +102,13 @@ def write_truth(
     elif kind == TISSUE_KELVIN_VOIGT:  # its damping does not grow with depth: no B, no p
         line[OUT_PARAMETERS] = values[NOW_STIFFNESS]
         line[OUT_PARAMETERS + 2] = 1.0
+    elif kind >= TISSUE_OF_OTHERS:
+        for i in range(4):
+            if HAS[kind - TISSUE_OF_OTHERS, i]:
+                line[OUT_PARAMETERS + i] = values[NOW_STIFFNESS + i]
     touches = displacement > 0.0 and kind != TISSUE_NONE
-    if kind == TISSUE_VISCOELASTIC:  # the tip may be below zero and yet above the dented surface
+    if kind == TISSUE_VISCOELASTIC or kind >= TISSUE_OF_OTHERS:
+        # The tip may be below zero and yet above the dented surface.
         touches = force > 0.0
     line[OUT_CONTACT] = 1.0 if touches else 0.0
 
@@ -251,6 +258,8 @@ def advance(
     step = 1.0 / fixed.rate
     substep = step / fixed.substeps
     integrates = fixed.drive != DRIVE_IDEAL or branches.shape[0] > 0
+    if fixed.tissue >= TISSUE_OF_OTHERS:  # it may have a state inside
+        integrates = True
     values = work[3]
     for row in range(out.shape[0]):
         line = out[row]

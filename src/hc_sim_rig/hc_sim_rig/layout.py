@@ -81,6 +81,7 @@ TISSUE_KELVIN_VOIGT: Final = 2
 TISSUE_VISCOELASTIC: Final = 3
 TISSUE_LAYERED: Final = 4
 TISSUE_ADHESIVE: Final = 5
+TISSUE_OF_OTHERS: Final = 6  # and all above: those of other packages
 
 # Current values of the tissue.
 NOW_STIFFNESS: Final = 0

@@ -24,13 +24,10 @@ from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
-from hc_sim_rig.bilateral.sides import (
-    SILENCE_S,
-    MasterSample,
-    MasterSide,
-    SimulatedHand,
-)
+from hc_sim_rig.bilateral.sides import MasterSample, MasterSide
+from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
+from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.side_options_node import declare_link, declare_settings, link_values
 
@@ -42,7 +39,7 @@ AXES = ("x", "y", "z")
 
 
 class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
-    """Renders the tissue at the hand from the model that the slave sends."""
+    """Makes the hand feel what the slave sends: its model, force, position or waves."""
 
     def __init__(self) -> None:
         """Declare parameters, open the link, compile, and start unless told to wait.
@@ -249,8 +246,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         Raises:
             NodeStartError: if the sampler's thread failed.
         """
-        if self._sampler.error is not None:
-            raise NodeStartError(f"the master stopped: {self._sampler.error}")
+        self._sampler.raise_failure(NodeStartError, "the master")
         return self._sampler.started and not self._sampler.running
 
     def close(self) -> None:

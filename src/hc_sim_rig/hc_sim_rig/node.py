@@ -267,8 +267,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         Raises:
             NodeStartError: if the sampler's thread failed.
         """
-        if self._sampler.error is not None:
-            raise NodeStartError(f"the rig stopped: {self._sampler.error}")
+        self._sampler.raise_failure(NodeStartError, "the rig")
         return self._options.exit_at_end and self._rig.finished and not self._sampler.running
 
     def close(self) -> None:

@@ -78,6 +78,16 @@ class DeadlineThread:
         if self.started:
             self._thread.join()
 
+    def raise_failure(self, kind: type[Exception], who: str) -> None:
+        """Raise what ended the thread, if anything did.
+
+        Args:
+            kind: of the exception.
+            who: acted, for its message.
+        """
+        if self.error is not None:
+            raise kind(f"{who} stopped: {self.error}") from self.error
+
     def take_largest_delay_ns(self) -> int:
         """Return the largest delay since the last call."""
         delay, self.report.largest_delay_ns = self.report.largest_delay_ns, 0

@@ -58,7 +58,7 @@ def _draw_motion(axes: Any, scenario: Scenario, series: RigSeries) -> None:
         axes.plot(t, series.displacement_mm, color=BLACK, lw=0.5, label="measured")
         axes.axhline(0.0, color=GREEN, lw=0.8)
         axes.set_ylabel("displacement [mm]")
-    axes.legend(fontsize=7, loc="best")
+    _legend_above(axes)
 
 
 def _draw_force(axes: Any, scenario: Scenario, series: RigSeries) -> None:
@@ -72,7 +72,15 @@ def _draw_force(axes: Any, scenario: Scenario, series: RigSeries) -> None:
         axes.plot(t, series.coupling.operator_force_n, color=GREEN, lw=0.8, label="operator")
     axes.set_ylabel("force [N]")
     axes.set_xlabel("time [s]")
-    axes.legend(fontsize=7, loc="best")
+    _legend_above(axes)
+
+
+def _legend_above(axes: Any) -> None:
+    """Put the legend above the frame, where no data are."""
+    axes.legend(
+        fontsize=7.5, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False,
+        borderaxespad=0.1, handlelength=1.6, columnspacing=1.2,
+    )  # fmt: skip
 
 
 def _draw_loop(axes: Any, series: RigSeries) -> None:
@@ -93,7 +101,7 @@ def _draw_special(axes: Any, scenario: Scenario, series: RigSeries) -> None:
             axes.plot(across, relative, lw=1.0, label=f"{name} / {parameters[0, column]:.3g}")
         axes.set_xlabel("sideways [mm]" if by_place else "time [s]", fontsize=8)
         axes.set_ylabel("true parameters, relative", fontsize=8)
-        axes.legend(fontsize=7)
+        _legend_above(axes)
         return
     errors = (
         ("displacement", series.displacement_mm - series.truth.displacement_mm, "mm", BLUE),
@@ -113,7 +121,7 @@ def _draw_special(axes: Any, scenario: Scenario, series: RigSeries) -> None:
     axes.set_yscale("log")
     axes.set_xlabel("error of the reading", fontsize=8)
     axes.set_ylabel("density", fontsize=8)
-    axes.legend(fontsize=7)
+    _legend_above(axes)
 
 
 def draw_loop_diagram() -> Figure:

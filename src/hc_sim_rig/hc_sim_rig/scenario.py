@@ -9,6 +9,7 @@ up there (and in the installed copy), anything else is a path.
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,13 +21,8 @@ from hc_sim_rig.profile import profile_at
 from hc_sim_rig.schema import ScenarioError, Section, build, number, section, word
 from hc_sim_rig.sensors import Sensors
 from hc_sim_rig.taxels import Taxels
-from hc_sim_rig.tissues import (
-    HuntCrossleyTissue,
-    KelvinVoigtTissue,
-    LayeredTissue,
-    NoTissue,
-    ViscoelasticTissue,
-)
+from hc_sim_rig.tissues import HuntCrossleyTissue, Tissue
+from hc_sim_rig.tissues_of_others import OURS, PROBLEMS
 
 LOOP_TOLERANCE = 1e-3
 """[mm or N] A motion that loops may miss its beginning by this much."""
@@ -40,9 +36,7 @@ class Scenario(Section):
     """One experiment with the rig."""
 
     drive: Stage | Teleoperation = section()
-    tissue: (
-        HuntCrossleyTissue | KelvinVoigtTissue | ViscoelasticTissue | LayeredTissue | NoTissue
-    ) = section()
+    tissue: Tissue = section()
     description: str = ""
     name: str = ""
     rate_hz: float = number(1000.0, minimum=1.0, maximum=20000.0, unit="Hz")
@@ -123,8 +117,11 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
         if path.suffix not in (".yaml", ".yml") and not path.is_file():
             path = SCENARIO_FOLDER / f"{text}.yaml"
             if not path.is_file():
+                known = available_scenarios()
+                close = difflib.get_close_matches(text, known, n=1)
+                guess = f" (did you mean {close[0]}?)" if close else ""
                 raise ScenarioError(
-                    f"no scenario {text!r}; known: {', '.join(available_scenarios())}, "
+                    f"no scenario {text!r}{guess}; known: {', '.join(known)}, "
                     "or the path of a .yaml file"
                 )
         data = read_plain_yaml(path)
@@ -135,6 +132,14 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     try:
         if isinstance(data, dict):
             data.setdefault("name", path.stem)
+            _refuse_broken_tissue(data.get("tissue"))
         return build(Scenario, data)
     except ScenarioError as error:
         raise ScenarioError(f"scenario {path.name}: {error}") from None
+
+
+def _refuse_broken_tissue(tissue: object) -> None:
+    """Say why a tissue of another package cannot be used, where a scenario asks for it."""
+    kind = tissue.get("kind") if isinstance(tissue, dict) else None
+    if isinstance(kind, str) and kind in PROBLEMS and kind not in OURS:
+        raise ScenarioError(f"tissue {kind} cannot be used: {PROBLEMS[kind]}")

@@ -181,7 +181,7 @@ def _schema_of_type(hint: Any) -> dict[str, Any]:
     """The same of a field without a specification: sections, lists, texts and flags."""
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        return {"anyOf": [_schema_of_type(option) for option in arguments]}
+        return {"anyOf": [_schema_of_type(option) for option in arguments if _possible(option)]}
     if origin is tuple:
         return {"type": "array", "items": _schema_of_type(arguments[0])}
     if isinstance(hint, type) and issubclass(hint, Section):
@@ -189,6 +189,13 @@ def _schema_of_type(hint: Any) -> dict[str, Any]:
     names = {str: "string", bool: "boolean", int: "integer", float: "number", dict: "object"}
     names |= {type(None): "null"}
     return {"type": names[hint]} if hint in names else {}
+
+
+def _possible(kind: Any) -> bool:
+    """Whether there is any: no tissue of another package where none is installed."""
+    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    named = [field.metadata["specification"] for field in fields if field.name == "kind"]
+    return not named or bool(named[0].choices)
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:

@@ -23,6 +23,7 @@ from hc_sim_rig.layout import (
 )
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.schema import ScenarioError
+from hc_sim_rig.tissues_of_others import OTHERS
 
 
 class Setting(NamedTuple):
@@ -88,6 +89,7 @@ _TISSUE = {
     "kelvin_voigt": ("tissue_scale", "stiffness", "damping"),
     "viscoelastic": ("tissue_scale", "stiffness", "displacement_exponent"),
     "layered": ("tissue_scale",),
+    **{name: entry.parameters for name, entry in OTHERS.items()},
 }
 _TELEOPERATION = ("feedback_gain", "forward_delay_s", "backward_delay_s")
 

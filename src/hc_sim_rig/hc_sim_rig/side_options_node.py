@@ -8,27 +8,32 @@ from typing import Any
 
 from rclpy.node import Node
 
-from hc_msgs_py.parameters import declare
+from hc_msgs_py.parameters import declare, declare_specified
 from hc_sim_rig.bilateral.parts import Bilateral
-from hc_sim_rig.bilateral.sides import LIVE_METHODS
 from hc_sim_rig.bilateral.udp_link import Added, UdpLink
+from hc_sim_rig.schema import specification_of
 
 PORTS = {"master": 47111, "slave": 47112}
 
 
-# What a live master has of the feedback: the rest is of the slave, or of methods that run offline.
-LIVE_FEEDBACK = (
+# What of the feedback is the master's, and what the slave's. Method and impedance of the waves are
+# told by the master; the filter is a node of its own.
+MASTER_FEEDBACK = (
     "method",
+    "position_stiffness",
+    "position_damping",
+    "wave_impedance",
     "update_rate_n_per_s",
     "update_time_s",
     "largest_damping",
     "controller_damping",
     "tank_mj",
 )
+SLAVE_FEEDBACK = ("position_stiffness", "position_damping", "wave_stiffness")
 
 
 def declare_settings(
-    node: Node, sections: Sequence[str], feedback: Sequence[str] = LIVE_FEEDBACK
+    node: Node, sections: Sequence[str], feedback: Sequence[str] = MASTER_FEEDBACK
 ) -> Bilateral:
     """Declare every field of some sections as a parameter; return the set-up with their values.
 
@@ -49,19 +54,18 @@ def declare_settings(
         for field in dataclasses.fields(part):
             if section == "feedback" and field.name not in feedback:
                 continue
-            limits = field.metadata
+            given = specification_of(field)
+            if given is None:
+                continue
             text = f"{field.name.replace('_', ' ')} of the {section}"
-            values[field.name] = declare(
+            values[field.name] = declare_specified(
                 node,
-                f"{section}.{field.name}",
-                getattr(part, field.name),
-                f"{text}: {limits['about']}" if limits.get("about") else text,
-                # What must lie above a number: the section itself says so of the number itself.
-                minimum=limits.get("minimum") if limits.get("above") is None else limits["above"],
-                maximum=limits.get("maximum"),
-                choices=LIVE_METHODS if field.name == "method" else limits.get("choices", ()),
-                unit=limits.get("unit", ""),
-                read_only=True,
+                dataclasses.replace(
+                    given,
+                    name=f"{section}.{field.name}",
+                    description=f"{text}: {given.description}" if given.description else text,
+                    read_only=True,
+                ),
             )
         changed[section] = dataclasses.replace(part, **values)
     return dataclasses.replace(default, **changed)

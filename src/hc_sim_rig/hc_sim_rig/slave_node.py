@@ -24,11 +24,13 @@ from hc_msgs_py.qos import CONFIGURATION_QOS, ESTIMATE_QOS, SAMPLE_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, EVENTS, NODE_ESTIMATOR, NODE_SLAVE, SLAVE_SETPOINT_CP
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
-from hc_sim_rig.bilateral.sides import SILENCE_S, ModelSource, SlaveSample, SlaveSide
+from hc_sim_rig.bilateral.model_source import ModelSource
+from hc_sim_rig.bilateral.sides import SlaveSample, SlaveSide
+from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S
 from hc_sim_rig.outputs_node import Outputs
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.records import Coupling, Joint, RigSample, Truth
-from hc_sim_rig.side_options_node import declare_link, declare_settings, link_values
+from hc_sim_rig.side_options_node import SLAVE_FEEDBACK, declare_link, declare_settings, link_values
 
 ASK_PERIOD_S = 1.0
 """Between two requests to the estimator to look for the surface."""
@@ -49,7 +51,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """
         super().__init__(NODE_SLAVE)
         seed = declare(self, "seed", 1, "seed of the sensors and of added loss", minimum=0)
-        settings = declare_settings(self, ("slave", "tissue"))
+        settings = declare_settings(self, ("slave", "tissue", "feedback"), SLAVE_FEEDBACK)
         self._tissue = settings.tissue
         self._has_sensor = declare(
             self,
@@ -249,6 +251,8 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "rate_hz": rate,
             "overruns": self._sampler.report.overruns,
             "largest_delay_us": self._sampler.take_largest_delay_ns() / 1000.0,
+            "method": self._side.method,
+            "aligned": self._side.aligned,
             "estimates": self._estimates,
             "estimates_used": self._used,
             "surface_found": self._zero_mm is not None,
@@ -272,8 +276,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         Raises:
             NodeStartError: if the sampler's thread failed.
         """
-        if self._sampler.error is not None:
-            raise NodeStartError(f"the slave stopped: {self._sampler.error}")
+        self._sampler.raise_failure(NodeStartError, "the slave")
         return False
 
     def close(self) -> None:

@@ -24,6 +24,7 @@ from hc_sim_rig.layout import (
     TISSUE_HUNT_CROSSLEY,
     TISSUE_KELVIN_VOIGT,
     TISSUE_LAYERED,
+    TISSUE_OF_OTHERS,
     TISSUE_VISCOELASTIC,
     TUNE_DAMPING,
     TUNE_DISPLACEMENT_EXPONENT,
@@ -32,7 +33,9 @@ from hc_sim_rig.layout import (
     TUNE_VALUE,
     TUNE_VELOCITY_EXPONENT,
     Y_BRANCHES,
+    Y_SIZE,
 )
+from hc_sim_rig.tissues_of_others import MAY_PULL, force_of_other
 
 BISECTIONS = 32
 """Halvings in the search for a free surface: 10 mm / 2^32 is far below every sensor."""
@@ -239,6 +242,22 @@ def tissue_force(
             force = viscoelastic_pull(displacement, y, stiffness, exponent, branches)
     elif fixed.tissue == TISSUE_LAYERED:
         force = layered_force(displacement, velocity, fixed, state[0], values[NOW_SCALE], layers)
+    elif fixed.tissue >= TISSUE_OF_OTHERS:
+        other = fixed.tissue - TISSUE_OF_OTHERS
+        rates[Y_BRANCHES:Y_SIZE] = 0.0
+        force = force_of_other(
+            other,
+            displacement,
+            velocity,
+            values[NOW_STIFFNESS],
+            values[NOW_DAMPING],
+            values[NOW_DISPLACEMENT_EXPONENT],
+            values[NOW_VELOCITY_EXPONENT],
+            y[Y_BRANCHES:Y_SIZE],
+            rates[Y_BRANCHES:Y_SIZE],
+        )
+        if not MAY_PULL[other]:
+            force = max(0.0, force)
     return force
 
 

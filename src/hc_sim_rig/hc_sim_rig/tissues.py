@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from hc_sim_rig.layout import BRANCH_COLUMNS, CHANGE_COLUMNS, LAYER_COLUMNS, MAX_BRANCHES
 from hc_sim_rig.schema import ScenarioError, Section, number, section, word
+from hc_sim_rig.tissues_of_others import OTHERS, PARAMETERS
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0}
 
@@ -197,7 +199,49 @@ class NoTissue(Section):
         return 0.0, 0.0, 1.0, 1.0
 
 
-Tissue = HuntCrossleyTissue | KelvinVoigtTissue | ViscoelasticTissue | LayeredTissue | NoTissue
+@dataclass(frozen=True, kw_only=True)
+class TissueOfOthers(Section):
+    """A tissue of another package, with the meaning of K, B, n and p that it gives them."""
+
+    kind: str = word(None, *OTHERS)
+    stiffness: float = number(0.0, minimum=0.0, maximum=1e6)
+    damping: float = number(0.0, minimum=0.0, maximum=1e6)
+    displacement_exponent: float = number(1.0, minimum=0.2, maximum=6.0)
+    velocity_exponent: float = number(1.0, minimum=0.1, maximum=3.0)
+    surface_mm: float = number(0.0, about="where the tissue begins", unit="mm")
+    inclusion: Inclusion | None = None
+    changes: tuple[Change, ...] = section(tuple)
+
+    def __post_init__(self) -> None:
+        """Check that nothing is given that it does not have, and its changes."""
+        super().__post_init__()
+        if self.kind not in OTHERS:
+            raise ScenarioError(f"kind is {self.kind!r}, and no package has brought such a tissue")
+        defaults = {field.name: field.default for field in dataclasses.fields(self)}
+        for name in PARAMETERS:
+            has = name in OTHERS[self.kind].parameters
+            if not has and getattr(self, name) != defaults[name]:
+                raise ScenarioError(f"{name} is given, which the tissue {self.kind} does not have")
+        check_changes(self.changes, self.displacement_exponent, self.velocity_exponent)
+
+    def values(self) -> tuple[float, float, float, float]:
+        """K, B, n, p."""
+        return (
+            self.stiffness,
+            self.damping,
+            self.displacement_exponent,
+            self.velocity_exponent,
+        )
+
+
+Tissue = (
+    HuntCrossleyTissue
+    | KelvinVoigtTissue
+    | ViscoelasticTissue
+    | LayeredTissue
+    | NoTissue
+    | TissueOfOthers
+)
 
 
 def check_changes(

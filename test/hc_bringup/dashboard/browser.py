@@ -98,7 +98,8 @@ class Browser:
 
     def words(self) -> dict[str, str]:
         """Return what the page says of its state."""
-        return {name: self.text("#" + name) for name in ("state", "banner", "message")}
+        script = "return document.getElementById(arguments[0])?.textContent ?? ''"
+        return {name: str(self.run(script, name)) for name in ("state", "banner", "message")}
 
     def complaints(self) -> list[str]:
         """Return errors of scripts, policies and missing files since the last call."""

@@ -118,6 +118,9 @@ def test_page_in_a_browser(
     page.resize(360, 900)
     wide = page.run("return [document.documentElement.scrollWidth, innerWidth]")
     assert wide[0] <= wide[1]
+    # A name that is squeezed to a letter a line is none.
+    names = "document.querySelectorAll('.scores tbody td:first-child')"
+    assert page.run(f"return Math.min(...[...{names}].map((e) => e.clientWidth))") >= 80
 
 
 def test_command(

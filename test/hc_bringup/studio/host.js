@@ -1,6 +1,7 @@
 // Opens Foxglove Studio as its own web page does. Layouts and settings are kept in memory, one
-// layout is there from the beginning (/layout.json); the data source is taken from the address
-// (?ds=foxglove-websocket&ds.url=...).
+// layout is there from the beginning (/layout.json) and is the user's last one; were it asked for in
+// the address, Studio would load it beside its own default, and the later one stays. The data source
+// is taken from the address (?ds=foxglove-websocket&ds.url=...).
 "use strict";
 
 (async () => {
@@ -29,6 +30,7 @@
     addChangeListener: () => {},
     removeChangeListener: () => {},
   };
+  localStorage.setItem("studio.profile-data", JSON.stringify({ currentLayoutId: "ours" }));
   await initI18n();
   await waitForFonts();
   const dataSources = [new FoxgloveWebSocketDataSourceFactory()];

@@ -111,6 +111,12 @@ def _info_text(info: Any) -> str:
         and topic.force_hz is not None
         and topic.displacement_hz != topic.force_hz
     ]
+    lines += [
+        f"{topic.name}: the numbers of the messages are no count (several publishers?), losses "
+        "cannot be told"
+        for topic in info.topics
+        if topic.is_no_count
+    ]
     lines += [f"Problem:   {problem}" for problem in info.problems]
     return "\n".join(lines)
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hc_bringup.about import origin_line
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural, positive
 from hc_msgs_py.realtime import DEFAULT_PRIORITY
@@ -99,6 +100,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "impedance", help="the slave's controller that adapts to the estimate, beside fixed ones"
     )
     impedance.add_argument("--quick", action="store_true", help="one seed")
+    for command in (effort, impedance):
+        command.add_argument(
+            "--document", metavar="FILE.md", help="write the tables into this document"
+        )
     viewers = commands.add_parser(
         "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
     )
@@ -220,7 +225,7 @@ def _accuracy(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise UserError(str(error), WRONG_USE) from error
     if document is not None:
-        write_tables(result, document)
+        write_tables(result, document, origin_line())
         pictures = document.parent / "pictures"
         pictures.mkdir(exist_ok=True)
         write_pictures(result, pictures)
@@ -263,23 +268,38 @@ def _soak(arguments: argparse.Namespace) -> int:
     return 0 if all(report.passed for report in reports.values()) else FAILURE
 
 
+def _document(arguments: argparse.Namespace, *names: str) -> Path | None:
+    """The document that tables are to be written into, if one was named; it has their places."""
+    from hc_evaluation.teleoperation.table import check_document
+
+    if arguments.document is None:
+        return None
+    document = Path(arguments.document)
+    try:
+        check_document(document, *names)
+    except (OSError, ValueError) as error:
+        raise UserError(f"cannot write into {document}: {error}", WRONG_USE) from error
+    return document
+
+
+def _said(result: Mapping[str, Any]) -> str:
+    """How tables were measured."""
+    seeds = result["seeds"]
+    return f"{seeds} seed{'s' if seeds > 1 else ''}. {origin_line()}"
+
+
 def _teleoperation(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import counted_bar
     from hc_bringup.summary import to_json
     from hc_evaluation.teleoperation.bench import run_teleoperation
     from hc_evaluation.teleoperation.pictures import write_pictures
-    from hc_evaluation.teleoperation.table import check_document, text_table, write_table
+    from hc_evaluation.teleoperation.table import markdown_table, text_table, write_table
 
-    document = Path(arguments.document) if arguments.document is not None else None
-    if document is not None:
-        try:
-            check_document(document)
-        except (OSError, ValueError) as error:
-            raise UserError(f"cannot write into {document}: {error}", WRONG_USE) from error
+    document = _document(arguments, "teleoperation")
     with counted_bar() as progress:
         result = run_teleoperation(quick=arguments.quick, progress=progress)
     if document is not None:
-        write_table(result, document)
+        write_table("teleoperation", markdown_table(result), _said(result), document)
         pictures = document.parent / "pictures"
         pictures.mkdir(exist_ok=True)
         write_pictures(result, pictures)
@@ -290,10 +310,15 @@ def _teleoperation(arguments: argparse.Namespace) -> int:
 def _effort(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_bringup.summary import to_json
-    from hc_evaluation.teleoperation.effort import run_effort, text_tables
+    from hc_evaluation.teleoperation.effort import PLACES, markdown_tables, run_effort, text_tables
+    from hc_evaluation.teleoperation.table import write_table
 
+    document = _document(arguments, *PLACES)
     with progress_bar("effort") as progress:
         result = run_effort(quick=arguments.quick, progress=progress)
+    if document is not None:
+        for name, table in markdown_tables(result).items():
+            write_table(name, table, _said(result), document)
     print(to_json(result) if arguments.json else text_tables(result))
     return 0
 
@@ -302,9 +327,13 @@ def _impedance(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_bringup.summary import to_json
     from hc_evaluation.teleoperation.impedance import run_impedance, text_table
+    from hc_evaluation.teleoperation.table import write_table
 
+    document = _document(arguments, "impedance")
     with progress_bar("impedance") as progress:
         result = run_impedance(quick=arguments.quick, progress=progress)
+    if document is not None:
+        write_table("impedance", text_table(result), _said(result), document)
     print(to_json(result) if arguments.json else text_table(result))
     return 0
 

@@ -84,13 +84,14 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     from hc_bringup.commands.run import new_bag_folder
     from hc_bringup.paths import config_folder
     from hc_bringup.plan import NodePlan, RunPlan
+    from hc_logger.recording import is_text
 
     source = Path(arguments.input).absolute()
     if not source.exists():
         raise UserError(f"{arguments.input} does not exist", WRONG_USE)
-    if source.suffix.lower() == ".csv":
+    if is_text(source) and source.is_file():
         raise UserError(
-            f"{arguments.input} is a CSV file: make a bag of it first with hc bag convert",
+            f"{arguments.input} is a table in text: make a bag of it first with hc bag convert",
             WRONG_USE,
         )
     settings = dict(arguments.param)

@@ -205,18 +205,29 @@ def with_array_messages(plan: Any) -> Any:
 
 def show_ending(bag: Path) -> None:
     """Print a picture of what was felt, a sentence about it, and how to look closer."""
+    import numpy as np
     from rich.console import Console
 
     from hc_bringup.run_data import recorded
     from hc_bringup.terminal.ending import ending
     from hc_logger.errors import BagError
+    from hc_logger.info import counts
     from hc_logger.recording import read_recording
 
     console = Console(highlight=False)
     try:
-        data = recorded(read_recording(bag))
+        recording = read_recording(bag)
+        data = recorded(recording)
     except (BagError, UserError) as error:
         console.print(f"no picture of this run: {error}", soft_wrap=True, markup=False)
+        return
+    unordered = int(np.count_nonzero(np.diff(recording.sequence.astype(np.int64)) < 0))
+    if not counts(len(recording.sequence), unordered):
+        console.print(
+            "no picture of this run: its bag holds the samples of several publishers, mixed",
+            soft_wrap=True,
+            markup=False,
+        )
         return
     if data is None or not (data.contact & data.used).any():
         return

@@ -103,14 +103,14 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
         rest_s = None
         if arguments.yes:
             recorder.start()
-            recorder.spin(arguments.seconds or ONE_GO_S, _count_down("recording presses"))
+            _record(recorder, arguments.seconds or ONE_GO_S, "recording presses")
         else:
             input("Bring the tool to rest free of contact, near the tissue; then press Enter. ")
             recorder.start()
-            recorder.spin(REST_S, _count_down("let it rest"))
+            _record(recorder, REST_S, "let it rest")
             rest_s = recorder.elapsed_s
             print("Now press into the tissue and leave it again, several times, slow and fast.")
-            recorder.spin(arguments.seconds or PRESS_S, _count_down("press"))
+            _record(recorder, arguments.seconds or PRESS_S, "press")
         readings = recorder.readings()
     try:
         found = propose(*readings, rest_s=rest_s)
@@ -202,8 +202,15 @@ def _agrees(question: str) -> bool:
     return input(f"{question} [Y/n] ").strip().lower() in ("", "y", "yes")
 
 
-def _count_down(what: str) -> Any:
-    """Return what shows the seconds that are left, on a terminal only."""
+def _record(recorder: Any, seconds: float, what: str) -> None:
+    """Record for a while; a terminal shows the seconds that are left, and an empty line after."""
     if not sys.stderr.isatty():
-        return lambda _left: None
-    return lambda left: print(f"\r{what}: {left:3.0f} s ", end="", file=sys.stderr, flush=True)
+        recorder.spin(seconds, lambda _left: None)
+        return
+    try:
+        recorder.spin(
+            seconds,
+            lambda left: print(f"\r{what}: {left:3.0f} s ", end="", file=sys.stderr, flush=True),
+        )
+    finally:
+        print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -20,7 +20,7 @@ TRUTH_TYPE = "hc_msgs/msg/IndenterTruth"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file (none: list the names)"
+        "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file (none: list them)"
     )
     parser.add_argument("-o", "--output", metavar="OUT", help="CSV file (.csv) or bag folder")
     parser.add_argument("--seed", type=natural, metavar="N", help="seed (default: the scenario's)")
@@ -34,7 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_sim_rig.schema import ScenarioError
 
     if arguments.scenario is None:
-        print("\n".join(available_scenarios()))
+        for name in available_scenarios():
+            print(f"{name:<22}{load_scenario(name).description}")
         return 0
     if arguments.output is None:
         raise UserError("give the CSV file or bag folder to write with -o", WRONG_USE)

@@ -107,7 +107,7 @@ def _header(table: Sequence[Sequence[Entry]]) -> str:
     )
     recordings = len([row for row in table if row])
     has_truth = any(entry.data.truth is not None for row in table for entry in row)
-    true = '<span class="key truth">true</span>' if has_truth else ""
+    true = '<span class="key ink">true</span>' if has_truth else ""
     return (
         f'<header><h1>Comparison</h1><p id="headline">{len(labels)} ways to estimate, '
         f"{recordings} recording{'' if recordings == 1 else 's'}</p>"

@@ -7,10 +7,6 @@ those here; they are compiled into the kernels like these.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +18,10 @@ from hc_estimator.contact import (
     kelvin_voigt,
 )
 from hc_estimator.contact.law import ContactLaw
-from hc_estimator.laws_of_others import add_laws_of_others
+from hc_estimator.laws_of_others import ENTRY_POINTS
 from hc_estimator.specification import ParameterSpecification
+from hc_msgs_py.compilation import by_code
+from hc_msgs_py.entry_points import add_those_of_others
 
 LAWS: dict[str, ContactLaw] = {  # position = code
     "hunt_crossley": hunt_crossley.LAW,
@@ -32,7 +30,7 @@ LAWS: dict[str, ContactLaw] = {  # position = code
     "elastic_power_law": elastic_power_law.LAW,
     "adhesive": hunt_crossley.ADHESIVE_LAW,
 }
-PROBLEMS = add_laws_of_others(LAWS, ContactLaw)
+PROBLEMS = add_those_of_others(LAWS, ENTRY_POINTS, ContactLaw, "a contact law")
 """Contact laws of other packages that cannot be used, and why."""
 
 CONTACT_MODELS = tuple(LAWS)
@@ -71,32 +69,9 @@ def _no_gradient(
     return 0.0
 
 
-def _by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable[..., Any]:
-    """Return a compiled function of a code and arguments that calls the one with that code.
-
-    These links have no cache of their own: they are compiled into the two functions below, which
-    have. (numba would make a tuple of functions one of pointers, which it cannot inline.)
-    """
-    function = functions[0]
-    if len(functions) == 1:
-        last: Callable[..., Any] = numba.njit(error_model="numpy")(
-            lambda _model, *arguments: function(*arguments)
-        )
-        return last
-    others = _by_code(functions[1:], code + 1)
-
-    def choose(model: int, *arguments: Any) -> Any:
-        if model == code:
-            return function(*arguments)
-        return others(model, *arguments)
-
-    chosen: Callable[..., Any] = numba.njit(error_model="numpy")(choose)
-    return chosen
-
-
 # What the kernels read of the laws, by code.
-_force = _by_code([law.force for law in LAWS.values()])
-_gradient = _by_code([law.gradient or _no_gradient for law in LAWS.values()])
+_force = by_code([law.force for law in LAWS.values()])
+_gradient = by_code([law.gradient or _no_gradient for law in LAWS.values()])
 _HAS_GRADIENT = np.array([law.gradient is not None for law in LAWS.values()])
 _FIXED = np.array([law.fixed for law in LAWS.values()])
 _MAY_PULL = np.array([law.may_pull for law in LAWS.values()])

@@ -7,7 +7,6 @@ are `FilterEntry`; `hc new filter NAME` makes such a package.
 from __future__ import annotations
 
 import dataclasses
-import importlib.metadata
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -22,6 +21,7 @@ from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
 from hc_estimator.multiple_model import knowledge
 from hc_estimator.screening import CLOCK_FIELDS
 from hc_estimator.specification import ParameterSpecification, ParameterValue
+from hc_msgs_py.entry_points import add_those_of_others
 
 Tell = Callable[[Mapping[str, Any]], tuple[NDArray[np.float64], NDArray[np.float64]]]
 Take = Callable[[dict[str, Any], NDArray[np.float64], NDArray[np.float64]], None]
@@ -248,30 +248,5 @@ HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
 SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH
 
 ENTRY_POINTS = "hc.filters"
-
-
-def _add_filters_of_others() -> dict[str, str]:
-    """Add the filters of other packages to FILTERS.
-
-    Returns:
-        Why, by name, for those that could not be added: the others work without them.
-    """
-    problems: dict[str, str] = {}
-    for point in importlib.metadata.entry_points(group=ENTRY_POINTS):
-        if point.name in FILTERS:
-            problems[point.name] = f"a filter of that name is there already, not {point.value}"
-            continue
-        try:
-            entry = point.load()
-        except Exception as error:  # noqa: BLE001 - whatever somebody else's module does
-            problems[point.name] = f"{point.value}: {type(error).__name__}: {error}"
-            continue
-        if isinstance(entry, FilterEntry):
-            FILTERS[point.name] = entry
-        else:
-            problems[point.name] = f"{point.value} is a {type(entry).__name__}, no FilterEntry"
-    return problems
-
-
-PROBLEMS: dict[str, str] = _add_filters_of_others()
+PROBLEMS = add_those_of_others(FILTERS, ENTRY_POINTS, FilterEntry, "a filter")
 """Filters of other packages that cannot be used, and why."""

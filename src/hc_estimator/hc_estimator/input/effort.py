@@ -10,16 +10,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
-
-LONGEST_GAP_S = 0.1
-"""After a longer gap in the readings the observer begins anew."""
+from hc_estimator.input.force_filter import ForceFilter
 
 
-class DisturbanceObserver:
+class DisturbanceObserver(ForceFilter):
     """Takes readings of position and effort, gives displacement and force of the same instant.
 
     Both are late by the low-pass, two poles at `bandwidth_hz`, and one sample. Whatever of mass,
@@ -68,41 +62,23 @@ class DisturbanceObserver:
         self._friction = dry_friction_n
         self._friction_velocity = friction_velocity_mm_s
         self._rate = 2.0 * math.pi * bandwidth_hz
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all readings."""
-        self._time = -math.inf
+        super().__init__()
         self._position = 0.0
-        self._effort = 0.0
         # Two stages of the low-pass for middle position, velocity, effort and dry friction; the
         # friction is that of the velocity after the first stage, without which noise would chatter.
         self._first = [0.0, 0.0, 0.0]
         self._second = [0.0, 0.0, 0.0, 0.0]
 
-    def step(self, time_s: float, position_mm: float, effort_n: float) -> tuple[float, float]:
-        """Use one reading.
+    def _begin(self, position_mm: float) -> tuple[float, float]:
+        self._first = [position_mm, 0.0, self._effort]
+        self._second = [*self._first, 0.0]
+        self._position = position_mm
+        return position_mm, self._effort
 
-        Args:
-            time_s: stamp [s].
-            position_mm: of the tool, positive into the tissue [mm].
-            effort_n: force of the motor from this stamp on, positive into the tissue [N].
-
-        Returns:
-            Displacement [mm] and force [N] of the same instant. NaN, NaN for a reading that is not
-            finite or not later than the last one: it is not used.
-        """
-        elapsed = time_s - self._time
-        if not (math.isfinite(time_s + position_mm + effort_n) and elapsed > 0.0):
-            return math.nan, math.nan
-        if elapsed > LONGEST_GAP_S:
-            self._first = [position_mm, 0.0, effort_n]
-            self._second = [*self._first, 0.0]
-            self._time, self._position, self._effort = time_s, position_mm, effort_n
-            return position_mm, effort_n
+    def _follow(self, elapsed: float, position_mm: float, effort_n: float) -> tuple[float, float]:
         velocity = (position_mm - self._position) / elapsed
         # The velocity is that of the middle between two readings, and so is everything else.
-        now = (0.5 * (position_mm + self._position), velocity, self._effort)
+        now = (0.5 * (position_mm + self._position), velocity, effort_n)
         weight = 1.0 - math.exp(-self._rate * elapsed)
         before = list(self._second)
         for i in range(3):
@@ -110,28 +86,9 @@ class DisturbanceObserver:
             self._second[i] += weight * (self._first[i] - self._second[i])
         dry = self._friction * math.tanh(self._first[1] / self._friction_velocity)
         self._second[3] += weight * (dry - self._second[3])
-        self._time, self._position, self._effort = time_s, position_mm, effort_n
+        self._position = position_mm
         # A difference of two middles belongs to the reading between them: so do these means.
         place, speed, push, dry = (0.5 * (a + b) for a, b in zip(before, self._second, strict=True))
         acceleration = (self._second[1] - before[1]) / elapsed
         held = self._damping * speed + self._spring * place + dry
         return place, push - held - self._mass * acceleration
-
-    def run(
-        self, time_s: FloatArray, position_mm: FloatArray, effort_n: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Use many readings; the same as `step` for each.
-
-        Args:
-            time_s: stamps [s], shape (samples,).
-            position_mm: positions [mm], the same shape.
-            effort_n: efforts [N], the same shape.
-
-        Returns:
-            Displacements and forces, shape (samples,) each.
-        """
-        found = np.empty((len(time_s), 2))
-        readings = zip(time_s.tolist(), position_mm.tolist(), effort_n.tolist(), strict=True)
-        for k, reading in enumerate(readings):
-            found[k] = self.step(*reading)
-        return found[:, 0], found[:, 1]

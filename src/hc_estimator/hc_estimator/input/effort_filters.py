@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.input.effort import LONGEST_GAP_S, DisturbanceObserver
+from hc_estimator.input.effort import DisturbanceObserver
+from hc_estimator.input.force_filter import ForceFilter
 
 FloatArray = NDArray[np.float64]
 
@@ -28,21 +28,6 @@ FIRST_SPEED_MM_S = 30.0
 FIRST_FORCE_N = 1.0
 FIRST_RATE_N_S = 10.0
 """Standard deviations of what a filter does not know at its first reading."""
-
-
-class ForceFilter(Protocol):
-    """What makes displacement and force of position and effort."""
-
-    def reset(self) -> None:
-        """Forget all readings."""
-
-    def step(self, time_s: float, position_mm: float, effort_n: float) -> tuple[float, float]:
-        """Use one reading: displacement [mm] and force [N]; NaN, NaN for one that is none."""
-
-    def run(
-        self, time_s: FloatArray, position_mm: FloatArray, effort_n: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Use many readings; the same as `step` for each."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -132,64 +117,7 @@ def make_force_filter(settings: EffortSettings) -> ForceFilter:
     return ContactForceFilter(settings)
 
 
-class _Stepwise:
-    """What the filters here share: stamps are looked at, gaps begin anew, `run` is `step`."""
-
-    def __init__(self) -> None:
-        self._time = -math.inf
-        self._effort = 0.0
-
-    def reset(self) -> None:
-        """Forget all readings."""
-        self._time = -math.inf
-
-    def step(self, time_s: float, position_mm: float, effort_n: float) -> tuple[float, float]:
-        """Use one reading.
-
-        Args:
-            time_s: stamp [s].
-            position_mm: of the tool, positive into the tissue [mm].
-            effort_n: force of the motor from this stamp on, positive into the tissue [N].
-
-        Returns:
-            Displacement [mm] and force [N]. NaN, NaN for a reading that is not finite or not later
-            than the last one: it is not used.
-        """
-        elapsed = time_s - self._time
-        if not (math.isfinite(time_s + position_mm + effort_n) and elapsed > 0.0):
-            return math.nan, math.nan
-        before, self._time, self._effort = self._effort, time_s, effort_n
-        if elapsed > LONGEST_GAP_S:
-            return self._begin(position_mm)
-        return self._follow(elapsed, position_mm, before)
-
-    def run(
-        self, time_s: FloatArray, position_mm: FloatArray, effort_n: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Use many readings; the same as `step` for each.
-
-        Args:
-            time_s: stamps [s], shape (samples,).
-            position_mm: positions [mm], the same shape.
-            effort_n: efforts [N], the same shape.
-
-        Returns:
-            Displacements and forces, shape (samples,) each.
-        """
-        found = np.empty((len(time_s), 2))
-        readings = zip(time_s.tolist(), position_mm.tolist(), effort_n.tolist(), strict=True)
-        for k, reading in enumerate(readings):
-            found[k] = self.step(*reading)
-        return found[:, 0], found[:, 1]
-
-    def _begin(self, position_mm: float) -> tuple[float, float]:
-        raise NotImplementedError
-
-    def _follow(self, elapsed: float, position_mm: float, effort_n: float) -> tuple[float, float]:
-        raise NotImplementedError
-
-
-class ContactForceFilter(_Stepwise):
+class ContactForceFilter(ForceFilter):
     """Kalman filter with states position, velocity, contact force and its rate.
 
     The force's rate is driven by white noise of density `force_jerk`: nothing is known of the
@@ -292,7 +220,7 @@ class ContactForceFilter(_Stepwise):
         self._covariance = away @ away.T / 8.0 + 2.0 * np.outer(aside, aside)
 
 
-class ParticleForceFilter(_Stepwise):
+class ParticleForceFilter(ForceFilter):
     """Paper C's SIR particle filter with equation 26 as printed; it knows the tissue.
 
     Each particle has position, velocity and force. The third row of Eq. 26 makes the force from

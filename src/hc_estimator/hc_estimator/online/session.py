@@ -6,17 +6,17 @@ estimates, events, contacts and new revisions of the configuration. Nothing here
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from hc_estimator.estimate import Estimate, Rejection
+from hc_estimator.estimate import Estimate
 from hc_estimator.estimator import Estimator
 from hc_estimator.input.stream_guard import Break, StreamGuard, StreamSample
 from hc_estimator.online.contacts import ContactSummary, ContactTracker
+from hc_estimator.online.stream_watch import StreamWatch
 from hc_estimator.online.vocabulary import (
     Batch,
     Cause,
@@ -41,8 +41,7 @@ class EstimationSession:
         computation: wall times of the estimation steps since `computation.clear()`.
         revision: the revision in force.
         loaded: the state that was gone on from last; None if there was none.
-        silent_s: for how long a channel had no reading, when it was looked at last.
-        silent_what: which one: displacement, force, or sample for both.
+        watch: what is wrong with the input or the fit.
         started: whether a first revision was announced.
         last_estimate: the newest estimate; None before the first.
     """
@@ -71,29 +70,18 @@ class EstimationSession:
         self.revision = Revision(revisions_before, 0, 0, Cause.STARTED)
         self.started = False
         self.loaded: Mapping[str, Any] | None = None
-        self.silent_s = 0.0
-        self.silent_what = "sample"
         self.last_estimate: Estimate | None = None
         self._listener = listener
         self._at: tuple[int, int] | None = None  # the sample of a batch that is spoken of now
         self._origin_ns: int | None = None
         self._last_time_ns: int | None = None
-        self._displacement_ns: int | None = None  # when its last reading came
-        self._force_ns: int | None = None
-        self._silent = False
-        self._burst = 0
-        self._burst_reason = 0
-        self._force = 0.0  # the last reading
-        self._displacement = 0.0
-        self._equal_forces = 0
-        self._equal_displacements = 0
-        self._mismatch = False
+        self.watch = StreamWatch(self.counters, self.report)
         self.settings = settings or SessionSettings()
         self.apply_settings(self.settings)
 
     def apply_settings(self, settings: SessionSettings) -> None:
         """Judge the stream by other settings from the next sample on."""
-        self.settings = settings
+        self.settings = self.watch.settings = settings
         self.guard.maximum_gap_ns = round(settings.maximum_gap_s * 1e9)
         self.contacts.minimum_duration_ns = round(settings.contact_minimum_s * 1e9)
         self.contacts.release_ns = round(settings.contact_release_s * 1e9)
@@ -120,7 +108,7 @@ class EstimationSession:
         else:
             self.estimator = estimator
         self._origin_ns = None
-        self._mismatch = False
+        self.watch.forget_fit()
         self.last_estimate = None
         self._revise(cause, None)
         if cause is Cause.RESET:
@@ -227,48 +215,8 @@ class EstimationSession:
         self._use_many(batch.part(begin, len(stamps)))
 
     def check_silence(self, now_ns: int) -> bool:
-        """Say whether the input is silent; to be called some times a second.
-
-        Args:
-            now_ns: time.perf_counter_ns().
-
-        Returns:
-            True if a channel had no reading for longer than the timeout.
-        """
-        if self._displacement_ns is None or self._force_ns is None:
-            return False
-        limit_s = self.settings.silence_timeout_s
-        displacement_s = (now_ns - self._displacement_ns) * 1e-9
-        force_s = (now_ns - self._force_ns) * 1e-9
-        self.silent_s = max(displacement_s, force_s)
-        if min(displacement_s, force_s) > limit_s:
-            self.silent_what = "sample"
-        else:
-            self.silent_what = "force" if force_s > displacement_s else "displacement"
-        if not self._silent and self.silent_s > limit_s:
-            self._silent = True
-            self.report(EventKind.INPUT_SILENT, f"no {self.silent_what} for {self.silent_s:.2f} s")
-        return self._silent
-
-    @property
-    def silent(self) -> bool:
-        """Whether the input counted as silent when it was looked at last."""
-        return self._silent
-
-    @property
-    def alarms(self) -> list[str]:
-        """What is wrong with the input or the fit at this moment, a line each."""
-        result = []
-        if self._burst >= self.settings.rejection_burst:
-            reason = Rejection(self._burst_reason).name.lower()
-            result.append(f"{self._burst} samples rejected in a row ({reason})")
-        if self._equal_forces >= self.settings.frozen_samples:
-            result.append(f"force frozen at {self._force:.6g} N")
-        if self._equal_displacements >= self.settings.frozen_samples:
-            result.append(f"displacement frozen at {self._displacement:.6g} mm")
-        if self._mismatch:
-            result.append("the contact law does not describe what the sensors say")
-        return result
+        """Say whether the input is silent; see `StreamWatch.check_silence`."""
+        return self.watch.check_silence(now_ns)
 
     def _out_of_place(self, sample: StreamSample) -> None:
         samples, broken = self.guard.push(sample)
@@ -290,7 +238,7 @@ class EstimationSession:
         before = time.perf_counter_ns()
         estimate = self.estimator.step((stamp_ns - origin) * 1e-9, displacement_mm, force_n)
         after = time.perf_counter_ns()
-        self._note_arrival(after, displacement_mm, force_n)
+        self.watch.note_arrival(after, displacement_mm, force_n)
         self._last_time_ns = stamp_ns
         computation_ns = after - before
         self.computation.add(computation_ns)
@@ -322,7 +270,7 @@ class EstimationSession:
         for i, (stamp_ns, sequence, displacement_mm, force_n) in enumerate(rows):
             estimate = self.last_estimate = series[i]
             self._at = (stamp_ns, sequence)
-            self._note_arrival(after, displacement_mm, force_n)
+            self.watch.note_arrival(after, displacement_mm, force_n)
             self.computation.add(each_ns)
             self._watch(after, stamp_ns, sequence, displacement_mm, force_n, estimate)
         self._at = None
@@ -346,82 +294,12 @@ class EstimationSession:
         estimate: Estimate,
     ) -> None:
         """Look for what is worth an event, and for contacts."""
-        if self._silent and not self._is_overdue(now_ns):
-            self._silent = False
-            self.report(EventKind.INPUT_RECOVERED, "samples come again")
-        self._watch_rejection(estimate)
-        self._watch_readings(displacement_mm, force_n)
-        self._watch_fit(estimate)
+        self.watch.look(now_ns, displacement_mm, force_n, estimate)
         made, over = self.contacts.update(stamp_ns, sequence, displacement_mm, force_n, estimate)
         if made is not None:
             self.report(EventKind.CONTACT_MADE, f"contact {made.number}")
         if over is not None:
             self._tell_contact(over)
-
-    def _note_arrival(self, now_ns: int, displacement_mm: float, force_n: float) -> None:
-        without_displacement, without_force = math.isnan(displacement_mm), math.isnan(force_n)
-        if without_displacement != without_force:
-            self.counters.without_displacement += without_displacement
-            self.counters.without_force += without_force
-        if not without_displacement or self._displacement_ns is None:
-            self._displacement_ns = now_ns
-        if not without_force or self._force_ns is None:
-            self._force_ns = now_ns
-
-    def _is_overdue(self, now_ns: int) -> bool:
-        assert self._displacement_ns is not None
-        assert self._force_ns is not None
-        oldest_ns = min(self._displacement_ns, self._force_ns)
-        return (now_ns - oldest_ns) * 1e-9 > self.settings.silence_timeout_s
-
-    def _watch_rejection(self, estimate: Estimate) -> None:
-        rejected = estimate.rejected
-        if not rejected:
-            counters = self.counters
-            self._burst = 0
-            counters.accepted += 1
-            displacement, force = estimate.innovation.tolist()  # NaN where none was used
-            counters.readings += (displacement == displacement) + (force == force)
-            counters.nis_sum += estimate.nis
-            return
-        self.counters.rejected[rejected] += 1
-        self._burst += 1
-        self._burst_reason = rejected
-        if self._burst == self.settings.rejection_burst:
-            kind = EventKind.REJECTION_BURST
-            reason = f"{self._burst} samples rejected in a row ({rejected.name.lower()})"
-            if rejected is Rejection.OUT_OF_RANGE:
-                kind = EventKind.INPUT_SATURATED
-                reason = f"readings out of range: {self._burst} samples rejected in a row"
-            self.report(kind, reason)
-
-    def _watch_readings(self, displacement_mm: float, force_n: float) -> None:
-        """Count equal readings of each channel, those that are missing left out."""
-        limit = self.settings.frozen_samples
-        # Zero is what a simulated force reads in free motion: not a frozen sensor.
-        if not math.isnan(force_n):
-            self._equal_forces = self._equal_forces + 1 if force_n == self._force != 0.0 else 0
-            self._force = force_n
-            if self._equal_forces == limit:
-                self.report(EventKind.INPUT_FROZEN, f"force frozen at {force_n:.6g} N")
-        if not math.isnan(displacement_mm):
-            equal = displacement_mm == self._displacement != 0.0
-            self._equal_displacements = self._equal_displacements + 1 if equal else 0
-            self._displacement = displacement_mm
-            if self._equal_displacements == limit:
-                text = f"displacement frozen at {displacement_mm:.6g} mm"
-                self.report(EventKind.INPUT_FROZEN, text)
-
-    def _watch_fit(self, estimate: Estimate) -> None:
-        if estimate.change_detected:
-            self.counters.changes += 1
-            self.report(EventKind.TISSUE_CHANGE, "the tissue changed")
-        mismatch = estimate.model_mismatch
-        if mismatch and not self._mismatch:
-            self.report(
-                EventKind.MODEL_MISMATCH, "the contact law does not describe what the sensors say"
-            )
-        self._mismatch = mismatch
 
     def _jump(self, reason: str) -> None:
         self.counters.time_jumps += 1

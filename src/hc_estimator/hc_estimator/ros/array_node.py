@@ -14,7 +14,7 @@ from hc_msgs.msg import TactileEstimate, TactileSample
 from rclpy.node import Node
 
 from hc_estimator import EstimatorArray, available_filters
-from hc_estimator.estimator import (
+from hc_estimator.kinds import (
     DEFAULT_CONTACT_MODEL,
     DEFAULT_STATE_SPACE,
     available_contact_models,

@@ -15,11 +15,12 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.qos import QoSPolicyKind, QoSProfile
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from hc_estimator.input.publishers import PublisherLines
@@ -32,19 +33,37 @@ SLICE_S = 0.01
 LATELY_NS = 2_000_000_000
 """A publisher that sent a message within this time speaks."""
 
+LARGEST_DEPTH = 2**31 - 1
+"""Of a queue, in DDS."""
+
+
+def _check_depth(qos: QoSProfile) -> SetParametersResult:
+    """Refuse a depth that the middleware would take for another number."""
+    if 1 <= qos.depth <= LARGEST_DEPTH:
+        return SetParametersResult(successful=True)
+    return SetParametersResult(
+        successful=False, reason=f"depth is {qos.depth}, must be 1 to {LARGEST_DEPTH}"
+    )
+
+
 _OVERRIDES = QoSOverridingOptions(
     (
         QoSPolicyKind.HISTORY,
         QoSPolicyKind.DEPTH,
         QoSPolicyKind.RELIABILITY,
         QoSPolicyKind.DURABILITY,
-    )
+    ),
+    callback=_check_depth,
 )
 """What the parameters qos_overrides.TOPIC.subscription.* may change, as in every ROS 2 node."""
 
 
 class SubscriptionError(Exception):
     """Why a topic cannot be subscribed to, in one line."""
+
+
+class QosOverrideError(SubscriptionError):
+    """A parameter qos_overrides.* that says what cannot be: no later attempt goes better."""
 
 
 class Channel:
@@ -93,8 +112,8 @@ class Channel:
 
         Raises:
             SubscriptionError: if the middleware refuses; it has one type for each topic of a
-                process, and a subscription of another type that was just given up still has it. Or
-                if a parameter qos_overrides.* is not allowed.
+                process, and a subscription of another type that was just given up still has it.
+            QosOverrideError: if a parameter qos_overrides.* is not allowed.
         """
         self.topic = topic
         self.type_name = "/msg/".join(
@@ -131,8 +150,9 @@ class Channel:
             RuntimeError,
             ValueError,
             ParameterException,
+            InvalidQosOverridesError,
         ) as error:  # a parameter qos_overrides.*
-            raise SubscriptionError(f"cannot subscribe to {topic}: {error}") from error
+            raise QosOverrideError(f"cannot subscribe to {topic}: {error}") from error
         # rclpy's signature check would give a callback of this form the message alone.
         self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo
         self.lines = PublisherLines(self._subscription.get_publisher_count)

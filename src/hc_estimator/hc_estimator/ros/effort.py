@@ -17,9 +17,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from hc_estimator.input.contact_frame import NormalFinder
-from hc_estimator.input.effort_filters import EffortSettings, ForceFilter, make_force_filter
+from hc_estimator.input.effort_filters import EffortSettings, make_force_filter
+from hc_estimator.input.force_filter import ForceFilter
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Receiver
+from hc_estimator.ros.joints import joint_index
 from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
@@ -94,14 +96,8 @@ class EffortInput:
         self._receiver.on_skip(number)
 
     def _take(self, message: Any) -> None:
-        index = 0
-        if self._joint:
-            try:
-                index = message.name.index(self._joint)
-            except ValueError:  # many drivers publish their joints in several messages
-                self._missing_joint += 1
-                return
-        if index >= len(message.position) or index >= len(message.effort):
+        index = joint_index(message, self._joint, "position", "effort")
+        if index is None:
             self._missing_joint += 1
             return
         if message.header.frame_id != self._frame_id:

@@ -27,6 +27,7 @@ from hc_estimator.input.frames import FrameTree
 from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
+from hc_estimator.ros.joints import joint_index
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import SAMPLE
@@ -266,14 +267,8 @@ class SensorInput:
         self._hand_on(self._merger.add_force(stamp_ns, value, arrival_ns, self._complete_ns()))
 
     def _take_joints(self, message: Any) -> None:
-        index = 0
-        if self._joint:
-            try:
-                index = message.name.index(self._joint)
-            except ValueError:  # many drivers publish their joints in several messages
-                self._missing_joint += 1
-                return
-        if index >= len(message.position):
+        index = joint_index(message, self._joint, "position")
+        if index is None:
             self._missing_joint += 1
             return
         value = self._position_mapping.of_scalar(message.position[index] * METRE_IN_MM)

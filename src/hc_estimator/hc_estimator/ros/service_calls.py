@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from hc_estimator import Estimator
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
@@ -26,11 +28,8 @@ class ServiceCalls:
     _keeper: StateKeeper
     _zeros: ZeroSetting
 
-    def _new_estimator(self) -> Estimator:
-        raise NotImplementedError
-
-    def _take_settings(self, state: SavedState) -> None:
-        raise NotImplementedError
+    _new_estimator: Callable[[], Estimator]
+    _take_settings: Callable[[SavedState], None]
 
     def _add_services(self) -> None:
         add_service(self, "reset", self._reset)

@@ -72,7 +72,7 @@ class StatusReporter:
             "without_force": session.counters.without_force,
             "tissue_changes": session.counters.changes,
             "contacts": session.contacts.contacts,
-            "silent_s": session.silent_s if session.silent else 0.0,
+            "silent_s": session.watch.silent_s if session.watch.silent else 0.0,
         }
         for reason in Rejection:
             if reason is not Rejection.ACCEPTED:
@@ -150,14 +150,14 @@ class StatusReporter:
             if silent:
                 unusable = any(since[channel.topic] for channel in source.channels)
                 level = max(level, Level.ERROR if unusable else Level.STALE)
-                start = f"no usable {session.silent_what} for {session.silent_s:.1f} s"
+                start = f"no usable {session.watch.silent_what} for {session.watch.silent_s:.1f} s"
             else:
                 start = "waits for the first sample"
                 if self._waiting_s() > WAITING_S and reasons:
                     level = max(level, Level.WARN)
             problems.append(f"{start}: {'; '.join(reasons)}" if reasons else start)
             return level, "; ".join(problems)
-        problems += session.alarms
+        problems += session.watch.alarms
         problems += [suspicion.sentence for suspicion in suspicions]
         if not session.guard.counted:
             problems.append("the numbers of the samples are no count: losses cannot be told")

@@ -78,7 +78,7 @@ def _markdown(table: Sequence[Sequence[str]]) -> str:
     return "\n".join([lines[0], "|" + " --- |" * len(table[0]), *lines[1:]])
 
 
-def write_tables(result: Mapping[str, Any], path: Path) -> tuple[str, ...]:
+def write_tables(result: Mapping[str, Any], path: Path, origin: str = "") -> tuple[str, ...]:
     """Replace the tables in a Markdown document by newly measured ones.
 
     A table stands between the lines `<!-- accuracy NAME -->` and `<!-- end -->`.
@@ -86,6 +86,7 @@ def write_tables(result: Mapping[str, Any], path: Path) -> tuple[str, ...]:
     Args:
         result: what `run.run_accuracy` returned.
         path: the document; written in place.
+        origin: command and commit that the tables come from, a sentence.
 
     Returns:
         Names of the experiments whose tables were replaced.
@@ -104,7 +105,7 @@ def write_tables(result: Mapping[str, Any], path: Path) -> tuple[str, ...]:
             raise ValueError(f"{path}: no line <!-- end --> after {start}")
         last = lines.index("<!-- end -->", first)
         seeds = experiment.get("seeds", result["seeds"])
-        said = f"{seeds} seeds from {result['first_seed']}."
+        said = f"{seeds} seeds from {result['first_seed']}. {origin}".rstrip()
         table = markdown_table(name, experiment)
         lines[first : last + 1] = [start, f"{said}\n", *table.split("\n"), "<!-- end -->"]
         replaced.append(name)

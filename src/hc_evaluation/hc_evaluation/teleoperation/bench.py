@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.estimator import DEFAULT_FILTER, available_filters
+from hc_estimator.kinds import DEFAULT_FILTER, available_filters
 from hc_evaluation.teleoperation.scores import Scores, score
 from hc_sim_rig.bilateral import METHODS, Bilateral, BilateralSeries, Feedback, Network, simulate
 

@@ -66,6 +66,10 @@ COLUMNS = (
 )
 
 
+PLACES = ("effort", "effort, one motion")
+"""Of the tables in the document."""
+
+
 def settings_of(source: str, noise: float, friction: float, known: float) -> Bilateral:
     """The simulation of a case; a source that is a filter's name is effort through that filter."""
     if source not in ("sensor", "effort"):
@@ -250,15 +254,16 @@ def _paper_filter(series: BilateralSeries, filter: str, extra: Mapping[str, Any]
     return position_filters.run(filter, position, effort, step, {**common, **extra})
 
 
+def markdown_tables(result: Mapping[str, Any]) -> dict[str, str]:
+    """Both tables in Markdown, by the names of their places in the document."""
+    tables = _table(COLUMNS, result["rows"]), _table(KNOWN_COLUMNS, result["known_tissue"])
+    return dict(zip(PLACES, tables, strict=True))
+
+
 def text_tables(result: Mapping[str, Any]) -> str:
-    """Both tables in Markdown, which a terminal can show as well."""
-    return "\n\n".join(
-        (
-            _table(COLUMNS, result["rows"]),
-            "On one and the same motion, friction not known:",
-            _table(KNOWN_COLUMNS, result["known_tissue"]),
-        )
-    )
+    """Both tables for a terminal, which can show Markdown as well."""
+    first, second = markdown_tables(result).values()
+    return f"{first}\n\nOn one and the same motion, friction not known:\n\n{second}"
 
 
 def _table(columns: Sequence[tuple[str, str, str]], rows: Sequence[Mapping[str, Any]]) -> str:

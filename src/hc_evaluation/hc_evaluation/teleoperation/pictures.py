@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hc_estimator.estimator import DEFAULT_FILTER
+from hc_estimator.kinds import DEFAULT_FILTER
 from hc_evaluation.teleoperation.bench import run_case
 from hc_evaluation.teleoperation.impedance import CONTROLLERS, run_controller
 from hc_evaluation.teleoperation.scores import force_at_the_hand

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-START, END = "<!-- teleoperation -->", "<!-- end -->"
+END = "<!-- end -->"
 Row = Mapping[str, Any]
 
 
@@ -74,28 +74,39 @@ def markdown_table(result: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def check_document(path: Path) -> tuple[str, str]:
-    """What stands before and after the table in a document.
+def check_document(path: Path, *names: str) -> None:
+    """Find the places of tables in a document: between `<!-- NAME -->` and `<!-- end -->`.
 
     Raises:
         OSError: it cannot be read.
-        ValueError: it has no place for the table.
+        ValueError: it has no place for one of the tables.
     """
-    before, start, rest = path.read_text(encoding="utf-8").partition(START)
-    _, end, after = rest.partition(END)
-    if not (start and end):
-        raise ValueError(f"it has no lines {START} and {END}")
-    return before, after
+    text = path.read_text(encoding="utf-8")
+    for name in names:
+        _around(text, name)
 
 
-def write_table(result: Mapping[str, Any], path: Path) -> None:
-    """Replace the table between START and END in a document.
+def write_table(name: str, table: str, said: str, path: Path) -> None:
+    """Replace one table in a document.
+
+    Args:
+        name: of the table's place.
+        table: in Markdown.
+        said: how it was measured: seeds, command and commit.
+        path: the document; written in place.
 
     Raises:
         OSError: it cannot be read or written.
         ValueError: the document has no such place.
     """
-    before, after = check_document(path)
-    seeds = f"{result['seeds']} seed{'s' if result['seeds'] > 1 else ''}."
-    table = markdown_table(result)
-    path.write_text(f"{before}{START}\n{seeds}\n\n{table}\n{END}{after}", encoding="utf-8")
+    before, after = _around(path.read_text(encoding="utf-8"), name)
+    path.write_text(f"{before}<!-- {name} -->\n{said}\n\n{table}\n{END}{after}", encoding="utf-8")
+
+
+def _around(text: str, name: str) -> tuple[str, str]:
+    """What stands before and after a table."""
+    before, start, rest = text.partition(f"<!-- {name} -->")
+    _, end, after = rest.partition(END)
+    if not (start and end):
+        raise ValueError(f"it has no lines <!-- {name} --> and {END}")
+    return before, after

@@ -11,17 +11,24 @@ import math
 import struct
 from typing import Final, NamedTuple
 
-from hc_sim_rig.bilateral.layout import MODEL_SIZE
+from hc_sim_rig.bilateral.layout import (
+    LARGEST_IMPEDANCE,
+    LEAST_IMPEDANCE,
+    METHODS,
+    MODEL_SIZE,
+)
 
-WORD: Final = b"hct1"
+WORD: Final = b"hct2"
 MASTER: Final = 0
 SLAVE: Final = 1
-_LAYOUT: Final = struct.Struct(f"<4sBBHIqqq4d{MODEL_SIZE}d4dd")
+_LAYOUT: Final = struct.Struct(f"<4sBBHIqqq4d3d{MODEL_SIZE}d4dd")
 SIZE: Final = _LAYOUT.size
 NEVER: Final = -1
 """Echo of somebody who has heard nothing yet."""
 LARGEST_MM = 1e4
 LARGEST_N = 1e4
+LARGEST_WAVE = 1e9
+"""Integral of the waves, and their energy in mJ: a million times what an hour of work makes."""
 
 
 class Datagram(NamedTuple):
@@ -41,6 +48,10 @@ class Datagram(NamedTuple):
         deviations: standard deviations of K, B, n, p.
         relative_std: of the model's force at working depth; infinite while it is not known.
         sure: whether the newest estimate counts; the model is the newest one that did.
+        method: index in METHODS: the master says how force comes back, the slave does it so.
+        wave: integral of the waves that this side has sent.
+        wave_energy_mj: integral of half their square.
+        wave_impedance: of the waves [N s/mm]; the master's counts.
     """
 
     side: int
@@ -56,6 +67,10 @@ class Datagram(NamedTuple):
     deviations: tuple[float, ...] = (math.nan,) * 4
     relative_std: float = math.inf
     sure: bool = False
+    method: int = METHODS.index("model_mediated")
+    wave: float = 0.0
+    wave_energy_mj: float = 0.0
+    wave_impedance: float = LEAST_IMPEDANCE
 
     def encode(self) -> bytes:
         """Return the bytes that are sent."""
@@ -63,7 +78,7 @@ class Datagram(NamedTuple):
             WORD,
             self.side,
             self.sure,
-            0,
+            self.method,
             self.sequence & 0xFFFFFFFF,
             self.sent_ns,
             self.echo_ns,
@@ -72,6 +87,9 @@ class Datagram(NamedTuple):
             self.velocity_mm_s,
             self.lateral_mm,
             self.force_n,
+            self.wave,
+            self.wave_energy_mj,
+            self.wave_impedance,
             *self.model,
             *self.deviations,
             self.relative_std,
@@ -86,7 +104,7 @@ def decode(data: bytes) -> Datagram:
     """
     if len(data) != SIZE:
         raise ValueError(f"{len(data)} bytes, not {SIZE}")
-    word, side, sure, _, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
+    word, side, sure, method, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
     if word != WORD:
         raise ValueError(f"begins with {word!r}, not {WORD!r}")
     if side not in (MASTER, SLAVE):
@@ -95,10 +113,19 @@ def decode(data: bytes) -> Datagram:
     motion = (position, velocity / 10.0, lateral)
     if not (all(abs(v) <= LARGEST_MM for v in motion) and abs(force) <= LARGEST_N):
         raise ValueError("motion or force is out of range or no number")
-    model = tuple(numbers[4 : 4 + MODEL_SIZE])
+    if method >= len(METHODS):
+        raise ValueError(f"feeds back by method {method}")
+    wave, energy, impedance = numbers[4:7]
+    if not (
+        abs(wave) <= LARGEST_WAVE
+        and 0.0 <= energy <= LARGEST_WAVE
+        and LEAST_IMPEDANCE <= impedance <= LARGEST_IMPEDANCE
+    ):
+        raise ValueError("the waves are out of range or no number")
+    model = tuple(numbers[7 : 7 + MODEL_SIZE])
     if not all(map(math.isnan, model)) and not _possible(model):
         raise ValueError("the model is out of range or no number")
-    deviations = tuple(numbers[4 + MODEL_SIZE : 8 + MODEL_SIZE])
+    deviations = tuple(numbers[7 + MODEL_SIZE : 11 + MODEL_SIZE])
     return Datagram(
         side,
         sequence,
@@ -113,6 +140,10 @@ def decode(data: bytes) -> Datagram:
         deviations,
         numbers[-1],
         bool(sure),
+        method,
+        wave,
+        energy,
+        impedance,
     )
 
 

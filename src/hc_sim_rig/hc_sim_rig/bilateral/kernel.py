@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.contact import hunt_crossley_force
-from hc_sim_rig.bilateral.adaptation_kernel import adapted_impedance
+from hc_sim_rig.bilateral.controllers_kernel import hand_control, slave_control
 from hc_sim_rig.bilateral.layout import (
     BACKWARD,
-    DIRECT,
     FORWARD,
     FRICTION_VELOCITY,
     MEMORY_CORRECTION,
@@ -29,11 +28,9 @@ from hc_sim_rig.bilateral.layout import (
     MEMORY_SLAVE_TANK,
     MEMORY_SLAVE_VELOCITY,
     MEMORY_TANK,
-    MEMORY_WAVE_COMMAND,
     MEMORY_WAVE_ENERGY_SENT,
     MEMORY_WAVE_ENERGY_USED,
     MEMORY_WAVE_SENT,
-    MODEL_MEDIATED,
     MODEL_SIZE,
     OUT_EFFORT_READING,
     OUT_FORCE_READING,
@@ -56,7 +53,6 @@ from hc_sim_rig.bilateral.layout import (
     OUT_UPDATE_CHANGE,
     OUT_WAVE_PORTS,
     OUT_WAVE_STORED,
-    POSITION_POSITION,
     SENT_ENERGY,
     SENT_FORCE,
     SENT_KNOWN,
@@ -65,7 +61,6 @@ from hc_sim_rig.bilateral.layout import (
     SENT_POSITION,
     SENT_VELOCITY,
     SENT_WAVE,
-    WAVE_VARIABLES,
     Y_MASTER,
     Y_MASTER_VELOCITY,
     Y_SIZE,
@@ -73,16 +68,7 @@ from hc_sim_rig.bilateral.layout import (
     Y_SLAVE_VELOCITY,
     Constants,
 )
-from hc_sim_rig.bilateral.rendering_kernel import render
-from hc_sim_rig.bilateral.waves_kernel import (
-    master_wave,
-    master_wave_force,
-    slave_wave,
-    slave_wave_force,
-    slave_wave_velocity,
-    wave_in,
-    wave_out,
-)
+from hc_sim_rig.bilateral.waves_kernel import wave_in
 from hc_sim_rig.channel_kernel import receive, send
 from hc_sim_rig.compilation import compiled, inlined
 
@@ -244,7 +230,6 @@ def advance(
         out: (N, OUT_COLUMNS) result.
     """
     work = np.empty((3, Y_SIZE))
-    method = int(constants.method)
     nothing = sent.shape[1] - 1
     playout = int(constants.playout)
     for k in range(first, first + count):
@@ -268,75 +253,28 @@ def advance(
         command, command_velocity = slave, 0.0
         if at_slave >= 0:
             command, command_velocity = forward[SENT_POSITION], forward[SENT_VELOCITY]
-        back_wave = 0.0
-        if method == WAVE_VARIABLES:
-            wave = wave_out(
-                FORWARD,
-                forward[SENT_WAVE],
-                forward[SENT_ENERGY],
-                at_slave - k + playout,
-                constants.step,
-                memory,
-            )
-            slave_force = slave_wave_force(
-                wave,
-                memory[MEMORY_WAVE_COMMAND] - slave,
-                slave_velocity,
-                constants.wave_stiffness,
-                constants.wave_impedance,  # as damping: what arrives is not thrown back
-                constants.wave_impedance,
-            )
-            wanted = slave_wave_velocity(wave, slave_force, constants.wave_impedance)
-            back_wave = slave_wave(wave, slave_force, constants.wave_impedance)
-            slave_port = -slave_force * wanted
-            memory[MEMORY_WAVE_COMMAND] += wanted * constants.step
-        else:
-            slave_port = 0.0
-            stiffness, damping = constants.slave_stiffness, constants.slave_controller_damping
-            if method == POSITION_POSITION:  # one spring and damper, at both ends
-                stiffness, damping = constants.position_stiffness, constants.position_damping
-            elif constants.adaptive > 0.0:
-                stiffness, damping = adapted_impedance(
-                    command - slave,
-                    command_velocity - slave_velocity,
-                    slave,
-                    model,
-                    constants,
-                    memory,
-                )
-            else:
-                memory[MEMORY_SLAVE_STIFFNESS] = stiffness
-            slave_force = stiffness * (command - slave) + damping * (
-                command_velocity - slave_velocity
-            )
-        slave_force = min(
-            max(slave_force, -constants.slave_force_limit), constants.slave_force_limit
+        slave_force, back_wave, slave_port = slave_control(
+            slave,
+            slave_velocity,
+            command,
+            command_velocity,
+            forward,
+            at_slave - k + playout,
+            model,
+            constants,
+            memory,
         )
 
         # the master
-        change, hand_force, forward_wave, master_port = 0.0, 0.0, 0.0, 0.0
-        if method == DIRECT:
-            hand_force = backward[SENT_FORCE]
-        elif method == POSITION_POSITION:
-            if at_master >= 0:
-                hand_force = constants.position_stiffness * (
-                    master - backward[SENT_POSITION]
-                ) + constants.position_damping * (master_velocity - backward[SENT_VELOCITY])
-        elif method == WAVE_VARIABLES:
-            wave = wave_out(
-                BACKWARD,
-                backward[SENT_WAVE],
-                backward[SENT_ENERGY],
-                at_master - k + playout,
-                constants.step,
-                memory,
-            )
-            hand_force = master_wave_force(master_velocity, wave, constants.wave_impedance)
-            forward_wave = master_wave(master_velocity, wave, constants.wave_impedance)
-            master_port = hand_force * master_velocity
-        elif method == MODEL_MEDIATED:
-            hand_force, change = render(master, master_velocity, backward, constants, memory)
-        hand_force = min(max(hand_force, -constants.force_limit), constants.force_limit)
+        hand_force, change, forward_wave, master_port = hand_control(
+            master,
+            master_velocity,
+            backward,
+            at_master >= 0,
+            at_master - k + playout,
+            constants,
+            memory,
+        )
         memory[MEMORY_MASTER_BEFORE] = master
         memory[MEMORY_SLAVE_BEFORE] = slave
 

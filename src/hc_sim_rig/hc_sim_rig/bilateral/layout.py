@@ -13,6 +13,10 @@ POSITION_POSITION: Final = 1
 WAVE_VARIABLES: Final = 2
 MODEL_MEDIATED: Final = 3
 
+LEAST_IMPEDANCE: Final = 1e-4
+LARGEST_IMPEDANCE: Final = 10.0
+"""[N s/mm] Of the waves: what they are divided by."""
+
 FORWARD: Final = 0  # master to slave
 BACKWARD: Final = 1
 

@@ -9,21 +9,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_sim_rig.bilateral.adaptation_kernel import adapted_impedance
+from hc_sim_rig.bilateral.controllers_kernel import hand_control, slave_control
 from hc_sim_rig.bilateral.kernel import integrate, measured_velocity, tissue_at
 from hc_sim_rig.bilateral.layout import (
-    DIRECT,
+    BACKWARD,
+    FORWARD,
     MEMORY_MASTER_BEFORE,
     MEMORY_MASTER_VELOCITY,
     MEMORY_SLAVE_BEFORE,
     MEMORY_SLAVE_VELOCITY,
-    SENT_FORCE,
     Y_SIZE,
     Y_SLAVE,
     Y_SLAVE_VELOCITY,
     Constants,
 )
-from hc_sim_rig.bilateral.rendering_kernel import render
+from hc_sim_rig.bilateral.waves_kernel import wave_in
 from hc_sim_rig.compilation import compiled
 
 FAR = -1e6
@@ -34,6 +34,8 @@ FAR = -1e6
 def hand_force(
     position: float,
     arrived: NDArray[np.float64],
+    heard: bool,
+    lead: int,
     constants: Constants,
     memory: NDArray[np.float64],
 ) -> tuple[float, float, float]:
@@ -42,18 +44,18 @@ def hand_force(
     Args:
         position: reading of the hand's position [mm].
         arrived: (SENT_COLUMNS,) newest packet; zeros before one has come.
-        constants: of the run; method direct or model mediated.
+        heard: whether the slave is there.
+        lead: samples until it is the newest packet's turn.
+        constants: of the run.
         memory: (MEMORY_SIZE,), changed in place.
     """
     velocity = measured_velocity(
         position, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, constants, memory
     )
-    change = 0.0
-    if int(constants.method) == DIRECT:
-        force = arrived[SENT_FORCE]
-        force = min(max(force, -constants.force_limit), constants.force_limit)
-    else:
-        force, change = render(position, velocity, arrived, constants, memory)
+    force, change, wave, _ = hand_control(
+        position, velocity, arrived, heard, lead, constants, memory
+    )
+    wave_in(FORWARD, wave, constants.step, memory)
     memory[MEMORY_MASTER_BEFORE] = position
     return force, velocity, change
 
@@ -77,6 +79,8 @@ def slave_force(
     position: float,
     command: float,
     command_velocity: float,
+    arrived: NDArray[np.float64],
+    lead: int,
     model: NDArray[np.float64],
     constants: Constants,
     memory: NDArray[np.float64],
@@ -87,6 +91,8 @@ def slave_force(
         position: reading of the slave's position [mm].
         command: position of the master as it arrived [mm].
         command_velocity: its velocity [mm/s].
+        arrived: (SENT_COLUMNS,) newest packet; zeros before one has come.
+        lead: samples until it is that packet's turn.
         model: as in `adapted_impedance`.
         constants: of the run.
         memory: (MEMORY_SIZE,), changed in place.
@@ -95,12 +101,11 @@ def slave_force(
         position, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants, memory
     )
     memory[MEMORY_SLAVE_BEFORE] = position
-    stretch, rate = command - position, command_velocity - velocity
-    stiffness, damping = constants.slave_stiffness, constants.slave_controller_damping
-    if constants.adaptive > 0.0:
-        stiffness, damping = adapted_impedance(stretch, rate, position, model, constants, memory)
-    force = stiffness * stretch + damping * rate
-    return min(max(force, -constants.slave_force_limit), constants.slave_force_limit), velocity
+    force, wave, _ = slave_control(
+        position, velocity, command, command_velocity, arrived, lead, model, constants, memory
+    )
+    wave_in(BACKWARD, wave, constants.step, memory)
+    return force, velocity
 
 
 @compiled

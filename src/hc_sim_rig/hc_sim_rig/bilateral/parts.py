@@ -12,13 +12,11 @@ import math
 from dataclasses import dataclass
 
 from hc_estimator.input.effort_filters import METHODS as FORCE_FILTERS
-from hc_sim_rig.bilateral.layout import METHODS, Constants
+from hc_sim_rig.bilateral.layout import LARGEST_IMPEDANCE, LEAST_IMPEDANCE, METHODS, Constants
+from hc_sim_rig.bilateral.playout import PLAYOUT_DEVIATIONS, PLAYOUT_SAMPLES
 from hc_sim_rig.drives import Link
 from hc_sim_rig.schema import ScenarioError, Section, number, section, word
 
-PLAYOUT_DEVIATIONS = 3.0
-PLAYOUT_SAMPLES = 9
-"""One for the way itself, eight for packets that are lost."""
 TONNE_PER_KG = 1e-3
 """A mass in N s^2/mm."""
 
@@ -137,7 +135,9 @@ class Feedback(Section):
     observer_bandwidth_hz: float = number(15.0, above=0.0, maximum=500.0, unit="Hz")
     position_stiffness: float = number(2.0, above=0.0, maximum=100.0, unit="N/mm")
     position_damping: float = number(0.03, minimum=0.0, maximum=10.0, unit="N s/mm")
-    wave_impedance: float = number(0.03, above=0.0, maximum=10.0, unit="N s/mm")
+    wave_impedance: float = number(
+        0.03, minimum=LEAST_IMPEDANCE, maximum=LARGEST_IMPEDANCE, unit="N s/mm"
+    )
     wave_stiffness: float = number(2.0, above=0.0, maximum=100.0, unit="N/mm")
     update_rate_n_per_s: float = number(20.0, above=0.0, maximum=1e4, unit="N/s")
     update_time_s: float = number(0.05, above=0.0, maximum=10.0, unit="s")

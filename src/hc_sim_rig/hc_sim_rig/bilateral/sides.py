@@ -8,7 +8,6 @@ them is a link with delay and loss, which neither waits for.
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -23,20 +22,18 @@ from hc_sim_rig.bilateral.live_kernel import (
     slave_force,
     tissue_force,
 )
-from hc_sim_rig.bilateral.mediator import PROVISIONAL_FORCE, PROVISIONAL_STIFFNESS, ModelGate
+from hc_sim_rig.bilateral.model_source import NO_MODEL, SlaveModel
 from hc_sim_rig.bilateral.parts import Bilateral
-from hc_sim_rig.bilateral.task import Task, tremor
 from hc_sim_rig.bilateral.udp_link import UdpLink
+from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S, WaveArrivals
 
 Array = NDArray[np.float64]
 
-SILENCE_S = 0.5
-"""Without a datagram for so long the other side is not there: no force is sent on, no motion."""
 FASTEST_COMMAND_MM_S = 500.0
 """A command that jumps (another hand, a device that is moved while nobody listened) is followed
 no faster."""
-LIVE_METHODS = ("model_mediated", "direct")
-NO_MODEL = (math.nan,) * layout.MODEL_SIZE
+ALIGNED_MM = 0.2
+"""With waves the tool first goes to where the hand is: they carry motion, and no place."""
 
 
 class MasterSample(NamedTuple):
@@ -68,77 +65,15 @@ class SlaveSample(NamedTuple):
     true_force_n: float
 
 
-class SimulatedHand:
-    """The operator's arm on the device: moves by what it wants, its tremor, and what it feels."""
-
-    def __init__(self, settings: Bilateral, task: Task, seed: int) -> None:
-        """Begin where the task begins."""
-        self._constants = settings.constants()
-        self._task = task
-        arm = settings.operator
-        self._tremor = tremor(
-            task.samples,
-            settings.rate_hz,
-            arm.tremor_std_n,
-            arm.tremor_low_hz,
-            arm.tremor_high_hz,
-            seed,
-        )
-        self._random = np.random.default_rng(seed)
-        self._noise = settings.device.position_noise_std_mm
-        self._y = np.zeros(layout.Y_SIZE)
-        self._y[layout.Y_MASTER] = task.path[0]
-        self._late: deque[tuple[float, float]] = deque()
-        self._correction = 0.0
-        self._k = 0
-
-    @property
-    def finished(self) -> bool:
-        """Whether the task is done; the hand then stays where it wanted to be last."""
-        return self._k >= self._task.samples
-
-    @property
-    def lateral_mm(self) -> float:
-        """Where the hand is sideways."""
-        return float(self._task.lateral[min(self._k, self._task.samples)])
-
-    def reading_mm(self) -> float:
-        """Read the device's position."""
-        return float(self._y[layout.Y_MASTER] + self._noise * self._random.standard_normal())
-
-    def move(self, force_n: float) -> None:
-        """Go on to the next sample with a force held."""
-        constants, k, last = self._constants, self._k, self._task.samples
-        path = self._task.path
-        here = float(path[min(k, last)])
-        self._late.append((here, float(self._y[layout.Y_MASTER])))
-        if len(self._late) > constants.reaction_samples:
-            wanted, was = self._late.popleft()
-            limit = constants.correction_limit
-            correction = self._correction + constants.correction_rate * constants.step * (
-                wanted - was
-            )
-            self._correction = min(max(correction, -limit), limit)
-        rate = (float(path[min(k + 1, last)]) - here) * constants.rate
-        shaking = float(self._tremor[k % last])
-        move_hand(here + self._correction, rate, shaking, force_n, constants, self._y)
-        self._k += 1
-
-
 class MasterSide:
     """Renders the force at the hand and sends the hand's motion."""
 
     def __init__(self, settings: Bilateral, link: UdpLink) -> None:
-        """Begin without a model.
-
-        Raises:
-            ValueError: the method of the feedback is not one of LIVE_METHODS.
-        """
-        if settings.feedback.method not in LIVE_METHODS:
-            raise ValueError(
-                f"feedback {settings.feedback.method!r} is not one of {', '.join(LIVE_METHODS)}"
-            )
+        """Begin without a model."""
         self._constants = settings.constants()
+        self._step_ns = 1e9 / settings.rate_hz
+        self._method = layout.METHODS.index(settings.feedback.method)
+        self._waves = WaveArrivals(link, layout.BACKWARD)
         self._link = link
         self._memory = np.zeros(layout.MEMORY_SIZE)
         self._memory[layout.MEMORY_TANK] = settings.feedback.tank_mj
@@ -148,7 +83,7 @@ class MasterSide:
     def warm_up(self) -> None:
         """Compile; leaves no trace."""
         memory, y = self._memory.copy(), np.zeros(layout.Y_SIZE)
-        hand_force(0.0, self._arrived, self._constants, memory)
+        hand_force(0.0, self._arrived, False, 1, self._constants, memory)
         move_hand(0.0, 0.0, 0.0, 0.0, self._constants, y)
 
     def forget_motion(self) -> None:
@@ -170,16 +105,38 @@ class MasterSide:
             memory[layout.MEMORY_MASTER_BEFORE] = position_mm
             self._begun = True
         link.receive(now_ns)
-        newest = link.newest
+        newest, heard, lead = link.newest, False, 1
         if newest is not None:
-            silent = link.silence_s(now_ns) > SILENCE_S
-            arrived[layout.SENT_FORCE] = 0.0 if silent else newest.force_n
+            heard = link.silence_s(now_ns) <= SILENCE_S
+            self._waves.take(newest, heard, arrived, memory)
+            lead = link.playout.lead(newest.sent_ns, now_ns, self._step_ns)
+            arrived[layout.SENT_FORCE] = newest.force_n if heard else 0.0
+            arrived[layout.SENT_POSITION] = newest.position_mm
+            arrived[layout.SENT_VELOCITY] = newest.velocity_mm_s
             if not math.isnan(newest.model[0]):
                 # A model that is no longer renewed is still the tissue: it goes on being felt.
                 arrived[layout.SENT_KNOWN] = 1.0
                 arrived[layout.SENT_MODEL : layout.SENT_MODEL + layout.MODEL_SIZE] = newest.model
-        force, velocity, update = hand_force(position_mm, arrived, self._constants, memory)
-        link.send(Datagram(MASTER, 0, 0, 0, 0, position_mm, velocity, lateral_mm, force), now_ns)
+        constants = self._constants
+        force, velocity, update = hand_force(position_mm, arrived, heard, lead, constants, memory)
+        link.send(
+            Datagram(
+                MASTER,
+                0,
+                0,
+                0,
+                0,
+                position_mm,
+                velocity,
+                lateral_mm,
+                force,
+                method=self._method,
+                wave=float(memory[layout.MEMORY_WAVE_SENT + layout.FORWARD]),
+                wave_energy_mj=float(memory[layout.MEMORY_WAVE_ENERGY_SENT + layout.FORWARD]),
+                wave_impedance=constants.wave_impedance,
+            ),
+            now_ns,
+        )
         model = NO_MODEL
         if memory[layout.MEMORY_RENDERED] > 0.0:
             first = layout.MEMORY_MODEL
@@ -188,66 +145,18 @@ class MasterSide:
         return MasterSample(position_mm, velocity, lateral_mm, force, update, tank, model)
 
 
-class SlaveModel(NamedTuple):
-    """What the slave's estimator knows, ready to be sent."""
-
-    model: tuple[float, ...] = NO_MODEL
-    deviations: tuple[float, ...] = (math.nan,) * 4
-    relative_std: float = math.inf
-    sure: bool = False
-
-
-class ModelSource:
-    """Makes the model to send of estimates; holds the last one that counted."""
-
-    def __init__(self) -> None:
-        """Begin without a model: a soft spring stands in where force is first felt."""
-        self._gate = ModelGate()
-        self.current = SlaveModel()
-
-    def feel(self, position_mm: float, force_n: float) -> None:
-        """Hear of a force before the surface is known."""
-        if math.isnan(self.current.model[0]) and force_n > PROVISIONAL_FORCE:
-            spring = (PROVISIONAL_STIFFNESS, 0.0, 1.0, 1.0, position_mm)
-            self.current = SlaveModel(model=spring)
-
-    def take(
-        self,
-        parameters: Array,
-        covariance: Array,
-        surface_mm: float,
-        depth_mm: float,
-        seconds: float,
-    ) -> None:
-        """Take in an estimate.
-
-        Args:
-            parameters: K, B, n, p, shape (4,).
-            covariance: of them, shape (4, 4).
-            surface_mm: where contact begins, in the slave's own position.
-            depth_mm: penetration now.
-            seconds: since the estimate before.
-        """
-        self._gate.went(depth_mm, seconds)
-        if self._gate.trusts(parameters, covariance, surface_mm):
-            deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-            self.current = SlaveModel(
-                (*parameters.tolist(), surface_mm),
-                tuple(deviations.tolist()),
-                self._gate.relative_std,
-                True,
-            )
-        else:
-            self.current = self.current._replace(sure=False)
-
-
 class SlaveSide:
     """Follows the hand, presses on simulated tissue, reads its sensors and sends the model."""
 
     def __init__(self, settings: Bilateral, link: UdpLink, start_mm: float, seed: int) -> None:
         """Begin at rest at a position."""
         self._constants = settings.constants()
+        self._step_ns = 1e9 / settings.rate_hz
         self._link = link
+        self._waves = WaveArrivals(link, layout.FORWARD)
+        self._arrived = np.zeros(layout.SENT_COLUMNS)
+        self._feedback: tuple[int, float, int] | None = None
+        self.aligned = False
         slave = settings.slave
         self._noise = (
             slave.position_noise_std_mm,
@@ -268,7 +177,7 @@ class SlaveSide:
     def warm_up(self) -> None:
         """Compile; leaves no trace."""
         y, memory = self._y.copy(), self._memory.copy()
-        slave_force(0.0, 0.0, 0.0, self._model, self._constants, memory)
+        slave_force(0.0, 0.0, 0.0, self._arrived, 1, self._model, self._constants, memory)
         move_slave(0.0, 0.0, self._constants, y)
         tissue_force(y, 0.0, self._constants)
 
@@ -280,18 +189,14 @@ class SlaveSide:
             known: what the estimator knows.
             felt_n: force that is sent; the sensor's if None.
         """
-        link, constants, y = self._link, self._constants, self._y
+        link, y, memory = self._link, self._y, self._memory
         link.receive(now_ns)
-        wanted_velocity = 0.0
-        newest = link.newest
-        if newest is not None and link.silence_s(now_ns) <= SILENCE_S:
-            longest = FASTEST_COMMAND_MM_S * constants.step
-            change = newest.position_mm - self._command
-            self._command += min(max(change, -longest), longest)
-            self._lateral = newest.lateral_mm
-            if abs(change) <= longest:
-                fastest = FASTEST_COMMAND_MM_S
-                wanted_velocity = min(max(newest.velocity_mm_s, -fastest), fastest)
+        wanted_velocity, lead = self._follow(now_ns)
+        constants = self._constants
+        by_waves = constants.method == layout.WAVE_VARIABLES
+        control = constants
+        if by_waves and not self.aligned:
+            control = constants._replace(method=float(layout.DIRECT))
         noise = self._random.standard_normal(3) * self._noise
         true_position, true_velocity = float(y[layout.Y_SLAVE]), float(y[layout.Y_SLAVE_VELOCITY])
         true_force = tissue_force(y, self._lateral, constants)
@@ -301,8 +206,10 @@ class SlaveSide:
         model[1 : layout.MODEL_SURE] = known.model
         model[layout.MODEL_SURE] = float(known.sure)
         push, velocity = slave_force(
-            position, self._command, wanted_velocity, model, constants, self._memory
+            position, self._command, wanted_velocity, self._arrived, lead, model, control, memory
         )
+        if by_waves and self.aligned:
+            self._command = float(memory[layout.MEMORY_WAVE_COMMAND])
         link.send(
             Datagram(
                 SLAVE,
@@ -318,6 +225,10 @@ class SlaveSide:
                 known.deviations,
                 known.relative_std,
                 known.sure,
+                int(constants.method),
+                float(memory[layout.MEMORY_WAVE_SENT + layout.BACKWARD]),
+                float(memory[layout.MEMORY_WAVE_ENERGY_SENT + layout.BACKWARD]),
+                constants.wave_impedance,
             ),
             now_ns,
         )
@@ -329,8 +240,55 @@ class SlaveSide:
             push + noise[2],
             self._command,
             self._lateral,
-            self._fixed or float(self._memory[layout.MEMORY_SLAVE_STIFFNESS]),
+            self._stiffness(control.method),
             true_position,
             true_velocity,
             true_force,
         )
+
+    @property
+    def method(self) -> str:
+        """How force comes back: what the master says."""
+        return layout.METHODS[int(self._constants.method)]
+
+    def _stiffness(self, method: float) -> float:
+        """Of the spring between command and tool [N/mm]."""
+        if method == layout.WAVE_VARIABLES:
+            return self._constants.wave_stiffness
+        if method == layout.POSITION_POSITION:
+            return self._constants.position_stiffness
+        return self._fixed or float(self._memory[layout.MEMORY_SLAVE_STIFFNESS])
+
+    def _follow(self, now_ns: int) -> tuple[float, int]:
+        """Take the master's newest: velocity wanted [mm/s], samples until its wave's turn."""
+        link, constants = self._link, self._constants
+        newest = link.newest
+        if newest is None:
+            return 0.0, 1
+        heard = link.silence_s(now_ns) <= SILENCE_S
+        self._waves.take(newest, heard, self._arrived, self._memory)
+        feedback = (newest.method, newest.wave_impedance, link.restarts)
+        if not heard or feedback != self._feedback:
+            self.aligned = False
+        if not heard:
+            return 0.0, 1
+        if feedback != self._feedback:
+            self._feedback = feedback
+            self._constants = constants = constants._replace(
+                method=float(newest.method), wave_impedance=newest.wave_impedance
+            )
+        self._lateral = newest.lateral_mm
+        if self.aligned and newest.method == layout.WAVE_VARIABLES:
+            return 0.0, link.playout.lead(newest.sent_ns, now_ns, self._step_ns)
+        longest = FASTEST_COMMAND_MM_S * constants.step
+        change = newest.position_mm - self._command
+        self._command += min(max(change, -longest), longest)
+        if abs(change) > longest:
+            return 0.0, 1
+        if abs(self._command - self._memory[layout.MEMORY_SLAVE_BEFORE]) <= ALIGNED_MM:
+            # From here on the waves lead: this datagram's place is where they begin.
+            self._memory[layout.MEMORY_WAVE_COMMAND] = self._command
+            self._waves.begin(newest, self._memory)
+            self.aligned = True
+        fastest = FASTEST_COMMAND_MM_S
+        return min(max(newest.velocity_mm_s, -fastest), fastest), 1

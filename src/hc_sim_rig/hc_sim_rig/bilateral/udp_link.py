@@ -15,9 +15,12 @@ from typing import NamedTuple
 
 from hc_sim_rig.bilateral.clock_offset import ClockOffset
 from hc_sim_rig.bilateral.datagrams import NEVER, SIZE, Datagram, decode
+from hc_sim_rig.bilateral.playout import Playout
 
 MOST_AT_ONCE = 1000
 """Datagrams that are read at one sample; more wait."""
+LEFT_OVER_NS = 5_000_000_000
+"""For so long after the other side was started again, datagrams of its former life may come."""
 
 
 class Added(NamedTuple):
@@ -38,6 +41,8 @@ class UdpLink:
     Attributes:
         newest: the newest datagram of the other side; None before one has come.
         clock: the other side's clock.
+        playout: how late its datagrams come.
+        restarts: times that the other side was started again.
         sent, unsent, received, overtaken, refused, lost: datagrams. Unsent ones the network did
             not take; overtaken ones were older than one that was there; refused ones were no
             datagrams of ours; lost ones never came, by their numbers.
@@ -58,6 +63,9 @@ class UdpLink:
         self._waiting: list[tuple[int, int, bytes]] = []
         self.newest: Datagram | None = None
         self.clock = ClockOffset()
+        self.playout = Playout()
+        self.restarts = 0
+        self._restarted_ns = -LEFT_OVER_NS
         self.sent = self.unsent = self.received = self.overtaken = self.refused = 0
         self.why_refused = ""
         self._first_sequence = 0
@@ -164,11 +172,26 @@ class UdpLink:
             and datagram.sequence < newest.sequence
             and datagram.sent_ns > newest.sent_ns
         )
+        if restarted:
+            self._restarted_ns = now_ns
+        elif (
+            newest is not None
+            and datagram.sequence > newest.sequence
+            and datagram.sent_ns < newest.sent_ns
+            and now_ns < self._restarted_ns + LEFT_OVER_NS
+        ):
+            self.overtaken += 1  # of its former life, late
+            return
         if newest is None or restarted:
             self._first_sequence, self.received = datagram.sequence, 0
         self.received += 1
+        steps = self.clock.steps
         if datagram.echo_ns != NEVER:
             self.clock.add(datagram.echo_ns, datagram.heard_ns, datagram.sent_ns, now_ns)
+        if restarted or self.clock.steps != steps:
+            self.playout.forget()
+        self.restarts += restarted
+        self.playout.add(datagram.sent_ns, now_ns)
         if newest is not None and datagram.sequence <= newest.sequence and not restarted:
             self.overtaken += 1
             return

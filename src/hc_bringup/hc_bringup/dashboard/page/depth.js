@@ -96,14 +96,14 @@ HC.DepthPanel = class {
     return this.inside(plot, (ctx, px, py) => {
       const [xs, ys] = plot.data[series];
       const size = 2.2 * devicePixelRatio;
-      for (let i = 0; i < xs.length; i++) {
+      for (let i = 0; i < xs.length && xs.length > 1; i++) {
         const fresh = i / xs.length;
         // Live, the law is that of the present: what was felt elsewhere fades.
         const alpha = this.seconds ? 0.06 + 0.94 * fresh ** 3 : 0.15 + 0.75 * fresh;
         ctx.fillStyle = HC.withAlpha(HC.palette.measured, alpha);
         ctx.fillRect(px(xs[i]) - size / 2, py(ys[i]) - size / 2, size, size);
       }
-      if (xs.length) {
+      if (this.seconds && xs.length > 1) { // one point stands for none
         ctx.fillStyle = HC.palette.accent;
         ctx.beginPath();
         ctx.arc(px(xs.at(-1)), py(ys.at(-1)), 4.5 * devicePixelRatio, 0, 7);

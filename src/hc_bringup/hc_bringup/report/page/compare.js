@@ -42,7 +42,7 @@ HC.Comparison = class {
       points: { show: false },
     }));
     if (truth && truth[name]) {
-      series.push(HC.line("truth", { dash: [6, 4], width: 2, spanGaps: true }));
+      series.push(HC.line("ink", { dash: [6, 4], width: 2, spanGaps: true }));
     }
     const chart = HC.chart(host, {
       height: 210,
