@@ -84,7 +84,7 @@ def test_the_added_error_is_an_error_of_the_prediction() -> None:
     assert abs(trace.parameters[30, 0] - undisturbed.parameters[30, 0]) > 1.0
 
 
-@pytest.mark.parametrize("name", ["default", "RWSTUKF kinematic", "RLS"])
+@pytest.mark.parametrize("name", ["RWSTUKF kinematic", "RLS"])
 def test_the_added_error_reaches_every_estimator(name: str) -> None:
     """K and B of the next estimate are larger by the error, but for one small update."""
     found = load_experiment("a_table_3")

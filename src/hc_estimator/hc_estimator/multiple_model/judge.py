@@ -40,6 +40,7 @@ from hc_estimator.multiple_model.rows import seed
 HORIZONS = np.array([0.05, 0.1, 0.2, 0.4])  # [s] in contact
 PERIOD = 0.005  # between two snapshots, at least [s]
 MEMORY = 0.4  # time constant of the scores [s]
+LARGEST_SHARE = 0.3  # of one snapshot in the scores: after a pause one is not all
 LARGEST_GAIN = 0.1  # of one snapshot in the scores, however much more it is known than before
 SMALLEST_VARIANCE = 1e-12  # of a force [N^2]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
@@ -232,7 +233,7 @@ def learn(
     if judge.waited < PERIOD - 0.5 * elapsed:
         return
     clock = tool.contact_clock
-    share = min(1.0, judge.waited / MEMORY)
+    share = min(LARGEST_SHARE, judge.waited / MEMORY)
     judge.weight = min(1.0, judge.weight + share)
     _score(settings, judge, rows, clock, force, noise, share)
     _note(judge, rows, clock)

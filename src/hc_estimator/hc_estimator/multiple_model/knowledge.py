@@ -15,10 +15,12 @@ from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     DEPTH,
     FIRST_PARAMETER,
+    FITTED,
     FRESH,
     LAST_PARAMETER,
     VELOCITY,
 )
+from hc_estimator.multiple_model.report import VARIED_FOR
 
 _ROW = [DEPTH, VELOCITY, ACCELERATION, *range(FIRST_PARAMETER, LAST_PARAMETER)]
 """Where a row of the bank has the states of a plain filter, in their order."""
@@ -26,9 +28,21 @@ _FIRST_OF_TISSUE = 3
 
 
 def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return state (7,) and covariance (7, 7) of the row that is given out."""
-    row = memory["rows"][FRESH if memory["change"]["leads"] else memory["judge"]["chosen"]]
-    return np.array(row["state"])[_ROW], np.array(row["covariance"])[np.ix_(_ROW, _ROW)]
+    """Return state (7,) and covariance (7, 7) of the row that is given out.
+
+    With what is given out beside it: tissue that varied may vary again (`report`).
+    """
+    judge = memory["judge"]
+    place = FRESH if memory["change"]["leads"] else judge["chosen"]
+    row = memory["rows"][place]
+    covariance = np.array(row["covariance"])[np.ix_(_ROW, _ROW)]
+    since = memory["tool"]["contact_clock"] - judge["varied_at"]
+    if place <= FITTED and judge["varying"] > 0 and since < VARIED_FOR:
+        other = memory["rows"][judge["varying"]]
+        spread = (np.array(other["state"]) - np.array(row["state"]))[_ROW]
+        spread[:_FIRST_OF_TISSUE] = 0.0
+        covariance += np.outer(spread, spread)
+    return np.array(row["state"])[_ROW], covariance
 
 
 def take(
