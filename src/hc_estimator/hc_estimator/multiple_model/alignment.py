@@ -186,7 +186,8 @@ def _take_point(settings: Any, bank: Any) -> None:
     full = grids.advance(finder)
     if finder.grid_count > before and settings.fit_batches != 0 and bank.calibrated != 0:
         clock = bank.tool.contact_clock
-        batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock)
+        if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):
+            beginning.begin_with_zeros(settings, bank)
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
     if full and math.isnan(settings.channel_delay):

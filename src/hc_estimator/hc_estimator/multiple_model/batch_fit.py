@@ -18,13 +18,11 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import (
-    cholesky,
     clear_matrix,
     clear_vector,
-    copy_matrix,
-    copy_vector,
 )
 from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import zero_fit
 from hc_estimator.multiple_model.fit_covariance import (
     invert,
     share_of_noise,
@@ -37,20 +35,12 @@ from hc_estimator.multiple_model.normal_equations import (
     add_prior,
     exp_limited,
     gather,
+    improve,
     law_at,
-    prior_cost,
-    solve,
     velocity_at,
 )
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import (
-    LARGEST_EXPONENT,
-    LARGEST_LOG_STIFFNESS,
-    LARGEST_VELOCITY_EXPONENT,
-    SMALLEST_EXPONENT,
-    SMALLEST_VELOCITY_EXPONENT,
-    seed,
-)
+from hc_estimator.multiple_model.rows import seed
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -65,10 +55,6 @@ SPECIFICATIONS = (
 
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
-STEPS = 8  # of Levenberg-Marquardt at most
-FIRST_DAMPING = 1e-3
-LARGEST_DAMPING = 1e6
-SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
 CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
@@ -82,7 +68,7 @@ SMALL_MISFIT = 4.0
 
 
 @compiled
-def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clock: float) -> None:
+def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clock: float) -> bool:
     """Take the newest point of the grid, and fit anew if it is time to.
 
     Args:
@@ -92,15 +78,18 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         constant: the filter's row, whose motion it takes and from whose parameters it begins.
         period: usual time between two samples [s].
         clock: contact clock [s].
+
+    Returns:
+        True if the points tell of a zero that is off, by onset.shift (`zero_fit`).
     """
     history, finder = bank.history, bank.delay
     velocity_noise = _velocity_noise(finder, bank.sensor_noise[0])
     if not histories.learn(history, finder, bank.sensor_noise):
-        return
+        return False
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)
     if count < FEWEST or history.unfitted < due:
-        return
+        return False
     history.unfitted = 0
     if history.fitted == 0:
         for i in range(4):
@@ -119,7 +108,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
-        return
+        return False
     if row.active == 0:
         row.active = 1
         seed(constant, row, clock, 0.0)
@@ -136,6 +125,9 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
+    if bank.onset.decided != 0 or settings.follow_surface == 0:
+        return False
+    return zero_fit.look(settings, bank, force_noise, share * velocity_noise)
 
 
 @compiled
@@ -201,10 +193,10 @@ def _fit(
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
         total = _weigh(settings, history, force_noise, velocity_noise)
-        before = max(gather(settings, history, history.fit) / count, 1.0)
+        before = max(gather(settings, history, history, history.fit) / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
             return -1.0
-        squares = _improve(settings, history, 1.0 / min(before, 1e6))
+        squares = improve(settings, history, history, 1.0 / min(before, 1e6))
         if not math.isfinite(squares):
             return -1.0
         left = max(squares / count, 1.0)
@@ -215,7 +207,7 @@ def _fit(
         return -1.0
     for i in range(4):
         history.held[i] = 0
-    gather(settings, history, history.fit)
+    gather(settings, history, history, history.fit)
     add_prior(settings, history, history.fit, 1.0 / left)
     if not invert(settings, history):
         return -1.0
@@ -277,7 +269,7 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
         if place == 1:
             history.fit[1] = history.fit[0] + first
             history.fit[3] = settings.initial_velocity_exponent
-            gather(settings, history, history.fit)
+            gather(settings, history, history, history.fit)
         for i in (3, 1, 3):  # p once more: with B / K held it is what noise would move
             if history.held[i] != 0:
                 continue
@@ -327,48 +319,3 @@ def _mean_square_force(history: Any) -> float:
     for k in range(histories.oldest(history), history.count):
         total += history.points[k % POINTS, 3] * history.points[k % POINTS, 2] ** 2
     return float(total / max(history.count - histories.oldest(history), 1))
-
-
-@compiled
-def _limit(values: Any) -> None:
-    """Keep ln K, ln B, n and p where the law means something."""
-    for i in range(2):
-        values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
-    values[2] = min(max(values[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-    values[3] = min(max(values[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-
-
-@compiled
-def _improve(settings: Any, history: Any, weight: float) -> float:
-    """Levenberg-Marquardt from history.fit on; sum of squares at its end, NaN if it broke down."""
-    values, following = history.fit, history.next
-    squares = gather(settings, history, values)
-    cost = weight * squares + prior_cost(settings, history, values)
-    damping = FIRST_DAMPING
-    add_prior(settings, history, values, weight)
-    for _ in range(STEPS):
-        copy_matrix(history.information, history.damped)
-        copy_vector(history.slope, following)
-        for i in range(4):
-            history.damped[i, i] *= 1.0 + damping
-        if not cholesky(history.damped, history.factor):
-            return math.nan
-        solve(history.factor, following)
-        for i in range(4):
-            following[i] += values[i]
-        _limit(following)
-        squares_after = gather(settings, history, following)
-        after = weight * squares_after + prior_cost(settings, history, following)
-        if after < cost:
-            gain = cost - after
-            cost, squares = after, squares_after
-            copy_vector(following, values)
-            if gain < SMALLEST_GAIN * cost:
-                break
-            add_prior(settings, history, values, weight)
-            damping *= 0.1
-        else:
-            damping *= 10.0
-            if damping > LARGEST_DAMPING:
-                break
-    return float(squares)

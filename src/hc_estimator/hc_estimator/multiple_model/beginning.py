@@ -21,7 +21,13 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_DAMPING,
     LOG_STIFFNESS,
 )
-from hc_estimator.multiple_model.rows import free_parameters, is_sound, limit, reset
+from hc_estimator.multiple_model.rows import (
+    free_parameters,
+    is_sound,
+    limit,
+    prior_deviation,
+    reset,
+)
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 
 ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
@@ -102,6 +108,32 @@ def begin_at_onset(settings: Any, bank: Any) -> None:
     contact_onset.move_zeros(bank)
     _forget_tissue(settings, bank)
     bank.delay.windows = 0
+
+
+@compiled
+def begin_with_zeros(settings: Any, bank: Any) -> None:
+    """Begin every row with the fit that found a zero to be off, in the new zeros."""
+    contact_onset.move_zeros(bank)
+    fit = bank.zeros.fit
+    for m in range(FRESH):
+        row = bank.rows[m]
+        if row.active == 0:
+            continue
+        reset(settings, row, row.state[DEPTH])
+        for i in range(4):
+            if prior_deviation(settings, i) > 0.0:
+                row.state[LOG_STIFFNESS + i] = fit[i]
+        free_parameters(settings, row, ALIGNED_DEVIATIONS)
+        limit(settings, row)
+    for i in range(4):
+        bank.history.fit[i] = fit[i]
+    bank.history.unfitted = bank.history.count
+    bank.rows[FITTED].active = 0
+    bank.motion_anew = 1
+    bank.delay.windows = 0
+    judging.reset(bank.judge)
+    changes.reset(bank.change, bank.rows)
+    maneuvers.reset(bank.maneuver)
 
 
 @compiled

@@ -21,6 +21,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.multiple_model import zero_fit
 from hc_estimator.multiple_model.hypotheses import DEPTH, VELOCITY
 from hc_estimator.multiple_model.records import RAW
 
@@ -67,6 +68,7 @@ def reset(bank: Any) -> None:
     onset.force_deviation = math.nan
     for m in range(bank.rows.shape[0]):
         bank.rows[m].position_deviation = 0.0
+    zero_fit.reset(bank.zeros)
     restart(onset)
 
 
@@ -363,6 +365,8 @@ def move_zeros(bank: Any) -> None:
         if (finder.delay > 0.0) == (i == 0):
             held.value -= shift
     displacement, force = onset.shift[0], onset.shift[1]
+    bank.history.points[:, 0] -= displacement
+    bank.history.points[:, 2] -= force
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
     bank.motion.first -= displacement

@@ -1,8 +1,9 @@
 """Cost of a fit of the contact law to what was felt, with a prior, and its normal equations.
 
-The prior is on ln K, ln (B / K), n and p. What is held (`history.held`) stays at its first guess.
+The prior is on ln K, ln (B / K), n and p. What is held (`work.held`) stays at its first guess.
 One pass over the points (`gather`) finds all that they say; the prior is added to it as often as
-what is held changes, without another pass.
+what is held changes, without another pass. The work is done in a record of arrays for four unknowns
+or for six, of which the last two are the contact position and the zero of the force (`zero_fit`).
 """
 
 from __future__ import annotations
@@ -12,12 +13,31 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_gradient
+from hc_estimator.linear_algebra import (
+    cholesky,
+    clear_matrix,
+    clear_vector,
+    copy_matrix,
+    copy_vector,
+)
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import LARGEST_LOG
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import prior_deviation
+from hc_estimator.multiple_model.rows import (
+    LARGEST_EXPONENT,
+    LARGEST_LOG_STIFFNESS,
+    LARGEST_VELOCITY_EXPONENT,
+    SMALLEST_EXPONENT,
+    SMALLEST_VELOCITY_EXPONENT,
+    prior_deviation,
+)
 
 HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
+ANYWHERE = 1e3  # deviation of a zero that is unknown [mm], [N]
+STEPS = 8  # of Levenberg-Marquardt at most
+FIRST_DAMPING = 1e-3
+LARGEST_DAMPING = 1e6
+SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 
 
 @compiled
@@ -58,67 +78,77 @@ def velocity_at(history: Any, point: Any) -> float:
 
 
 @compiled
+def sensitivity(gradient: Any, i: int) -> float:
+    """Derivative of the force after ln K, ln B, n, p, contact position or its own zero (0 to 5)."""
+    if i < 4:
+        return gradient[2 + i]  # type: ignore[no-any-return]
+    return -gradient[0] if i == 4 else 1.0  # type: ignore[no-any-return]
+
+
+@compiled
 def exp_limited(logarithm: float) -> float:
     """K or B of its logarithm, finite."""
     return math.exp(min(max(logarithm, -LARGEST_LOG), LARGEST_LOG))
 
 
 @compiled
-def gather(settings: Any, history: Any, values: Any) -> float:
-    """What the points say about ln K, ln B, n and p, by the weights that they have.
+def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
+    """What the points say about the unknowns, by the weights that they have.
 
     What noise of the velocity adds to the squares on average is taken off: it grows with the
     damping, so that a fit would call every damping too small (errors in variables; corrected least
     squares, Nakamura, Biometrika 77, 1990). Where a velocity is off by e, the gradient g of the
     force is off by e dg/dv, and the sum of w g g' holds w var(e) (dg/dv)(dg/dv)' that is no
-    information (`history.false`).
+    information (`work.false`).
 
     Args:
         settings: settings record.
-        history: `seen`, `pull` and `false` are set: normal equations of the squares at `values`,
+        history: points.
+        work: `seen`, `pull` and `false` are set: normal equations of the squares at `values`,
             and what of `seen` is only noise of the velocity.
-        values: ln K, ln B, n and p, shape (4,).
+        values: ln K, ln B, n and p, and what else is unknown, shape (4,) or (6,).
 
     Returns:
         Weighted sum of squares.
     """
-    seen, pull, false = history.seen, history.pull, history.false
-    gradient, above, below = history.gradient, history.above, history.below
+    seen, pull, false = work.seen, work.pull, work.false
+    gradient, above, below = work.gradient, work.above, work.below
+    size = pull.shape[0]
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
+    position = values[4] if size > 4 else 0.0
+    zero = values[5] if size > 4 else 0.0
     spread = history.velocity_std
-    for i in range(4):
-        pull[i] = 0.0
-        for j in range(4):
-            seen[i, j] = 0.0
-            false[i, j] = 0.0
+    clear_vector(pull)
+    clear_matrix(seen)
+    clear_matrix(false)
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        depth, velocity, weight = point[0], velocity_at(history, point), point[3]
+        depth, velocity, weight = point[0] - position, velocity_at(history, point), point[3]
         force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
-        residual = point[2] - force
+        residual = point[2] - zero - force
         total += weight * residual * residual
-        for i in range(4):
-            share = weight * gradient[2 + i]
+        for i in range(size):
+            share = weight * sensitivity(gradient, i)
             pull[i] += share * residual
             for j in range(i + 1):
-                seen[i, j] += share * gradient[2 + j]
+                seen[i, j] += share * sensitivity(gradient, j)
         if spread <= 0.0:
             continue
         change = law_at(settings, stiffness, damping, values, depth, velocity + spread, above)
         change -= law_at(settings, stiffness, damping, values, depth, velocity - spread, below)
         total -= 0.25 * weight * change * change
-        for i in range(4):
-            share = 0.25 * weight * (above[2 + i] - below[2 + i])
+        for i in range(size):
+            share = 0.25 * weight * (sensitivity(above, i) - sensitivity(below, i))
             pull[i] += share * change
             for j in range(i + 1):
-                false[i, j] += share * (above[2 + j] - below[2 + j])
-    for i in range(4):
-        fixed = prior_deviation(settings, i) <= 0.0
+                false[i, j] += share * (sensitivity(above, j) - sensitivity(below, j))
+    for i in range(size):
+        fixed = deviation_in(settings, work, i) <= 0.0
         if fixed:
             pull[i] = 0.0
         for j in range(i + 1):
-            if fixed or prior_deviation(settings, j) <= 0.0:
+            if fixed or deviation_in(settings, work, j) <= 0.0:
                 seen[i, j] = 0.0
                 false[i, j] = 0.0
             seen[j, i] = seen[i, j]
@@ -127,16 +157,18 @@ def gather(settings: Any, history: Any, values: Any) -> float:
 
 
 @compiled
-def deviation_in(settings: Any, history: Any, i: int) -> float:
-    """Deviation of ln K, ln (B / K), n or p about its first guess; 0 for what is no unknown."""
-    share = HELD_SHARE if history.held[i] != 0 else 1.0
+def deviation_in(settings: Any, work: Any, i: int) -> float:
+    """Deviation of an unknown (ln K, ln (B / K), n, p, zeros) about its first guess; 0 for none."""
+    if i >= 4:
+        return ANYWHERE if work.held[i] == 0 else 0.0
+    share = HELD_SHARE if work.held[i] != 0 else 1.0
     return share * prior_deviation(settings, i)
 
 
 @compiled
-def prior_off(settings: Any, history: Any, values: Any, i: int) -> float:
-    """Distance of ln K, ln (B / K), n or p from its first guess, in deviations; 0 if no unknown."""
-    deviation = deviation_in(settings, history, i)
+def prior_off(settings: Any, work: Any, values: Any, i: int) -> float:
+    """Distance of an unknown from its first guess, in deviations; 0 if it is none."""
+    deviation = deviation_in(settings, work, i)
     if deviation == 0.0 or (i == 1 and prior_deviation(settings, 0) == 0.0):
         return 0.0
     if i == 0:
@@ -146,41 +178,44 @@ def prior_off(settings: Any, history: Any, values: Any, i: int) -> float:
         off = values[1] - values[0] - guess
     elif i == 2:
         off = values[2] - settings.initial_displacement_exponent
-    else:
+    elif i == 3:
         off = values[3] - settings.initial_velocity_exponent
+    else:
+        off = values[i]
     return off / deviation  # type: ignore[no-any-return]
 
 
 @compiled
-def prior_cost(settings: Any, history: Any, values: Any) -> float:
+def prior_cost(settings: Any, work: Any, values: Any) -> float:
     """Squared distance from the prior."""
     total = 0.0
-    for i in range(4):
-        total += prior_off(settings, history, values, i) ** 2
+    for i in range(values.shape[0]):
+        total += prior_off(settings, work, values, i) ** 2
     return total
 
 
 @compiled
-def add_prior(settings: Any, history: Any, values: Any, weight: float) -> None:
+def add_prior(settings: Any, work: Any, values: Any, weight: float) -> None:
     """Normal equations of the cost, from what was gathered at `values`, by a weight of it.
 
     Args:
         settings: settings record.
-        history: `information` and `slope` are set.
-        values: ln K, ln B, n and p, shape (4,).
+        work: `information` and `slope` are set.
+        values: the unknowns, shape (4,) or (6,).
         weight: of the squares beside the prior.
     """
-    information, slope = history.information, history.slope
-    for i in range(4):
-        slope[i] = weight * history.pull[i]
-        for j in range(4):
-            information[i, j] = weight * history.seen[i, j]
-    for i in range(4):
-        deviation = deviation_in(settings, history, i)
+    information, slope = work.information, work.slope
+    size = slope.shape[0]
+    for i in range(size):
+        slope[i] = weight * work.pull[i]
+        for j in range(size):
+            information[i, j] = weight * work.seen[i, j]
+    for i in range(size):
+        deviation = deviation_in(settings, work, i)
         if deviation <= 0.0:
             information[i, i] = 1.0
             continue
-        off = prior_off(settings, history, values, i) / deviation
+        off = prior_off(settings, work, values, i) / deviation
         square = 1.0 / (deviation * deviation)
         slope[i] -= off
         information[i, i] += square
@@ -194,11 +229,67 @@ def add_prior(settings: Any, history: Any, values: Any, weight: float) -> None:
 @compiled
 def solve(factor: Any, vector: Any) -> None:
     """Replace b by the solution x of L L^T x = b."""
-    for i in range(4):
+    size = factor.shape[0]
+    for i in range(size):
         for j in range(i):
             vector[i] -= factor[i, j] * vector[j]
         vector[i] /= factor[i, i]
-    for i in range(3, -1, -1):
-        for j in range(i + 1, 4):
+    for i in range(size - 1, -1, -1):
+        for j in range(i + 1, size):
             vector[i] -= factor[j, i] * vector[j]
         vector[i] /= factor[i, i]
+
+
+@compiled
+def _limit(values: Any) -> None:
+    """Keep ln K, ln B, n and p where the law means something."""
+    for i in range(2):
+        values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
+    values[2] = min(max(values[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+    values[3] = min(max(values[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+
+
+@compiled
+def improve(settings: Any, history: Any, work: Any, weight: float) -> float:
+    """Levenberg-Marquardt from work.fit on.
+
+    Args:
+        settings: settings record.
+        history: points.
+        work: its fit, and all that belongs to one, is changed.
+        weight: of the squares beside the prior.
+
+    Returns:
+        Weighted sum of squares at its end; NaN if it broke down.
+    """
+    values, following = work.fit, work.next
+    squares = gather(settings, history, work, values)
+    cost = weight * squares + prior_cost(settings, work, values)
+    damping = FIRST_DAMPING
+    add_prior(settings, work, values, weight)
+    for _ in range(STEPS):
+        copy_matrix(work.information, work.damped)
+        copy_vector(work.slope, following)
+        for i in range(values.shape[0]):
+            work.damped[i, i] *= 1.0 + damping
+        if not cholesky(work.damped, work.factor):
+            return math.nan
+        solve(work.factor, following)
+        for i in range(values.shape[0]):
+            following[i] += values[i]
+        _limit(following)
+        squares_after = gather(settings, history, work, following)
+        after = weight * squares_after + prior_cost(settings, work, following)
+        if after < cost:
+            gain = cost - after
+            cost, squares = after, squares_after
+            copy_vector(following, values)
+            if gain < SMALLEST_GAIN * cost:
+                break
+            add_prior(settings, work, values, weight)
+            damping *= 0.1
+        else:
+            damping *= 10.0
+            if damping > LARGEST_DAMPING:
+                break
+    return float(squares)

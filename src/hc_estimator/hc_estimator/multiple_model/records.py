@@ -183,6 +183,27 @@ HISTORY = record_type(
     )
 )
 
+# The same fit with contact position and force zero as unknowns five and six.
+ZEROS = record_type(
+    (
+        Field("fit", np.float64, (6,)),  # ln K, ln B, n, p, contact position [mm], force zero [N]
+        Field("unknown", np.int64, (), 0, 3),  # of which zeros were off: 1 position, 2 force, 3 both
+        Field("deviation", np.float64, (), 0.0),  # of the one that was found first [mm] or [N]
+        Field("held", np.int64, (6,), 0, 1),
+        Field("next", np.float64, (6,)),
+        Field("slope", np.float64, (6,)),
+        Field("gradient", np.float64, (6,)),
+        Field("above", np.float64, (6,)),
+        Field("below", np.float64, (6,)),
+        Field("seen", np.float64, (6, 6)),
+        Field("pull", np.float64, (6,)),
+        Field("information", np.float64, (6, 6)),
+        Field("damped", np.float64, (6, 6)),
+        Field("factor", np.float64, (6, 6)),
+        Field("false", np.float64, (6, 6)),
+    )
+)
+
 HELD = 512  # readings: 60 ms at 7 kHz
 
 # Readings of the channel that is ahead.
@@ -317,6 +338,7 @@ BANK: tuple[Field, ...] = (
     Field("change", CHANGE),
     Field("maneuver", MANEUVER),
     Field("history", HISTORY),
+    Field("zeros", ZEROS),
     Field("delay", DELAY),
     Field("held", HELD_READINGS),
     Field("given", GIVEN),
