@@ -58,6 +58,7 @@ SETTLED = 1.1  # misfit that gave the weights over what is left, up to which the
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
 CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
+LARGEST_DELAY_DEVIATION = 0.01  # with which a zero is looked for [s]
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -125,9 +126,15 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
-    if bank.onset.decided != 0 or settings.follow_surface == 0:
+    # Where the tool was seen free, the first touch shows the zeros (`contact_onset`).
+    onset = bank.onset
+    if onset.decided != 0 or onset.free != 0 or settings.follow_surface == 0:
         return False
-    return zero_fit.look(settings, bank, force_noise, share * velocity_noise)
+    if math.isnan(settings.channel_delay) and not finder.deviation <= LARGEST_DELAY_DEVIATION:
+        return False
+    # Of the middle of a parabola: 9/4 of a reading's variance over their number.
+    expected = 2.25 * finder.grid_step * history.every / finder.grid_width
+    return zero_fit.look(settings, bank, force_noise, share * velocity_noise, expected)
 
 
 @compiled

@@ -33,7 +33,9 @@ POSITION, FORCE_ZERO = 4, 5  # of the unknowns
 # Which of the two are unknown.
 NEITHER, ONLY_POSITION, ONLY_FORCE, BOTH = 0, 1, 2, 3
 SIGNIFICANT = 25.0  # decrease of the weighted squares: five deviations
-CONSISTENT = 1.6  # largest mean square left, in that of the noise
+CONSISTENT = 1.5  # largest mean square left, in that of the noise
+REFUTED = 6.0  # at which zeros that were found are taken back
+LEAST_TIME = 2.0  # in contact [s]
 TOLD_APART = 25.0  # decrease by which one candidate is better than the other
 FINER = 0.5  # of the deviation with which a zero was found, at which it is found anew
 LEAST_POSITION = 0.02  # [mm]
@@ -52,7 +54,9 @@ def reset(zeros: Any) -> None:
 
 
 @compiled
-def look(settings: Any, bank: Any, force_noise: float, velocity_noise: float) -> bool:
+def look(
+    settings: Any, bank: Any, force_noise: float, velocity_noise: float, expected: float
+) -> bool:
     """Look for zeros that are off; True if onset.shift says by how much.
 
     Args:
@@ -60,16 +64,22 @@ def look(settings: Any, bank: Any, force_noise: float, velocity_noise: float) ->
         bank: its records `zeros` and `onset` are changed, and the weights of its points.
         force_noise: variance of a point's force by its share in the information [N^2].
         velocity_noise: of its velocity, by the same share [mm^2/s^2].
+        expected: weighted square of a point where noise of the force is all that is left.
     """
     history, work = bank.history, bank.zeros
     count = history.count - histories.oldest(history)
+    if bank.tool.contact_clock < LEAST_TIME:
+        return False
     unknown = work.unknown
     if unknown == NEITHER:
         unknown = _candidate(settings, history, work, force_noise, velocity_noise)
         if unknown == NEITHER:
             return False
     squares = _fit(settings, history, work, unknown, force_noise, velocity_noise)
-    if not squares < CONSISTENT * count:  # nor if it is none
+    if work.unknown != NEITHER and not squares < REFUTED * expected * count:
+        _take_back(bank)
+        return True
+    if not squares < CONSISTENT * expected * count:  # nor if it is none
         return False
     weight = 1.0 / max(squares / count, 1.0)
     found = FORCE_ZERO if unknown == ONLY_FORCE else POSITION
@@ -85,6 +95,20 @@ def look(settings: Any, bank: Any, force_noise: float, velocity_noise: float) ->
         return False
     _note(settings, bank.onset, work, unknown, deviation, weight)
     return True
+
+
+@compiled
+def _take_back(bank: Any) -> None:
+    """The zeros that were found explain nothing any more: back to those given, for good."""
+    onset = bank.onset
+    for i in range(2):
+        onset.shift[i] = -onset.zero[i]
+    onset.position_deviation = 0.0
+    onset.force_deviation = math.nan
+    onset.decided = 1
+    reset(bank.zeros)
+    for i in range(4):
+        bank.zeros.fit[i] = bank.history.fit[i]
 
 
 @compiled
