@@ -58,7 +58,9 @@ SETTLED = 1.1  # misfit that gave the weights over what is left, up to which the
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
 CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
-LARGEST_DELAY_DEVIATION = 0.01  # with which a zero is looked for [s]
+# What is known of the delay when a zero is looked for.
+FEWEST_WINDOWS = 8
+LARGEST_DELAY_DEVIATION = 0.004  # [s]
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -130,7 +132,9 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     onset = bank.onset
     if onset.decided != 0 or onset.free != 0 or settings.follow_surface == 0:
         return False
-    if math.isnan(settings.channel_delay) and not finder.deviation <= LARGEST_DELAY_DEVIATION:
+    # A delay passes for zeros that are off as long as it is not known itself.
+    known = finder.windows >= FEWEST_WINDOWS and finder.deviation <= LARGEST_DELAY_DEVIATION
+    if math.isnan(settings.channel_delay) and not known:
         return False
     # Of the middle of a parabola: 9/4 of a reading's variance over their number.
     expected = 2.25 * finder.grid_step * history.every / finder.grid_width

@@ -187,7 +187,9 @@ HISTORY = record_type(
 ZEROS = record_type(
     (
         Field("fit", np.float64, (6,)),  # ln K, ln B, n, p, contact position [mm], force zero [N]
-        Field("unknown", np.int64, (), 0, 3),  # of which zeros were off: 1 position, 2 force, 3 both
+        Field(
+            "unknown", np.int64, (), 0, 3
+        ),  # of which zeros were off: 1 position, 2 force, 3 both
         Field("deviation", np.float64, (), 0.0),  # of the one that was found first [mm] or [N]
         Field("held", np.int64, (6,), 0, 1),
         Field("next", np.float64, (6,)),

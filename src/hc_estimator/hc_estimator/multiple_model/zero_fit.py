@@ -164,8 +164,8 @@ def _begin(history: Any, work: Any, unknown: int) -> None:
     for i in range(4):
         work.fit[i] = history.fit[i]
         work.held[i] = history.held[i]
-    work.held[POSITION] = 1 if unknown == ONLY_FORCE or unknown == NEITHER else 0
-    work.held[FORCE_ZERO] = 1 if unknown == ONLY_POSITION or unknown == NEITHER else 0
+    work.held[POSITION] = 1 if unknown in (ONLY_FORCE, NEITHER) else 0
+    work.held[FORCE_ZERO] = 1 if unknown in (ONLY_POSITION, NEITHER) else 0
     work.fit[POSITION] = 0.0
     work.fit[FORCE_ZERO] = 0.0
 

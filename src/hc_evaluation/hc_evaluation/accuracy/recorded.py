@@ -40,7 +40,6 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
     time, displacement, force = load(Path(task.folder), recording)
     smooth, velocity = smoothed(time, displacement)
     floor = batch_fit(smooth, velocity, force)
-    linear = batch_fit(smooth, velocity, force, velocity_exponent=1.0)
     start = FIRST_CONTACT_S + contact_start(time, force)
     series = task.setup.create().run(time, displacement, force)
 
@@ -53,6 +52,13 @@ def recording_run(task: RecordingTask) -> dict[str, Any]:
         causal = held(causal_fit(time, smooth, velocity, force, start_s=start))
     last = series.parameters[-1]
     fits = recording.model_fits
+    # K and n of a fit to channels that are out of step are those of other channels.
+    found = Frozen.of(series)
+    _, late, position, zero = found.at(time.size - 1)
+    smooth = np.interp(time - late, time, smooth) - position
+    velocity = np.interp(time - late, time, velocity)
+    force = force - zero
+    linear = batch_fit(smooth, velocity, force, velocity_exponent=1.0)
     stiffness = last[0]
     if recording.elastic:
         speed = float(np.median(np.abs(velocity)))
