@@ -216,7 +216,9 @@ def _fit(
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
     if not left < max(largest, SMALL_MISFIT):
         return -1.0
+    history.guessed = 0
     for i in range(4):
+        history.guessed = max(history.guessed, history.held[i])
         history.held[i] = 0
     gather(settings, history, history, history.fit)
     add_prior(settings, history, history.fit, 1.0 / left)

@@ -165,6 +165,7 @@ HISTORY = record_type(
         Field("fit", np.float64, (4,)),  # ln K, ln B, n, p
         Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
+        Field("guessed", np.int64, (), 0, 1),  # 1 if something was held in the last fit
         # Within one fit:
         Field("velocity_std", np.float64, (), 0.0),  # of a point [mm/s]
         Field("cubic_share", np.float64, (), 0.0, 1.0),  # of what a cubic adds to the velocity

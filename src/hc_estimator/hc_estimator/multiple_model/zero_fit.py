@@ -68,7 +68,10 @@ def look(
     """
     history, work = bank.history, bank.zeros
     count = history.count - histories.oldest(history)
-    if bank.tool.contact_clock < LEAST_TIME:
+    # A press in one direction leaves too much to K, B and n alone.
+    if bank.tool.contact_clock < LEAST_TIME or bank.tool.retreated == 0:
+        return False
+    if history.guessed != 0:  # a damping that is only a guess leaves what zeros would explain
         return False
     unknown = work.unknown
     if unknown == NEITHER:
