@@ -34,6 +34,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "maneuver": "maneuver",
     "kept": "kept row",
     "history": "history",
+    "zeros": "zeros",
     "delay": "delay",
     "finder": "delay",
     "held": "held",
@@ -63,6 +64,7 @@ OWNERS = {
     "maneuver": ("multiple_model/maneuver",),
     "kept row": ("multiple_model/maneuver",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
+    "zeros": ("multiple_model/zero_fit",),
     "delay": ("multiple_model/delay", "multiple_model/grid", "multiple_model/window_fit"),
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/sample",),
@@ -80,6 +82,7 @@ GUESTS = {
         "change": "detected",
         "clock": "refused_count refused_since started",
         "delay": "windows",
+        "history": "fit unfitted",
         "row": "active index",
         "tool": "away_time contact_clock",
     },
@@ -94,10 +97,14 @@ GUESTS = {
     "multiple_model/contact_onset": {
         "delay": "grid raw_value",
         "given": "predicted_force reconstructed_force",
+        "history": "points",
         "held": "value",
         "motion": "first states",
         "noise": "readings",
         "row": "position_deviation state",
+    },
+    "multiple_model/zero_fit": {
+        "onset": "decided force_deviation position_deviation shift",
     },
     "multiple_model/batch_fit": {
         "row": "active covariance log_likelihood model_error score state",

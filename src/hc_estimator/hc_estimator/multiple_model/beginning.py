@@ -119,10 +119,11 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
         row = bank.rows[m]
         if row.active == 0:
             continue
-        reset(settings, row, row.state[DEPTH])
+        state = row.state
+        reset(settings, row, state[DEPTH])
         for i in range(4):
             if prior_deviation(settings, i) > 0.0:
-                row.state[LOG_STIFFNESS + i] = fit[i]
+                state[LOG_STIFFNESS + i] = fit[i]
         free_parameters(settings, row, ALIGNED_DEVIATIONS)
         limit(settings, row)
     for i in range(4):

@@ -66,37 +66,37 @@ def look(
         velocity_noise: of its velocity, by the same share [mm^2/s^2].
         expected: weighted square of a point where noise of the force is all that is left.
     """
-    history, work = bank.history, bank.zeros
+    history, zeros = bank.history, bank.zeros
     count = history.count - histories.oldest(history)
     # A press in one direction leaves too much to K, B and n alone.
     if bank.tool.contact_clock < LEAST_TIME or bank.tool.retreated == 0:
         return False
     if history.guessed != 0:  # a damping that is only a guess leaves what zeros would explain
         return False
-    unknown = work.unknown
+    unknown = zeros.unknown
     if unknown == NEITHER:
-        unknown = _candidate(settings, history, work, force_noise, velocity_noise)
+        unknown = _candidate(settings, history, zeros, force_noise, velocity_noise)
         if unknown == NEITHER:
             return False
-    squares = _fit(settings, history, work, unknown, force_noise, velocity_noise)
-    if work.unknown != NEITHER and not squares < REFUTED * expected * count:
+    squares = _fit(settings, history, zeros, unknown, force_noise, velocity_noise)
+    if zeros.unknown != NEITHER and not squares < REFUTED * expected * count:
         _take_back(bank)
         return True
     if not squares < CONSISTENT * expected * count:  # nor if it is none
         return False
     weight = 1.0 / max(squares / count, 1.0)
     found = FORCE_ZERO if unknown == ONLY_FORCE else POSITION
-    deviation = _deviation(settings, work, found, weight)
-    if work.unknown != NEITHER and deviation > FINER * work.deviation:
+    deviation = _deviation(settings, zeros, found, weight)
+    if zeros.unknown != NEITHER and deviation > FINER * zeros.deviation:
         return False
     deepest, largest = _extremes(history)
-    position, zero = work.fit[POSITION], work.fit[FORCE_ZERO]
+    position, zero = zeros.fit[POSITION], zeros.fit[FORCE_ZERO]
     if abs(position) > LARGEST_POSITION * deepest or abs(zero) > LARGEST_ZERO * largest:
         return False
     least = abs(position) < LEAST_POSITION and abs(zero) < LEAST_ZERO * largest
-    if not math.isfinite(deviation) or (work.unknown == NEITHER and least):
+    if not math.isfinite(deviation) or (zeros.unknown == NEITHER and least):
         return False
-    _note(settings, bank.onset, work, unknown, deviation, weight)
+    _note(settings, bank.onset, zeros, unknown, deviation, weight)
     return True
 
 
@@ -116,41 +116,41 @@ def _take_back(bank: Any) -> None:
 
 @compiled
 def _note(
-    settings: Any, onset: Any, work: Any, unknown: int, deviation: float, weight: float
+    settings: Any, onset: Any, zeros: Any, unknown: int, deviation: float, weight: float
 ) -> None:
     """Note by how much the zeros are to move, and how well that is known."""
-    work.unknown = unknown
-    work.deviation = deviation
-    onset.shift[0] = work.fit[POSITION]
-    onset.shift[1] = work.fit[FORCE_ZERO]
+    zeros.unknown = unknown
+    zeros.deviation = deviation
+    onset.shift[0] = zeros.fit[POSITION]
+    onset.shift[1] = zeros.fit[FORCE_ZERO]
     if unknown != ONLY_FORCE:
         onset.position_deviation = deviation
     if unknown != ONLY_POSITION:
-        onset.force_deviation = _deviation(settings, work, FORCE_ZERO, weight)
+        onset.force_deviation = _deviation(settings, zeros, FORCE_ZERO, weight)
 
 
 @compiled
 def _candidate(
-    settings: Any, history: Any, work: Any, force_noise: float, velocity_noise: float
+    settings: Any, history: Any, zeros: Any, force_noise: float, velocity_noise: float
 ) -> int:
     """Which zeros are off, if any; both where the points do not tell which of them it is."""
     # What the tangent at the fit promises (score test; Rao 1948) costs one pass and ends most.
-    _begin(history, work, BOTH)
-    _weigh(settings, history, work, force_noise, velocity_noise)
-    plain = gather(settings, history, work, work.fit)
-    add_prior(settings, work, work.fit, 1.0)
-    if not cholesky(work.information, work.factor):
+    _begin(history, zeros, BOTH)
+    _weigh(settings, history, zeros, force_noise, velocity_noise)
+    plain = gather(settings, history, zeros, zeros.fit)
+    add_prior(settings, zeros, zeros.fit, 1.0)
+    if not cholesky(zeros.information, zeros.factor):
         return NEITHER
-    copy_vector(work.slope, work.next)
-    solve(work.factor, work.next)
+    copy_vector(zeros.slope, zeros.next)
+    solve(zeros.factor, zeros.next)
     promised = 0.0
-    for i in range(work.next.shape[0]):
-        promised += work.slope[i] * work.next[i]
+    for i in range(zeros.next.shape[0]):
+        promised += zeros.slope[i] * zeros.next[i]
     if not promised > SIGNIFICANT:
         return NEITHER
-    plain = _fit(settings, history, work, NEITHER, force_noise, velocity_noise)
-    position = _fit(settings, history, work, ONLY_POSITION, force_noise, velocity_noise)
-    force = _fit(settings, history, work, ONLY_FORCE, force_noise, velocity_noise)
+    plain = _fit(settings, history, zeros, NEITHER, force_noise, velocity_noise)
+    position = _fit(settings, history, zeros, ONLY_POSITION, force_noise, velocity_noise)
+    force = _fit(settings, history, zeros, ONLY_FORCE, force_noise, velocity_noise)
     best = min(position, force)
     count = history.count - histories.oldest(history)
     weight = 1.0 / max(best / count, 1.0)
@@ -162,34 +162,34 @@ def _candidate(
 
 
 @compiled
-def _begin(history: Any, work: Any, unknown: int) -> None:
+def _begin(history: Any, zeros: Any, unknown: int) -> None:
     """Begin with the fit of the law alone."""
     for i in range(4):
-        work.fit[i] = history.fit[i]
-        work.held[i] = history.held[i]
-    work.held[POSITION] = 1 if unknown in (ONLY_FORCE, NEITHER) else 0
-    work.held[FORCE_ZERO] = 1 if unknown in (ONLY_POSITION, NEITHER) else 0
-    work.fit[POSITION] = 0.0
-    work.fit[FORCE_ZERO] = 0.0
+        zeros.fit[i] = history.fit[i]
+        zeros.held[i] = history.held[i]
+    zeros.held[POSITION] = 1 if unknown in (ONLY_FORCE, NEITHER) else 0
+    zeros.held[FORCE_ZERO] = 1 if unknown in (ONLY_POSITION, NEITHER) else 0
+    zeros.fit[POSITION] = 0.0
+    zeros.fit[FORCE_ZERO] = 0.0
 
 
 @compiled
 def _fit(
     settings: Any,
     history: Any,
-    work: Any,
+    zeros: Any,
     unknown: int,
     force_noise: float,
     velocity_noise: float,
 ) -> float:
     """Fit with the zeros that are unknown; weighted sum of squares, NaN if it broke down."""
-    _begin(history, work, unknown)
+    _begin(history, zeros, unknown)
     squares = math.inf
     for _ in range(PASSES):
-        _weigh(settings, history, work, force_noise, velocity_noise)
+        _weigh(settings, history, zeros, force_noise, velocity_noise)
         before = squares
-        squares = improve(settings, history, work, 1.0)
-        finite = math.isfinite(work.fit[POSITION]) and math.isfinite(work.fit[FORCE_ZERO])
+        squares = improve(settings, history, zeros, 1.0)
+        finite = math.isfinite(zeros.fit[POSITION]) and math.isfinite(zeros.fit[FORCE_ZERO])
         if not math.isfinite(squares) or not finite:
             return math.nan
         if abs(before - squares) < SETTLED * abs(squares):
@@ -199,10 +199,10 @@ def _fit(
 
 @compiled
 def _weigh(
-    settings: Any, history: Any, work: Any, force_noise: float, velocity_noise: float
+    settings: Any, history: Any, zeros: Any, force_noise: float, velocity_noise: float
 ) -> None:
     """Give each point the weight that it has by the fit's own law."""
-    fit, gradient = work.fit, work.gradient
+    fit, gradient = zeros.fit, zeros.gradient
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
@@ -212,15 +212,15 @@ def _weigh(
 
 
 @compiled
-def _deviation(settings: Any, work: Any, unknown: int, weight: float) -> float:
+def _deviation(settings: Any, zeros: Any, unknown: int, weight: float) -> float:
     """Standard deviation of an unknown at the fit; infinite if the points do not determine it."""
-    add_prior(settings, work, work.fit, weight)
-    if not cholesky(work.information, work.factor):
+    add_prior(settings, zeros, zeros.fit, weight)
+    if not cholesky(zeros.information, zeros.factor):
         return math.inf
-    column = work.next
+    column = zeros.next
     for i in range(column.shape[0]):
         column[i] = 1.0 if i == unknown else 0.0
-    solve(work.factor, column)
+    solve(zeros.factor, column)
     return math.sqrt(max(column[unknown], 0.0))
 
 
