@@ -187,7 +187,7 @@ LOST = {  # phases after which `raukf` kept a misfit for noise
 
 @pytest.mark.parametrize("state_space", LOST)
 def test_a_noise_learnt_while_lost_is_doubted_and_given_up(state_space, plant):
-    """Regression: the recursive R kept the misfit of the phases by 1 / J; K was 81 and 291 % off."""
+    """Regression: R, averaged with 1 / J, kept the misfit; K was 81 and 291 % off."""
     order = [(PHASES.index(phase), seed) for phase, seed in LOST[state_space]]
     series, clean, _ = after(plant, "raukf", state_space, order)
     assert series.parameters[-1, 0] == pytest.approx(clean.parameters[-1, 0], rel=0.01)
@@ -198,19 +198,19 @@ def test_a_noise_learnt_while_lost_is_doubted_and_given_up(state_space, plant):
 
 
 def test_a_law_that_does_not_fit_is_doubted_ever_more_seldom(plant):
-    """A misfit of 60 % for 60 s: `raukf` does not begin anew each time it looks."""
+    """A misfit of 30 % for 60 s: `raukf` does not begin anew each time it looks."""
     time, d, force = palpation(plant, 60.0)
-    wrong = force * (1.0 + 0.6 * np.sign(np.sin(2.0 * np.pi * 0.7 * time)))
+    wrong = force * (1.0 + 0.3 * np.sin(2.0 * np.pi * 1.9 * time))
     options = {"state_space": "paper", "change_detection": "none"}
     series = hc.create_estimator("raukf", **options).run(time, d, wrong)
     told = np.flatnonzero(series.change_detected) / RATE
-    assert told.size >= 2
-    assert np.all(np.diff(told)[1:] > 1.5 * np.diff(told)[:-1])
+    assert 2 <= told.size <= 5
+    assert np.all(np.diff(told)[1:] > 1.3 * np.diff(told)[:-1])
 
 
 @pytest.mark.parametrize("state_space", ["kinematic", "paper"])
 def test_a_filter_that_is_not_lost_is_left_alone(state_space, real):
-    """`weighting=standard` never doubts; on a real scan `modified` does not either."""
+    """A real scan, whose misfit the law of `raukf` carries for a while, is none of its doubts."""
     samples = real("palpation_scan.csv")
     estimator = hc.create_estimator("raukf", state_space=state_space)
     estimator.run(*samples)

@@ -25,6 +25,7 @@ DIFFERENCE_VARIANCE = 20.0  # of the third difference of white noise of variance
 WINDOW_TIME = 2.0  # in contact [s]
 WINDOW_READINGS = 200
 LONGEST_PATIENCE = 20  # doublings of the wait, which begins with one window
+CALM = 4  # waits without doubt after which the wait is halved again
 BEYOND_SHOWN = 500.0  # variance in use over that in the readings: real tissue took it to 290
 SHARE_OF_FORCE = 0.02  # of the mean squared force; what any law may leave unexplained
 BEYOND_GIVEN = 4.0  # variance in use over that of the settings
@@ -113,7 +114,7 @@ def _judge(settings: Any, memory: Any) -> bool:
         return True
     memory.doubt_windows = 0
     memory.doubt_quiet += 1
-    if memory.doubt_quiet >= wait:
+    if memory.doubt_quiet >= CALM * wait:
         memory.doubt_quiet = 0
         memory.doubt_patience = max(memory.doubt_patience - 1, 0)
     return False
