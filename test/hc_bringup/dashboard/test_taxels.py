@@ -124,8 +124,9 @@ def test_the_page_shows_the_lump_under_the_taxels(
     # The squares are there to be seen, in the colours of soft and of hard.
     drawn = page.run(
         "const { ctx, valToPos } = HC.app.taxels.chart.plot; const { width, height } = ctx.canvas;"
-        "const { data } = ctx.getImageData(0, 0, width, height); const at = (x, y) => { const p = 4 *"
-        "(Math.round(valToPos(y, 'y', true)) * width + Math.round(valToPos(x, 'x', true)));"
+        "const { data } = ctx.getImageData(0, 0, width, height); const at = (x, y) => {"
+        "const [i, j] = [valToPos(y, 'y', true), valToPos(x, 'x', true)].map(Math.round);"
+        "const p = 4 * (i * width + j);"
         "return Array.from(data.slice(p, p + 3)); }; return [at(-7, -7), at(3.6, 3.9)]"
     )
     assert sum(abs(a - b) for a, b in zip(*drawn, strict=True)) > 150
