@@ -133,13 +133,15 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
 
 def _runners(folder: Path) -> tuple[dict[str, Runner], dict[str, Runner], dict[str, str]]:
     """Return those that run over arrays compiled, those that do not, and what each rival says."""
-    compiled, interpreted = {"numba_us": numba_runner()}, {}
-    rivals = {}
-    for name, make, runners in (
-        ("cpp", lambda: cpp_runner(folder), compiled),
+    compiled: dict[str, Runner] = {"numba_us": numba_runner()}
+    interpreted: dict[str, Runner] = {}
+    rivals: dict[str, str] = {}
+    makers: tuple[tuple[str, Callable[[], Runner], dict[str, Runner]], ...] = (
+        ("cpp", functools.partial(cpp_runner, folder), compiled),
         ("stone_soup", stone_soup_runner, interpreted),
         ("pykalman", pykalman_runner, interpreted),
-    ):
+    )
+    for name, make, runners in makers:
         try:
             runners[f"{name}_us"] = make()
             rivals[name] = "measured"

@@ -101,7 +101,7 @@ class TaxelMap:
         shown = np.flatnonzero(known & (row % step == 0) & (column % step == 0))
         pitch_mm = float(self._record["pitch"]) * METRE_IN_MM
         result = np.empty((len(shown), len(MAP_COLUMNS)))
-        for name, values in {
+        cells: dict[str, NDArray[np.float64] | float] = {
             "x": (column[shown] - 0.5 * (columns - 1)) * pitch_mm,
             "y": (0.5 * (len(known) // columns - 1) - row[shown]) * pitch_mm,
             "count": 1.0,
@@ -111,7 +111,8 @@ class TaxelMap:
             "var_n": exponent_std[shown] ** 2,
             "cov": np.nan,
             "deepest": np.inf,
-        }.items():
+        }
+        for name, values in cells.items():
             result[:, _PLACE[name]] = values
         return result
 
