@@ -126,6 +126,10 @@ GUESTS = {
         "memory": "matching_count matching_filled matching_mean matching_position next_noise "
         "next_process_noise_scale noise process_noise process_noise_scale"
     },
+    "adaptation/noise_doubt": {
+        "memory": "doubt_differences doubt_following doubt_force doubt_noise doubt_patience "
+        "doubt_quiet doubt_readings doubt_time doubt_windows"
+    },
     "adaptation/policy": {"memory": "change_detected covariance measurement_noise noise state"},
     "adaptation/strong_tracking": {
         "memory": "first_square point tracking_filled tracking_position tracking_values"

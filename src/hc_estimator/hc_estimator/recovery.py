@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
+from hc_estimator.adaptation import covariance_matching, noise_doubt, policy, strong_tracking
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import open_gate
 from hc_estimator.memory import Field
@@ -66,6 +66,7 @@ def reset(settings: Any, memory: Any) -> None:
     policy.reset(settings, memory)
     strong_tracking.restart(memory)
     covariance_matching.restart(memory)
+    noise_doubt.restart(memory)
 
 
 @compiled

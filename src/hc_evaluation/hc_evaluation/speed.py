@@ -1,10 +1,10 @@
 """How fast the estimators are, as ratios to others within one run.
 
 Absolute times mean nothing on somebody else's machine; the ratio of two times taken in turns in
-one process does. The others are filterpy, which most people would reach for, and the same plain
-filter written in numba and in C++ with Eigen, which is what one would write for speed
-(rivals/plain_ukf.py). Processor time is counted, not time on the clock: what else runs on the
-machine enters only by what it leaves of caches and memory.
+one process does. The others are filterpy, Stone Soup and pykalman, which most people would reach
+for, and the same plain filter written in numba and in C++ with Eigen, which is what one would write
+for speed (rivals/plain_ukf.py, rivals/packages.py). Processor time is counted, not time on the
+clock: what else runs on the machine enters only by what it leaves of caches and memory.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, available_filters, available_state_spaces, create_estimator
 from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.rivals.packages import pykalman_runner, stone_soup_runner
 from hc_evaluation.rivals.plain_ukf import (
     DISPLACEMENT_NOISE_MM,
     RATE_HZ,
@@ -36,6 +37,7 @@ SAMPLES = 2000
 BATCH_REPEATS = 20
 ROUNDS = 5
 PARTICLES = 50
+KALMAN_FILTERS = ("ukf", "ekf", "rwstukf", "aukf", "raukf")
 FORCE_NOISE_N = 0.01
 
 
@@ -63,30 +65,37 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         progress: told the done share.
 
     Returns:
-        filterpy_us, numba_us, cpp_us (None where it cannot be compiled; cpp says why), ukf_run_us,
-        ekf_run_us, ukf_step_us, ekf_step_us (medians over rounds), run_ratio and step_ratio (of
-        `ukf` to filterpy), ukf_to_numba, ukf_to_cpp, ekf_to_cpp (by run; medians of the rounds'
-        ratios), default_step_us, sir_pf_step_us, and filters_us (microseconds a sample of run() by
-        filter and state space).
+        filterpy_us, stone_soup_us, pykalman_us, numba_us, cpp_us (None where it is not there;
+        rivals says why), ukf_run_us, ekf_run_us, FILTER_step_us of every Kalman filter (medians
+        over rounds), run_ratio and step_ratio (of `ukf` to filterpy), ukf_to_numba, ukf_to_cpp,
+        ekf_to_cpp (by run; medians of the rounds' ratios), default_step_us, sir_pf_step_us, and
+        filters_us (microseconds a sample of run() by filter and state space).
 
     Raises:
         ImportError: if filterpy is not installed.
     """
     data = contact_samples()
     reference = filterpy_filter()
-    ukf, ekf, default = (create_estimator(name) for name in ("ukf", "ekf", DEFAULT_FILTER))
+    kalman = {name: create_estimator(name) for name in KALMAN_FILTERS}
+    ukf, ekf, default = kalman["ukf"], kalman["ekf"], create_estimator(DEFAULT_FILTER)
     particles = create_estimator("sir_pf", particle_count=PARTICLES)
-    for estimator in (ukf, ekf, default, particles):
+    for estimator in (*kalman.values(), default, particles):
         estimator.warm_up()
     with tempfile.TemporaryDirectory() as folder:
-        runners, cpp = _runners(Path(folder))
+        compiled, interpreted, rivals = _runners(Path(folder))
         measures: dict[str, Callable[[], float]] = {
             "filterpy_us": lambda: _filterpy_us(reference, data[:, : SAMPLES // 4]),
-            **{name: functools.partial(_plain_us, run, data) for name, run in runners.items()},
+            **{
+                name: functools.partial(_plain_us, run, data[:, : SAMPLES // 4], repeats=1)
+                for name, run in interpreted.items()
+            },
+            **{name: functools.partial(_plain_us, run, data) for name, run in compiled.items()},
             "ukf_run_us": lambda: _run_us(ukf, data),
             "ekf_run_us": lambda: _run_us(ekf, data),
-            "ukf_step_us": lambda: _step_us(ukf, data),
-            "ekf_step_us": lambda: _step_us(ekf, data),
+            **{
+                f"{name}_step_us": functools.partial(_step_us, estimator, data)
+                for name, estimator in kalman.items()
+            },
             "default_step_us": lambda: _step_us(default, data),
             "sir_pf_step_us": lambda: _step_us(particles, data),
         }
@@ -110,8 +119,8 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         progress(0.6 + 0.4 * (number + 1) / len(kinds))
     return {
         "samples": SAMPLES,
-        "cpp_us": None,
-        "cpp": cpp,
+        **{f"{name}_us": None for name in rivals},
+        "rivals": rivals,
         **{name: statistics.median(values) for name, values in rounds.items()},
         "run_ratio": ratio("ukf_run_us", "filterpy_us"),
         "step_ratio": ratio("ukf_step_us", "filterpy_us"),
@@ -122,23 +131,32 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
     }
 
 
-def _runners(folder: Path) -> tuple[dict[str, Runner], str]:
-    """Return the others that run over arrays, by the name of their figure; and what C++ says."""
-    runners = {"numba_us": numba_runner()}
-    try:
-        runners["cpp_us"] = cpp_runner(folder)
-    except NotAvailableError as error:
-        return runners, str(error)
-    return runners, "compiled"
+def _runners(folder: Path) -> tuple[dict[str, Runner], dict[str, Runner], dict[str, str]]:
+    """Return those that run over arrays compiled, those that do not, and what each rival says."""
+    compiled: dict[str, Runner] = {"numba_us": numba_runner()}
+    interpreted: dict[str, Runner] = {}
+    rivals: dict[str, str] = {}
+    makers: tuple[tuple[str, Callable[[], Runner], dict[str, Runner]], ...] = (
+        ("cpp", functools.partial(cpp_runner, folder), compiled),
+        ("stone_soup", stone_soup_runner, interpreted),
+        ("pykalman", pykalman_runner, interpreted),
+    )
+    for name, make, runners in makers:
+        try:
+            runners[f"{name}_us"] = make()
+            rivals[name] = "measured"
+        except NotAvailableError as error:
+            rivals[name] = str(error)
+    return compiled, interpreted, rivals
 
 
-def _plain_us(run: Runner, data: NDArray[np.float64]) -> float:
+def _plain_us(run: Runner, data: NDArray[np.float64], repeats: int = BATCH_REPEATS) -> float:
     samples = np.ascontiguousarray(data[1:].T)
     run(samples[:1])  # compiled by now
     start = time.thread_time()
-    for _ in range(BATCH_REPEATS):
+    for _ in range(repeats):
         run(samples)
-    return 1e6 * (time.thread_time() - start) / (BATCH_REPEATS * len(samples))
+    return 1e6 * (time.thread_time() - start) / (repeats * len(samples))
 
 
 def _filterpy_us(reference: Any, data: NDArray[np.float64]) -> float:

@@ -18,7 +18,7 @@ HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the do
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     commands = parser.add_subparsers(dest="action", metavar="WHAT", required=True)
-    speed = commands.add_parser("speed", help="microseconds a sample, against filterpy")
+    speed = commands.add_parser("speed", help="microseconds a sample, against others")
     arrays = commands.add_parser("arrays", help="channels at 1 kHz that one core allows")
     arrays.add_argument("--channels", type=natural, default=256, metavar="N", help="how many (256)")
     accuracy = commands.add_parser("accuracy", help="errors against truth and bounds")

@@ -27,6 +27,7 @@ from hc_bringup.dashboard.palpation import PalpationMap
 from hc_bringup.dashboard.parsing import RecordParser
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
+from hc_bringup.dashboard.taxels import TaxelMap
 from hc_bringup.explanation import BackgroundExplainer, RecentMotion
 from hc_msgs_py.conversion import configuration_from_message
 from hc_msgs_py.interface_class import UnknownInterfaceError
@@ -37,6 +38,7 @@ from hc_msgs_py.topics import (
     ESTIMATE,
     EVENTS,
     SAMPLE,
+    TACTILE_ESTIMATE,
     TIP,
     TRUTH,
 )
@@ -105,12 +107,16 @@ class Feed:
         """
         self._node, self._taps, self._server = node, taps, server
         self._axes = axes
-        self._names = {name: node.resolve_topic_name(name) for name in (*_TYPES, TIP)}
+        self._names = {
+            name: node.resolve_topic_name(name) for name in (*_TYPES, TACTILE_ESTIMATE, TIP)
+        }
         if tip_topic:
             self._names[TIP] = node.resolve_topic_name(tip_topic)
         self._digest = Digest()
         self._map = PalpationMap()
         self._map_version = self._map.version
+        self._taxels = TaxelMap()
+        self._taxels_version = 0
         self._latency = LatencyWindow()
         self._motion = RecentMotion()
         self._explainer = BackgroundExplainer()
@@ -165,11 +171,18 @@ class Feed:
             return
         if self._last_data is not None and now - self._last_data > FLUSH_S:
             self._show(self._digest.flush())
-        if self._due("map", MAP_PERIOD_S, now) and self._map.version != self._map_version:
-            self._map_version = self._map.version
-            self._server.publish_map(self._digest.epoch, self._map.cell_mm, self._map.table())
+        if self._due("map", MAP_PERIOD_S, now):
+            self._show_maps()
         if self._due("status", STATUS_PERIOD_S, now):
             self._server.publish_text("status", self._status(now))
+
+    def _show_maps(self) -> None:
+        if self._map.version != self._map_version:
+            self._map_version = self._map.version
+            self._server.publish_map(self._digest.epoch, self._map.cell_mm, self._map.table())
+        if self._taxels.version != self._taxels_version:
+            self._taxels_version = self._taxels.version
+            self._server.publish_taxels(self._taxels.cell_mm, self._taxels.table())
 
     def clear_map(self) -> None:
         """Forget what was felt so far."""
@@ -190,6 +203,8 @@ class Feed:
         self._want(SAMPLE, _TYPES[SAMPLE], self._on_samples, wanted=not estimated)
         # Of the truth the latest of each turn is enough: it is shown at the rate of the page.
         self._want(TRUTH, _TYPES[TRUTH], self._on_truth, wanted=True, depth=1)
+        taxels = "hc_msgs/msg/TactileEstimate"
+        self._want(TACTILE_ESTIMATE, taxels, self._taxels.take, wanted=True, depth=1)
         kinds = dict(self._node.get_topic_names_and_types()).get(self._names[TIP], [])
         kind = next((kind for kind in kinds if kind in _TIP_FIELDS), None)
         if kind is not None and TIP not in self._acquired:
@@ -342,6 +357,7 @@ class Feed:
             "silent_s": None if self._last_data is None else max(0.0, now - self._last_data),
             "estimating": ESTIMATE in self._acquired,
             "tip": TIP in self._acquired,
+            "taxels": self._taxels.status,
             "rate_hz": self._counts.rate_hz(now),
             "estimates": self._counts.estimates,
             "lost": self._counts.lost,

@@ -1,8 +1,8 @@
 """The binary frames of the page's connection: a header of 24 bytes, then a matrix of float64.
 
-Header, little-endian: kind (1: rows, 2: map), epoch, number of the first row, rows, columns, and 1
-in an answer to a page that asked for rows; each uint32. What the columns are stands in the hello
-message.
+Header, little-endian: kind (1: rows, 2: map, 3: taxels), epoch, number of the first row, rows,
+columns, and 1 in an answer to a page that asked for rows; each uint32. What the columns are stands
+in the hello message.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 HEADER: Final = struct.Struct("<6I")
 ROWS: Final = 1
 MAP: Final = 2
+TAXELS: Final = 3
 
 
 def encode_frame(
@@ -24,9 +25,9 @@ def encode_frame(
     """Return a frame.
 
     Args:
-        kind: ROWS or MAP.
+        kind: ROWS, MAP or TAXELS.
         epoch: whose rows these are.
-        first: number of the first row; of a map the thousandth part of its cell's edge [mm].
+        first: number of the first row; of the others the thousandth part of its cell's edge [mm].
         table: (rows, columns).
         answer: whether a page asked for them.
     """

@@ -24,7 +24,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from aiohttp.typedefs import Handler
 from numpy.typing import NDArray
 
-from hc_bringup.dashboard.frames import MAP, ROWS, encode_frame
+from hc_bringup.dashboard.frames import MAP, ROWS, TAXELS, encode_frame
 from hc_bringup.dashboard.history import History
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
 from hc_bringup.dashboard.security import (
@@ -111,6 +111,7 @@ class DashboardServer:
         }
         self._history = History()
         self._map = encode_frame(MAP, 0, 0, np.empty((0, len(MAP_COLUMNS))))
+        self._taxels: bytes | None = None
         self._texts: dict[str, str] = {}
         self._viewers: set[Viewer] = set()
         self._loop = asyncio.new_event_loop()
@@ -147,6 +148,10 @@ class DashboardServer:
         """Show the palpation map, (cells, 9)."""
         self.call(self._set_map, encode_frame(MAP, epoch, round(1000.0 * cell_mm), table))
 
+    def publish_taxels(self, cell_mm: float, table: NDArray[Any]) -> None:
+        """Show a tactile array, (taxels, 9)."""
+        self.call(self._set_taxels, encode_frame(TAXELS, 0, round(1000.0 * cell_mm), table))
+
     def publish_text(self, kind: str, content: dict[str, Any]) -> None:
         """Show a status, settings and so on; pages that open later get the latest of each kind."""
         self.call(self._set_text, kind, to_compact_json({"op": kind, **content}))
@@ -165,6 +170,11 @@ class DashboardServer:
         self._map = frame
         for viewer in self._viewers:
             viewer.outbox.put_latest("map", frame)
+
+    def _set_taxels(self, frame: bytes) -> None:
+        self._taxels = frame
+        for viewer in self._viewers:
+            viewer.outbox.put_latest("taxels", frame)
 
     def _set_text(self, kind: str, text: str) -> None:
         self._texts[kind] = text
@@ -280,6 +290,8 @@ class DashboardServer:
         for text in self._texts.values():
             viewer.outbox.put_answer(text)
         viewer.outbox.put_answer(self._map)
+        if self._taxels is not None:
+            viewer.outbox.put_answer(self._taxels)
 
     async def _listen(self, viewer: Viewer) -> None:
         async for message in viewer.socket:

@@ -3,7 +3,8 @@
 `aukf` takes the noise from a window of innovations (section 4.1); `raukf` averages that over all
 samples since the start or, with the modified weighting, since the last abrupt change (section
 4.2). The paper does not say how an abrupt change is found; here the innovations of the force tell,
-by a window or a CUSUM (see `adaptation.change_detection`).
+by a window or a CUSUM (see `adaptation.change_detection`). Nor does it say what ends a noise that
+was learnt while the filter was lost: `adaptation.noise_doubt` does, and the filter starts anew.
 """
 
 from __future__ import annotations
@@ -13,13 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.adaptation import change_detection, covariance_matching, policy, tempering
+from hc_estimator.adaptation import (
+    change_detection,
+    covariance_matching,
+    noise_doubt,
+    policy,
+    tempering,
+)
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
-from hc_estimator.recovery import recover
+from hc_estimator.recovery import recover, start_anew
 from hc_estimator.report import write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
+from hc_estimator.state_space import registry as state_space
 
 AUKF_SPECIFICATIONS = (
     *covariance_matching.SPECIFICATIONS,
@@ -70,6 +78,18 @@ def _use(settings: Any, memory: Any, time: float) -> int:
 
 
 @compiled
+def _may_doubt(settings: Any) -> bool:
+    """True for the recursive form with the modified weighting, unless it is to be the paper's."""
+    if settings.window_only != 0 or settings.weighting != covariance_matching.MODIFIED:
+        return False
+    return bool(
+        settings.adapted_noise != covariance_matching.PROCESS
+        and settings.matching_trace != covariance_matching.LITERAL
+        and not state_space.is_literal(settings)
+    )
+
+
+@compiled
 def run(
     settings_array: Any,
     memory_array: Any,
@@ -85,4 +105,6 @@ def run(
         if decision == ACCEPTED:
             decision = _use(settings, memory, time)
         recover(settings, memory, time, decision)
+        if decision == ACCEPTED and _may_doubt(settings) and noise_doubt.doubts(settings, memory):
+            start_anew(settings, memory)
         write_row(settings, memory, decision, rows[k])

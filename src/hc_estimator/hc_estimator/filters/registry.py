@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import recovery
-from hc_estimator.adaptation import covariance_matching, policy, strong_tracking
+from hc_estimator.adaptation import covariance_matching, noise_doubt, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
@@ -240,6 +240,7 @@ FIELDS: tuple[Field, ...] = (
     *policy.FIELDS,
     *strong_tracking.FIELDS,
     *covariance_matching.FIELDS,
+    *noise_doubt.FIELDS,
     *rls.FIELDS,
     *sir_pf.FIELDS,
 )

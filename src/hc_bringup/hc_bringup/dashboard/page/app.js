@@ -15,6 +15,8 @@ HC.App = class {
       hello: (message) => this.hello(message),
       rows: (...frame) => this.rows(...frame),
       map: (cell, rows, columns, values) => this.map && this.map.setCells(cell, rows, columns, values),
+      taxels: (pitch, rows, columns, values) =>
+        this.taxels && this.taxels.setCells(pitch, rows, columns, values),
       text: (message) => this.text(message),
       state: (word, detail) => this.connectionState(word, detail),
     });
@@ -70,9 +72,12 @@ HC.App = class {
     this.panels = [...this.parameters, new HC.DepthPanel(find("depth")),
       new HC.ForcePanel(find("force")), new HC.ErrorPanel(find("error")),
       new HC.NisPanel(find("nis"), message.nis_band), this.timeline];
-    const output = find("map").querySelector("output");
-    find("map").querySelector("input").addEventListener("input", (event) =>
-      HC.setText(output, Number(event.target.value).toFixed(1) + " mm"));
+    this.taxels = new HC.TaxelPanel(find("taxels"), message.map_columns);
+    for (const name of ["map", "taxels"]) {
+      const output = find(name).querySelector("output");
+      find(name).querySelector("input").addEventListener("input", (event) =>
+        HC.setText(output, Number(event.target.value).toFixed(1) + " mm"));
+    }
   }
 
   /* Rows are numbered. Where some are missing (a page that slept) they are asked for; what is not
@@ -103,6 +108,7 @@ HC.App = class {
       this.status = message;
       this.statusAt = performance.now();
       this.health.show(message);
+      this.taxels.show(message.taxels);
       this.showMap();
       this.timeline.setOrigin(message.origin);
       document.getElementById("record").classList.toggle("on",

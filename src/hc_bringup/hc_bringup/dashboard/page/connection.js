@@ -2,7 +2,7 @@
 "use strict";
 
 HC.Connection = class {
-  /* handlers: hello, rows(first, count, values, epoch, answer), map(cellMm, table), text(message),
+  /* handlers: hello, rows(first, count, values, epoch, answer), map(cellMm, table), taxels(cellMm, table), text(message),
      state(word, detail). */
   constructor(handlers) {
     this.handlers = handlers;
@@ -88,6 +88,7 @@ HC.Connection = class {
     const values = new Float64Array(buffer, 24, rows * columns);
     if (kind === 1) this.handlers.rows(first, rows, values, epoch, answer === 1);
     else if (kind === 2) this.handlers.map(first / 1000, rows, columns, values);
+    else if (kind === 3) this.handlers.taxels(first / 1000, rows, columns, values);
   }
 
   send(message) {

@@ -311,13 +311,16 @@ HC.nisBand = function (table, count) {
 };
 
 /* Stiffness dF/dd of the elastic part at a depth, and its relative deviation, from
-   ln K, n and their covariance. */
+   ln K, n and their covariance; where that is NaN the deviation is the largest there can be. */
 HC.stiffnessAt = function (cell, depth) {
   const n = cell.n;
   if (!(n > 0)) return [null, null];
   const lnDepth = Math.log(depth);
   const value = Math.exp(cell.ln_K + Math.log(n) + (n - 1) * lnDepth);
   const slope = 1 / n + lnDepth;
+  if (isNaN(cell.cov)) { // not told: as if the two went astray together
+    return [value, Math.sqrt(cell.var_ln_K) + Math.abs(slope) * Math.sqrt(cell.var_n)];
+  }
   const variance = cell.var_ln_K + slope * slope * cell.var_n + 2 * slope * cell.cov;
   return [value, Math.sqrt(Math.max(0, variance))];
 };
