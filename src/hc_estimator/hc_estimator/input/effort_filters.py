@@ -290,11 +290,11 @@ class ParticleForceFilter(ForceFilter):
         share = elapsed if rate * elapsed < 1e-12 else (1.0 - decay) / rate
         friction = settings.dry_friction_n * np.tanh(velocity / settings.friction_velocity_mm_s)
         pushed = (effort_n - friction - settings.spring * position - force) / self._mass
-        felt = self._law(position, velocity)
+        tissue_force = self._law(position, velocity)
         moved = draws
         moved[0] += position + elapsed * velocity
         moved[1] += decay * velocity + share * pushed
-        moved[2] += felt
+        moved[2] += tissue_force
         residual = (position_mm - moved[0]) / settings.position_noise_mm
         weights = -0.5 * residual * residual
         weights = np.exp(weights - weights.max())
