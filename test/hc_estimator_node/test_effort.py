@@ -8,6 +8,12 @@ import numpy as np
 import pytest
 
 from hc_estimator.input.effort import DisturbanceObserver
+from hc_estimator.input.effort_filters import (
+    METHODS,
+    EffortSettings,
+    error_in_motion,
+    make_force_filter,
+)
 from hc_estimator.input.surface import SurfaceFinder
 
 STEP = 0.001
@@ -85,13 +91,57 @@ def test_a_reading_that_is_none_leaves_no_trace(reading: tuple[float, float, flo
     assert one.step(0.02, 1.01, 0.3) == other.step(0.02, 1.01, 0.3)
 
 
-def test_after_a_gap_it_begins_anew() -> None:
+def test_after_a_gap_there_is_no_force_until_it_is_known_again() -> None:
     observer = DisturbanceObserver(mass_kg=0.5)
-    observer.step(0.0, 0.0, 0.0)
-    assert observer.step(10.0, 500.0, 0.7) == (500.0, 0.7)
-    place, force = observer.step(10.001, 500.0, 0.7)
-    assert place == 500.0
-    assert force == pytest.approx(0.7)
+    for k in range(10):
+        observer.step(k * STEP, 0.0, 0.0)
+    for k in range(200):
+        place, force = observer.step(10.0 + k * STEP, 500.0 + 0.03 * k, 0.7)
+        assert math.isnan(force) == ((k - 1) * STEP < 5.0 / (2.0 * math.pi * 15.0))
+        if not math.isnan(force):
+            assert force == pytest.approx(0.7, abs=1e-3)
+    assert place == pytest.approx(506.0, abs=1.0)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_readings_that_are_lost_make_neither_force_nor_surface(method: str) -> None:
+    """The effort that moved the tool was not read: it became a force of newtons.
+
+    A search for the surface took it for contact, up to 5 mm above the tissue, or for the zero.
+    """
+    random = np.random.default_rng(4)
+    time = np.arange(4000) * STEP
+    turn = 2.0 * np.pi * 4.0
+    position = -9.0 + 3.0 * time - 0.4 * np.cos(turn * time)
+    velocity = 3.0 + 0.4 * turn * np.sin(turn * time)
+    contact = np.maximum(position, 0.0) ** 1.6 * (0.25 + 0.006 * velocity)
+    effort = held(MASS * 0.4 * turn**2 * np.cos(turn * time) + contact)
+    lost = np.zeros(len(time), bool)
+    for first in range(150, 2800, 250):
+        lost[first + random.integers(100) :][: random.integers(10, 90)] = True
+    readings = (position + 0.002 * random.standard_normal(len(time)), effort)
+    settings = EffortSettings(method=method)
+    follower = make_force_filter(settings)
+    finder = SurfaceFinder(error_in_motion(settings))
+    found = None
+    for k in np.flatnonzero(~lost):
+        place, force = follower.step(float(time[k]), *(float(r[k]) for r in readings))
+        if math.isnan(force):
+            continue
+        if time[k] > 0.1 and position[k] < 0.0:
+            assert abs(force) < 0.12
+        found = found or finder.add(place, force)
+    assert found is not None
+    assert abs(found.force_n) < 0.03
+    assert abs(found.displacement_mm) < 0.8
+
+
+def test_a_stream_that_becomes_slow_is_a_stream_again_soon() -> None:
+    observer = DisturbanceObserver(mass_kg=0.5)
+    for k in range(100):
+        observer.step(k * STEP, 0.0, 0.1)
+    forces = [observer.step(0.1 + k * 0.02, 0.0, 0.1)[1] for k in range(1, 40)]
+    assert np.isfinite(forces[15:]).all()
 
 
 @pytest.mark.parametrize(

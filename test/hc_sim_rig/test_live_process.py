@@ -215,14 +215,17 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
 
 
 def test_nodes_say_in_one_line_what_cannot_be(start: Start, ros_domain: int) -> None:
-    for module, name, value, word in (
+    cases = (
         ("master", "feedback.method", "telepathy", "is not one of direct, position_position"),
         ("slave", "slave.stiffness_low", "50.0", "stiffness_low is 50"),
         ("master", "motion", "/no/such/file.csv", "cannot read the motion"),
         ("slave", "link.bind", "192.0.2.1", "link from 192.0.2.1"),
-    ):
+    )
+    started = []
+    for module, name, value, word in cases:
         command = ("-m", f"hc_sim_rig.{module}_node", "--ros-args", "-p", f"{name}:={value}")
-        process = start(ros_domain, *command)
+        started.append((start(ros_domain, *command), word))
+    for process, word in started:
         _, errors = process.communicate(timeout=60)
         assert process.returncode == 2
         assert word in errors

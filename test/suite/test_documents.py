@@ -1,6 +1,9 @@
 """Nothing cites what is not there: links, files and pages named in code and documents."""
 
+import os
 import re
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -98,6 +101,25 @@ def test_every_page_has_a_place_in_the_site() -> None:
     names = [page.relative_to(ROOT / "docs").as_posix() for page in ROOT.glob("docs/**/*.md")]
     places = set(re.findall(r"^ +- (?:[^:\n]+: )?([\w/]+\.md)$", site, re.MULTILINE))
     assert set(names) == places
+
+
+@pytest.mark.slow
+def test_the_site_is_built_strictly(tmp_path: Path) -> None:
+    """With the extra `docs`, in whichever environment of PATH has it."""
+    mkdocs = shutil.which("mkdocs")
+    if mkdocs is None:
+        pytest.skip("needs mkdocs: pip install 'hc-suite[docs]' in an environment of PATH")
+    done = subprocess.run(
+        [mkdocs, "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
+        cwd=ROOT,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    python = (tmp_path / "site" / "reference" / "python" / "index.html").read_text("utf-8")
+    assert "create_estimator" in python
 
 
 def test_the_design_names_every_topic_and_node() -> None:

@@ -1,4 +1,4 @@
-"""Every command that the README and the user's guide show must run, as a newcomer types it.
+"""Every command that the README and the user's guide show must run, as it stands there.
 
 A fenced block that begins with `sh` holds commands, one a line, in the order in which they are
 typed; they run in one fresh folder one after the other. A command that runs until Ctrl-C ends
@@ -27,7 +27,7 @@ BLOCKS = [
     )
 ]
 SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
-# Shown for the newcomer, run by other tests or only once in a while.
+# Shown to the reader, run by other tests or only once in a while.
 NOT_HERE = ("./hc test", "git clone", "cd ", "sudo ", "colcon ", "pip ", "hc bench")
 
 
@@ -78,8 +78,10 @@ def test_commands_of_readme_run(block: str, tmp_path: Path, ros_domain: int) -> 
             if "../shared/data" in line and not SHARED_DATA.is_dir():
                 pytest.skip(f"needs the recordings in {SHARED_DATA}")
             line = line.replace("../shared/data", str(SHARED_DATA))
-            # Three seconds of a run show as much as ten.
+            # Three seconds of a run show as much as ten, and of a recording as much as a minute.
             words = shlex.split(line.removesuffix("&").replace("--duration 10", "--duration 3"))
+            if words[1] == "replay":
+                words += ["--duration", "3"]
             assert words[0] in ("./hc", "hc"), f"do not know how to run {line!r}"
             words[0] = "hc"
             if line.endswith("&"):

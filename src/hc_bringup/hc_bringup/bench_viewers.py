@@ -39,7 +39,7 @@ class _Case:
         self._process: subprocess.Popen[str] | None = None
         self._measuring = False
         self._lost_before = 0
-        self.told: dict[str, float] = {}
+        self.latest: dict[str, float] = {}
 
     def look(self, state: RunState) -> None:
         """Follow a run."""
@@ -73,7 +73,7 @@ class _Case:
         lines = out.splitlines()
         if self._process.returncode != 0 or len(lines) < 2:
             raise UserError("the viewers could not connect to the live page")
-        self.told = json.loads(lines[-1])
+        self.latest = json.loads(lines[-1])
 
     def figures(self, state: RunState) -> dict[str, Any]:
         """Return what was measured."""
@@ -87,7 +87,7 @@ class _Case:
                 "max": 1e6 * latency.maximum_s,
             },
             "cpu_percent": dict(state.cpu_percent),
-            **self.told,
+            **self.latest,
         }
 
 

@@ -63,8 +63,8 @@ class Display:
         self._rate = _RateMeter()
         self._explainer = BackgroundExplainer()
         self._last_line_at = 0.0
-        self._page_told = False
-        self._told: dict[str, str] = {}
+        self._page_announced = False
+        self._reported: dict[str, str] = {}
 
     def __enter__(self) -> Display:
         if self._enabled and self._console.is_terminal:
@@ -107,9 +107,9 @@ class Display:
 
     def _tell_page(self, state: RunState) -> None:
         """Say once where the live page is: above the panel, whole, so that it can be copied."""
-        if self._page_told or not state.page:
+        if self._page_announced or not state.page:
             return
-        self._page_told = True
+        self._page_announced = True
         if self._live is not None:
             self._console.print(f"live page: {state.page}", soft_wrap=True, highlight=False)
         else:
@@ -119,10 +119,10 @@ class Display:
     def _tell_problems(self, state: RunState) -> None:
         """Write a line for each problem that is new."""
         for name, problem in state.problems.items():
-            if self._told.get(name) != problem:
+            if self._reported.get(name) != problem:
                 sys.stderr.write(f"{name}: {problem}\n")
                 sys.stderr.flush()
-        self._told = dict(state.problems)
+        self._reported = dict(state.problems)
 
     def _view(self, state: RunState) -> PanelView:
         statistics = state.statistics

@@ -182,10 +182,6 @@ class Monitor:
         if len(table):
             self._truth = [float(table[name][-1]) for name in PARAMETERS]
 
-    def estimates_connected(self) -> bool:
-        """Return True once the estimator's publisher is matched."""
-        return bool(self._node.count_publishers(ESTIMATE))
-
     def missing(self, node_name: str) -> str | None:
         """Ask a node's ~/ready; return None if it is ready, else what is missing.
 

@@ -62,7 +62,6 @@ class NodeProcess:
                 preexec_fn=functools.partial(_die_with, os.getpid()),
                 env={**os.environ, "PYTHONUNBUFFERED": "1", "ROS_LOG_DIR": str(self._folder)},
             )
-        self.started_at = time.monotonic()
 
     def _command_line(self) -> list[str]:
         files: list[Path] = list(self.plan.parameter_files)

@@ -1,4 +1,4 @@
-"""Writes docs/reference/: commands, topics and parameters, as the programs themselves know them.
+"""Writes docs/reference/: commands, topics, parameters, Python, as the programs know them.
 
 `python -m hc_bringup.reference docs/reference` writes the pages and the JSON schemas by which an
 editor checks a parameter file or a scenario; test/suite/test_reference.py fails when one of them
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from hc_bringup.cli import COMMANDS, command_parser
+from hc_bringup.reference_api import api_page
 from hc_msgs_py.specification import ParameterSpecification
 
 MESSAGES: Final = (
@@ -297,10 +298,11 @@ def _allowed(specification: ParameterSpecification) -> str:
     return f"{text}; fixed at the start".removeprefix("; ") if specification.read_only else text
 
 
-PAGES: Final = {
+PAGES: Final[dict[str, Callable[[], str]]] = {
     "commands.md": commands_page,
     "topics.md": topics_page,
     "parameters.md": parameters_page,
+    "python.md": functools.partial(api_page, _WRITTEN),
     "parameters.schema.json": parameters_schema,
     "scenario.schema.json": scenario_schema,
 }

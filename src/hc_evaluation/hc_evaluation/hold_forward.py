@@ -132,8 +132,8 @@ def hold_forward_errors(
             speed = np.interp(instants[inside], time_s, velocity)
             measured = measured[inside]
         predicted = force_of(depth - contact, speed, parameters, adhesive=adhesive) + zero
-        felt = ~np.isnan(measured)
-        square = np.mean((measured - predicted)[felt] ** 2) if felt.any() else np.nan
+        there = ~np.isnan(measured)
+        square = np.mean((measured - predicted)[there] ** 2) if there.any() else np.nan
         errors[row] = np.sqrt(square)
     return time_s[origins], errors
 

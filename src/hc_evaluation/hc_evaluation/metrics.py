@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 def log_parameter_error(estimated: FloatArray, true: FloatArray) -> FloatArray:

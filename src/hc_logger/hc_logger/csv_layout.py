@@ -184,10 +184,14 @@ class _Finder:
         }
         unknown = [q for q in QUANTITIES if maybe[q] is None]
         if unknown:
-            told = " and ".join(repr(names[QUANTITIES.index(q)]) for q in unknown)
+            names_of = " and ".join(repr(names[QUANTITIES.index(q)]) for q in unknown)
             options = ",".join(f"{q}=..." for q in unknown)
             choices = "; ".join(", ".join(UNITS[q]) for q in unknown)
-            what = f"the unit of {told} is" if len(unknown) == 1 else f"the units of {told} are"
+            what = (
+                f"the unit of {names_of} is"
+                if len(unknown) == 1
+                else f"the units of {names_of} are"
+            )
             raise self._refusal(f"{what} not known", f"--units {options} ({choices})")
         found = [pair for pair in maybe.values() if pair is not None]
         self._notes.insert(0, self._summary(table, names, found))

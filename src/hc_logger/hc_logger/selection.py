@@ -27,7 +27,3 @@ class TopicSelection:
         return any(fnmatchcase(topic, p) for p in self._take) and not any(
             fnmatchcase(topic, p) for p in self._leave
         )
-
-    def unmatched(self, topics: Sequence[str]) -> list[str]:
-        """Return the names and patterns to take that match none of the topics."""
-        return [p for p in self._take if not any(fnmatchcase(t, p) for t in topics)]

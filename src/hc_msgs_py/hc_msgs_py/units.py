@@ -14,16 +14,6 @@ METRE_IN_MM: Final = 1000.0
 NANOSECONDS: Final = 1_000_000_000
 
 
-def mm_from_m(value: float) -> float:
-    """Convert metres (or m/s) to millimetres (or mm/s)."""
-    return value * METRE_IN_MM
-
-
-def m_from_mm(value: float) -> float:
-    """Convert millimetres (or mm/s) to metres (or m/s)."""
-    return value / METRE_IN_MM
-
-
 def sent_mm(value: float) -> float:
     """Return a length in mm as somebody reads it who got it over a topic in metres.
 

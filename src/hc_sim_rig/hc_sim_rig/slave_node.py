@@ -95,7 +95,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._zero_mm: float | None = None if self._find_surface else 0.0
         self._revision = 0
         self._asked = self._found = not self._find_surface
-        self._felt_n: float | None = None if self._has_sensor else 0.0
+        self._calculated_n: float | None = None if self._has_sensor else 0.0
         self._estimates = self._used = self._before = 0
         self._estimate_ns = 0
         self._peak_n = self._largest_stretch_mm = 0.0
@@ -161,7 +161,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._estimates += 1
         displacement_mm = message.displacement * METRE_IN_MM
         if not self._has_sensor and np.isfinite(message.force_measured):
-            self._felt_n = float(message.force_measured)
+            self._calculated_n = float(message.force_measured)
         if self._zero_mm is None or message.configuration_revision < self._revision:
             if not self._found and np.isfinite(message.force_measured):
                 self._models.feel(displacement_mm, message.force_measured)
@@ -194,7 +194,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _act(self, index: int, stamp_ns: int) -> bool:
         """One sample."""
-        sample = self._side.step(time.time_ns(), self._models.current, self._felt_n)
+        sample = self._side.step(time.time_ns(), self._models.current, self._calculated_n)
         self._newest = sample
         self._peak_n = max(self._peak_n, sample.true_force_n)
         self._largest_stretch_mm = max(

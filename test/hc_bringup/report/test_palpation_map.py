@@ -12,7 +12,7 @@ import pytest
 from hc_bringup.errors import UserError
 from hc_bringup.report import map_file
 from hc_bringup.report.contacts import Contact, find_contacts
-from hc_bringup.report.palpation_map import FeltPlaces, felt_places, fit_map
+from hc_bringup.report.palpation_map import MeasuredPlaces, fit_map, measured_places
 from hc_bringup.run_data import TipPath
 
 pytest.importorskip("sklearn")
@@ -25,10 +25,10 @@ def lump(position: Any, centre: tuple[float, float] = (12.0, 8.0)) -> Any:
     return 0.3 * (1.0 + 2.0 * np.exp(-((distance / 4.0) ** 2)))
 
 
-def places_of(position: Any, deviation: float = 0.03, seed: int = 0) -> FeltPlaces:
+def places_of(position: Any, deviation: float = 0.03, seed: int = 0) -> MeasuredPlaces:
     random = np.random.default_rng(seed)
     noise = deviation * random.standard_normal(len(position))
-    return FeltPlaces(
+    return MeasuredPlaces(
         position,
         np.log(lump(position)) + noise,
         np.full(len(position), deviation**2),
@@ -91,7 +91,7 @@ def test_line_of_contacts_and_scan_along_it(make_run: MakeRun) -> None:
     single = make_run(stiffness=stiffness, seconds=seconds, tip=tip, filter_name="ekf")
     contacts = find_contacts(single)
     assert len(contacts) == 12
-    found = fit_map(felt_places(single, contacts, 1.0))
+    found = fit_map(measured_places(single, contacts, 1.0))
     assert found.is_line
     assert found.lump is not None
     assert abs(found.lump[0] - 12.0) < 2.5
@@ -100,7 +100,7 @@ def test_line_of_contacts_and_scan_along_it(make_run: MakeRun) -> None:
     )
     (contact,) = find_contacts(sliding)
     assert contact.travel_mm > 20.0
-    places = felt_places(sliding, [contact], 1.0)
+    places = measured_places(sliding, [contact], 1.0)
     assert len(places.log_stiffness) > 20
     slid = fit_map(places)
     assert slid.lump is not None
@@ -111,7 +111,7 @@ def test_too_few_places_is_one_line(make_run: MakeRun) -> None:
     data = make_run(seconds=2.0)
     contacts: list[Contact] = find_contacts(data)
     with pytest.raises(UserError, match="no position is recorded"):
-        felt_places(data, contacts, 1.0)
+        measured_places(data, contacts, 1.0)
 
 
 @pytest.mark.parametrize("suffix", map_file.SUFFIXES)

@@ -43,7 +43,6 @@ from hc_logger.new_file import new_file
 
 FORMAT: Final = 1
 """Of results; raised when their meaning changes."""
-ESTIMATE_FORMATS: Final = ("csv", "parquet")
 _BLOCKS_AT_ONCE: Final = 16  # of lines in one row group of Parquet
 UNREADABLE: Final = "unreadable"
 _READING: Final = (

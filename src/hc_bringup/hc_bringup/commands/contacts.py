@@ -136,10 +136,10 @@ def _write_maps(
     arguments: argparse.Namespace, data: Any, contacts: list[Any], written: list[str]
 ) -> dict[str, Any]:
     from hc_bringup.report import map_file
-    from hc_bringup.report.palpation_map import felt_places, fit_map, usual_depth
+    from hc_bringup.report.palpation_map import fit_map, measured_places, usual_depth
 
     depth = arguments.depth or usual_depth(contacts)
-    found = fit_map(felt_places(data, contacts, depth))
+    found = fit_map(measured_places(data, contacts, depth))
     for name in arguments.maps:
         written.append(_write(Path(name), map_file.encode(found, Path(name), data.title)))
     summary: dict[str, Any] = {

@@ -44,10 +44,10 @@ def run(arguments: argparse.Namespace) -> int:
         where = f"node {arguments.node}, {arguments.seconds:g} s"
     else:
         recording = recording_input.load(arguments)
-        told = recording.findings
-        notes = told.notes
+        reading = recording.findings
+        notes = reading.notes
         # Rows with one reading are nothing wrong, and notes say how the recording was read.
-        wrong = told._replace(force_alone=0, displacement_alone=0, notes=())
+        wrong = reading._replace(force_alone=0, displacement_alone=0, notes=())
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         settings, type_it = dict(arguments.sensors), _for_recording(arguments.input, recording)
@@ -131,10 +131,10 @@ def _print_json(
     from hc_estimator import PARAMETER_NAMES
 
     estimated = None if diagnosis is None else diagnosis.estimated
-    told = []
+    listed = []
     for finding in findings:
         changed = apply(settings, finding.settings)
-        told.append(
+        listed.append(
             {
                 "what": finding.what,
                 "cost": finding.cost,
@@ -143,7 +143,7 @@ def _print_json(
             }
         )
     summary: dict[str, Any] = {
-        "findings": told,
+        "findings": listed,
         "notes": list(notes),
         "forecasts": [] if diagnosis is None else [f.sentence for f in diagnosis.forecasts],
     }

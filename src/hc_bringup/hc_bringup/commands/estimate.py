@@ -136,12 +136,12 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
     try:
         return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
     except ValueError as error:
-        told = str(error)
+        reason = str(error)
         if because := PROBLEMS.get(arguments.filter, ""):
-            told = f"filter {arguments.filter} cannot be used: {because}"
+            reason = f"filter {arguments.filter} cannot be used: {because}"
         elif because := LAW_PROBLEMS.get(arguments.contact_model, ""):
-            told = f"contact model {arguments.contact_model} cannot be used: {because}"
-        raise UserError(told, WRONG_USE) from error
+            reason = f"contact model {arguments.contact_model} cannot be used: {because}"
+        raise UserError(reason, WRONG_USE) from error
 
 
 def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> dict[str, Any]:

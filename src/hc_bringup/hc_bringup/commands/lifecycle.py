@@ -46,9 +46,9 @@ def run(arguments: argparse.Namespace) -> int:
         answer = _ask(graph, GetAvailableTransitions, node, "get_available_transitions")
         possible = {t.transition.label: t for t in answer.available_transitions}
         if arguments.action == "list":
-            for label, told in possible.items():
-                print(f"- {label} [{told.transition.id}]: {told.start_state.label} -> ", end="")
-                print(told.goal_state.label)
+            for label, way in possible.items():
+                print(f"- {label} [{way.transition.id}]: {way.start_state.label} -> ", end="")
+                print(way.goal_state.label)
             return 0
         wanted = possible.get(arguments.transition)
         if wanted is None:

@@ -110,19 +110,19 @@ def _describe(graph: Any, arguments: argparse.Namespace) -> int:
             raise _no_parameter(node_name, wanted, names)
         chosen += [n for n in fitting if n not in chosen]
     answer = graph.call(lambda: client.describe_parameters(chosen), "description")
-    for told in answer.descriptors:
-        kind = str(Parameter.Type(told.type).name).lower().replace("_", " ")
-        print(f"Parameter name: {told.name}")
-        print(f"  Type: {'any' if told.dynamic_typing else kind}")
-        if told.description:
-            print(f"  Description: {told.description}")
+    for parameter in answer.descriptors:
+        kind = str(Parameter.Type(parameter.type).name).lower().replace("_", " ")
+        print(f"Parameter name: {parameter.name}")
+        print(f"  Type: {'any' if parameter.dynamic_typing else kind}")
+        if parameter.description:
+            print(f"  Description: {parameter.description}")
         print("  Constraints:")
-        print(f"    Read only: {str(told.read_only).lower()}")
-        for limits in (*told.integer_range, *told.floating_point_range):
+        print(f"    Read only: {str(parameter.read_only).lower()}")
+        for limits in (*parameter.integer_range, *parameter.floating_point_range):
             print(f"    Min value: {limits.from_value}")
             print(f"    Max value: {limits.to_value}")
-        if told.additional_constraints:
-            print(f"    {told.additional_constraints}")
+        if parameter.additional_constraints:
+            print(f"    {parameter.additional_constraints}")
     return 0
 
 

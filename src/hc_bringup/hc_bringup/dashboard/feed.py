@@ -319,14 +319,14 @@ class Feed:
         stiffness, _damping, exponent, _power = contact["parameters"]
         if not (np.isfinite(x) and np.isfinite(y) and stiffness > 0.0):
             return
-        felt = (
+        parameters = (
             np.log(stiffness),
             exponent,
             (contact["std"][0] / stiffness) ** 2,
             contact["std"][2] ** 2,
             contact["stiffness_exponent_covariance"] / stiffness,
         )
-        self._map.place_contact(x, y, np.array(felt), contact["peak_depth"])
+        self._map.place_contact(x, y, np.array(parameters), contact["peak_depth"])
 
     def _on_configurations(self, arrivals: list[Arrival]) -> None:
         for message in _decoded(arrivals, EstimatorConfiguration):

@@ -264,10 +264,10 @@ class FoxgloveServer:
                 name = f"/{node}.{entry['name']}"
                 if not names or name in names:
                     parameters.append(_parameter(name, entry))
-        told: dict[str, Any] = {"op": "parameterValues", "parameters": parameters}
+        reply: dict[str, Any] = {"op": "parameterValues", "parameters": parameters}
         if isinstance(content.get("id"), str):
-            told["id"] = content["id"]
-        client.put_text(told)
+            reply["id"] = content["id"]
+        client.put_text(reply)
 
     async def _set_parameters(self, client: _Client, content: dict[str, Any]) -> None:
         if not self._control:
@@ -288,10 +288,10 @@ class FoxgloveServer:
 
 
 def _parameter(name: str, entry: dict[str, Any]) -> dict[str, Any]:
-    told = {"name": name, "value": entry["value"]}
+    answer = {"name": name, "value": entry["value"]}
     # A float64 that happens to be whole must stay one.
     kind = {"number": "float64", "numbers": "float64_array"}.get(entry["type"])
-    return told | {"type": kind} if kind else told
+    return answer | {"type": kind} if kind else answer
 
 
 def _entries(value: object) -> list[dict[str, Any]]:

@@ -63,8 +63,8 @@ class PalpationMap:
     def add_rows(self, rows: NDArray[np.float64]) -> None:
         """Take in rows (m, columns); they wait until the tip's position at their time is known."""
         for row in rows:
-            felt = row[INDEX["contact"]] == 1.0 and row[INDEX["samples"]] > row[INDEX["rejected"]]
-            if not felt:
+            touched = row[INDEX["contact"]] == 1.0
+            if not (touched and row[INDEX["samples"]] > row[INDEX["rejected"]]):
                 continue
             stiffness, exponent = row[INDEX["K"]], row[INDEX["n"]]
             if not (stiffness > 0.0 and math.isfinite(exponent)):
@@ -72,7 +72,7 @@ class PalpationMap:
             variance = (row[INDEX["K_std"]] / stiffness) ** 2
             if not variance <= LARGEST_LOG_STD**2:
                 continue
-            felt_here = (
+            row_here = (
                 row[INDEX["time"]],
                 math.log(stiffness),
                 exponent,
@@ -81,7 +81,7 @@ class PalpationMap:
                 row[INDEX["K_n_covariance"]] / stiffness,
                 row[INDEX["displacement_max"]],
             )
-            self._waiting.append(np.array(felt_here))
+            self._waiting.append(np.array(row_here))
         self._settle()
         if self._tips:
             latest = max(self._tips[-1][0], rows[-1, INDEX["time"]])
@@ -105,10 +105,10 @@ class PalpationMap:
         if not ready:
             return
         times, x_mm, y_mm = np.array(self._tips).T
-        felt = np.array(ready)
-        known = felt[:, 0] >= times[0]
-        x, y = (np.interp(felt[:, 0], times, axis) for axis in (x_mm, y_mm))
-        for one, at_x, at_y, usable in zip(felt, x, y, known, strict=True):
+        rows = np.array(ready)
+        known = rows[:, 0] >= times[0]
+        x, y = (np.interp(rows[:, 0], times, axis) for axis in (x_mm, y_mm))
+        for one, at_x, at_y, usable in zip(rows, x, y, known, strict=True):
             if usable and math.isfinite(at_x) and math.isfinite(at_y):
                 self._place(float(at_x), float(at_y), one[1:])
 
@@ -145,8 +145,8 @@ class PalpationMap:
             )
         return out
 
-    def _place(self, x_mm: float, y_mm: float, felt: NDArray[np.float64]) -> None:
-        ln_k, exponent, variance, variance_n, common, deepest = felt
+    def _place(self, x_mm: float, y_mm: float, row: NDArray[np.float64]) -> None:
+        ln_k, exponent, variance, variance_n, common, deepest = row
         weight = 1.0 / max(variance, _LEAST_VARIANCE)
         key = (math.floor(x_mm / self.cell_mm + 0.5), math.floor(y_mm / self.cell_mm + 0.5))
         cell = self._cells.get(key)

@@ -52,7 +52,6 @@ HEARTBEAT_S: Final = 15.0
 """A viewer that does not answer for so long is gone."""
 STOP_TIMEOUT_S: Final = 3.0
 POLICY_VIOLATION: Final = 1008
-TRY_AGAIN_LATER: Final = 1013
 
 
 class Backend(Protocol):

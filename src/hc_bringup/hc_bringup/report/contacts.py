@@ -145,12 +145,12 @@ def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:
     first, last = int(rows[0]), int(rows[-1])
     estimates = data.estimates
     whole = slice(first, last + 1)
-    felt = rows[~np.isnan(data.force_n[rows])]
-    depth = estimates["displacement"][felt] * METRE_IN_MM  # filtered: noise would count as work
-    force = data.force_n[felt]
+    measured = rows[~np.isnan(data.force_n[rows])]
+    depth = estimates["displacement"][measured] * METRE_IN_MM  # filtered: noise would count as work
+    force = data.force_n[measured]
     advance = np.diff(depth)
     work = 0.5 * (force[1:] + force[:-1]) * advance
-    error = force - data.force_predicted_n[felt]
+    error = force - data.force_predicted_n[measured]
     position, travel = _place(data.tip, data.time_s[first], data.time_s[last])
     return Contact(
         number=number,

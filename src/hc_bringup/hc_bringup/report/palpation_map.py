@@ -38,7 +38,7 @@ _COLUMN: Final = {name: place for place, name in enumerate(MAP_COLUMNS)}
 
 
 @dataclass(frozen=True)
-class FeltPlaces:
+class MeasuredPlaces:
     """Places and what was felt there.
 
     Attributes:
@@ -85,7 +85,7 @@ class StiffnessMap:
     stiffness: Array
     log_std: Array
     known: NDArray[np.bool_]
-    places: FeltPlaces
+    places: MeasuredPlaces
     length_mm: tuple[float, ...]
     lump: Lump | None
 
@@ -101,7 +101,7 @@ def usual_depth(contacts: Sequence[Contact]) -> float:
     return min(USUAL_DEPTH_MM, 0.5 * float(np.median(deepest))) if deepest else USUAL_DEPTH_MM
 
 
-def felt_places(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> FeltPlaces:
+def measured_places(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> MeasuredPlaces:
     """Return where what was felt: one place a contact, or many along a scan.
 
     Raises:
@@ -127,7 +127,7 @@ def felt_places(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> 
         + slope**2 * cells[:, _COLUMN["var_n"]]
         + 2.0 * slope * cells[:, _COLUMN["cov"]]
     )
-    return FeltPlaces(
+    return MeasuredPlaces(
         position_mm=cells[:, [_COLUMN["x"], _COLUMN["y"]]],
         log_stiffness=cells[:, _COLUMN["ln_K"]] + np.log(exponent) + (exponent - 1.0) * log_depth,
         variance=np.maximum(variance, 1e-6),
@@ -137,12 +137,12 @@ def felt_places(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> 
 
 
 def _cells(data: RunData, contacts: Sequence[Contact], cell_mm: float) -> Array:
-    felt = PalpationMap(cell_mm, most_cells=100_000)
+    cells = PalpationMap(cell_mm, most_cells=100_000)
     for contact in contacts:
         if not np.isfinite(contact.position_mm).all():
             continue
         if contact.travel_mm <= SCAN_MM:
-            _place(felt, contact.position_mm, contact)
+            _place(cells, contact.position_mm, contact)
             continue
         assert data.tip is not None
         rows = np.arange(contact.first, contact.last + 1)
@@ -150,13 +150,13 @@ def _cells(data: RunData, contacts: Sequence[Contact], cell_mm: float) -> Array:
         rows = rows[:: max(1, len(rows) // 20_000)]
         x, y = (np.interp(data.time_s[rows], data.tip.time_s, a) for a in data.tip.position_mm.T)
         for row, at in zip(rows, np.column_stack([x, y]), strict=True):
-            _place(felt, at, contact, int(row), data)
-    table = felt.table()
+            _place(cells, at, contact, int(row), data)
+    table = cells.table()
     return table[np.lexsort((table[:, _COLUMN["x"]], table[:, _COLUMN["y"]]))]
 
 
 def _place(
-    felt: PalpationMap,
+    cells: PalpationMap,
     position_mm: Array,
     contact: Contact,
     row: int | None = None,
@@ -171,7 +171,7 @@ def _place(
     relative = float(covariance[0, 0]) / stiffness**2 if stiffness > 0.0 else np.inf
     if not (relative < 1.0 and np.isfinite(covariance[2, 2]) and exponent > 0.0):
         return
-    felt.place_contact(
+    cells.place_contact(
         float(position_mm[0]),
         float(position_mm[1]),
         np.array(
@@ -187,7 +187,7 @@ def _place(
     )
 
 
-def fit_map(places: FeltPlaces, seed: int = 0) -> StiffnessMap:
+def fit_map(places: MeasuredPlaces, seed: int = 0) -> StiffnessMap:
     """Return the map through the places.
 
     Args:

@@ -50,13 +50,13 @@ def page_rows(data: RunData) -> Array:
 
 def map_cells(data: RunData, rows: Array) -> tuple[float, Array]:
     """Return the cells of the palpation map as the live page would have them, and their size."""
-    felt = PalpationMap()
+    cells = PalpationMap()
     if data.tip is not None:
         # A run at rest knows the tip at every row.
         for row in rows:
-            felt.add_rows(row[None])
-            felt.add_tip(*(float(row[INDEX[name]]) for name in ("time", "tip_x", "tip_y")))
-    return felt.cell_mm, felt.table()
+            cells.add_rows(row[None])
+            cells.add_tip(*(float(row[INDEX[name]]) for name in ("time", "tip_x", "tip_y")))
+    return cells.cell_mm, cells.table()
 
 
 def page_contacts(contacts: Sequence[Contact]) -> list[dict[str, Any]]:
@@ -96,11 +96,11 @@ def page_events(data: RunData, contacts: Sequence[Contact]) -> list[dict[str, An
                 for c in contacts
             ),
         ]
-    events = _told_once(sorted(events))
+    events = _each_once(sorted(events))
     return [{"time": t, "kind": k, "reason": r} for t, k, r in events[-MOST_EVENTS:]]
 
 
-def _told_once(events: Sequence[tuple[float, int, str]]) -> list[tuple[float, int, str]]:
+def _each_once(events: Sequence[tuple[float, int, str]]) -> list[tuple[float, int, str]]:
     """Leave out a misfit that comes back within half a second: that is the same one."""
     kept: list[tuple[float, int, str]] = []
     latest = -np.inf

@@ -15,7 +15,7 @@ from hc_bringup.dashboard.palpation import MAP_COLUMNS
 from hc_bringup.errors import UserError
 from hc_bringup.report.contacts import Contact, ContactRules, find_contacts
 from hc_bringup.report.page import PANELS, encode_numbers, items, render, table
-from hc_bringup.report.palpation_map import StiffnessMap, felt_places, fit_map, usual_depth
+from hc_bringup.report.palpation_map import StiffnessMap, fit_map, measured_places, usual_depth
 from hc_bringup.report.rows import column_blocks, map_cells, page_contacts, page_events, page_rows
 from hc_bringup.report.verdict import Sentence, settled, verdict
 from hc_bringup.run_data import RunData
@@ -85,7 +85,7 @@ def _map(data: RunData, contacts: Sequence[Contact]) -> StiffnessMap | None:
     if data.tip is None:
         return None
     try:
-        return fit_map(felt_places(data, contacts, usual_depth(contacts)))
+        return fit_map(measured_places(data, contacts, usual_depth(contacts)))
     except UserError:
         return None  # too few places, or no library: the page does without
 

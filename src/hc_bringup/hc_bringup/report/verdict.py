@@ -60,7 +60,7 @@ def verdict(
         return [Sentence(Level.BAD, "The tool never touched anything: nothing can be said.")]
     sentences = [
         *_lump(found),
-        *_felt(data, scanned=found is not None and found.lump is not None),
+        *_parameters_found(data, scanned=found is not None and found.lump is not None),
         *_fit(data),
         *_channels(data, channels),
         *_unseen(data, channels),
@@ -78,7 +78,7 @@ def settled(data: RunData) -> NDArray[np.bool_]:
     return force_error.settled(data.time_s, data.contact & data.used)
 
 
-def _felt(data: RunData, *, scanned: bool) -> list[Sentence]:
+def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
     last = int(np.flatnonzero(data.contact & data.used)[-1])
     stiffness, _, exponent, _ = data.parameters[last]
     covariance = data.covariance[last]

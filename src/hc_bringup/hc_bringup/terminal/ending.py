@@ -98,8 +98,8 @@ def find_lump(profile: Profile) -> Lump | None:
     relative = float(profile.relative_std[peak])
     # One estimate that went astray is no lump: a neighbour must feel it too.
     beside = [i for i in (peak - 1, peak + 1) if 0 <= i < len(profile.stiffness)]
-    felt_beside = max(float(profile.stiffness[i]) for i in beside) > 1.15 * usual
-    if factor < LEAST_FACTOR or factor - 1.0 < 4.0 * relative * factor or not felt_beside:
+    stiffer_beside = max(float(profile.stiffness[i]) for i in beside) > 1.15 * usual
+    if factor < LEAST_FACTOR or factor - 1.0 < 4.0 * relative * factor or not stiffer_beside:
         return None
     return Lump(float(profile.x_mm[peak]), factor, relative)
 
@@ -127,10 +127,10 @@ def draw_profile(profile: Profile, width: int) -> list[Text]:
 def draw_depth(rows: Array, width: int) -> list[Text]:
     """Return the force over the depth as dots; nothing where nothing was touched."""
     depth, force = rows[:, INDEX["displacement"]], rows[:, INDEX["force"]]
-    felt = np.isfinite(depth) & np.isfinite(force) & (rows[:, INDEX["contact"]] == 1.0)
-    if np.count_nonzero(felt) < 20:
+    usable = np.isfinite(depth) & np.isfinite(force) & (rows[:, INDEX["contact"]] == 1.0)
+    if np.count_nonzero(usable) < 20:
         return []
-    depth, force = depth[felt], force[felt]
+    depth, force = depth[usable], force[usable]
     # A character of Braille holds two by four dots.
     dots = np.zeros((4 * HEIGHT, 2 * width), bool)
     highest, deepest = max(float(force.max()), 1e-9), max(float(depth.max()), 1e-9)

@@ -12,6 +12,9 @@ import math
 
 from hc_estimator.input.force_filter import ForceFilter
 
+SETTLING_PERIODS = 5.0
+"""Of the low-pass after a gap: of what a pole did not know, e^-5 (0.7 %) is left."""
+
 
 class DisturbanceObserver(ForceFilter):
     """Takes readings of position and effort, gives displacement and force of the same instant.
@@ -74,6 +77,15 @@ class DisturbanceObserver(ForceFilter):
         self._second = [*self._first, 0.0]
         self._position = position_mm
         return position_mm, self._effort
+
+    def _resume(self, elapsed: float, position_mm: float, velocity_mm_s: float) -> None:
+        self._first = [position_mm - 0.5 * elapsed * velocity_mm_s, velocity_mm_s, self._effort]
+        dry = self._friction * math.tanh(velocity_mm_s / self._friction_velocity)
+        self._second = [*self._first, dry]
+        self._position = position_mm
+
+    def _is_known(self, since_s: float) -> bool:
+        return self._rate * since_s >= SETTLING_PERIODS
 
     def _follow(self, elapsed: float, position_mm: float, effort_n: float) -> tuple[float, float]:
         velocity = (position_mm - self._position) / elapsed

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.input.effort import DisturbanceObserver
-from hc_estimator.input.force_filter import ForceFilter
+from hc_estimator.input.force_filter import LONGEST_GAP_S, ForceFilter
 
 FloatArray = NDArray[np.float64]
 
@@ -28,6 +28,8 @@ FIRST_SPEED_MM_S = 30.0
 FIRST_FORCE_N = 1.0
 FIRST_RATE_N_S = 10.0
 """Standard deviations of what a filter does not know at its first reading."""
+KNOWN_AGAIN = 1.5
+"""After a gap the force is known again when its deviation is this much of that before."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -133,6 +135,7 @@ class ContactForceFilter(ForceFilter):
         self._unscented = settings.method == "unscented"
         self._state = np.zeros(4)
         self._covariance = np.zeros((4, 4))
+        self._enough_n = 0.0
 
     @property
     def force_std_n(self) -> float:
@@ -141,6 +144,7 @@ class ContactForceFilter(ForceFilter):
 
     def _begin(self, position_mm: float) -> tuple[float, float]:
         self._state = np.array([position_mm, 0.0, 0.0, 0.0])
+        self._enough_n = 0.0
         deviations = (
             self._settings.position_noise_mm,
             FIRST_SPEED_MM_S,
@@ -149,6 +153,23 @@ class ContactForceFilter(ForceFilter):
         )
         self._covariance = np.diag(np.square(deviations))
         return position_mm, 0.0
+
+    def _resume(self, elapsed: float, position_mm: float, velocity_mm_s: float) -> None:
+        noise = self._settings.position_noise_mm
+        if self._enough_n == 0.0:  # no gap within a gap: that one knew less
+            self._enough_n = KNOWN_AGAIN * self.force_std_n
+        force_variance = self._covariance[2, 2] + (FIRST_RATE_N_S * LONGEST_GAP_S) ** 2
+        self._state = np.array([position_mm, velocity_mm_s, self._state[2], 0.0])
+        self._covariance = np.diag([noise**2, 0.0, force_variance, FIRST_RATE_N_S**2])
+        slope = noise**2 / elapsed
+        self._covariance[0, 1] = self._covariance[1, 0] = slope
+        self._covariance[1, 1] = 2.0 * slope / elapsed
+
+    def _is_known(self, since_s: float) -> bool:
+        known = self.force_std_n <= self._enough_n
+        if known:
+            self._enough_n = 0.0
+        return known
 
     def _follow(self, elapsed: float, position_mm: float, effort_n: float) -> tuple[float, float]:
         if self._unscented:
@@ -247,24 +268,33 @@ class ParticleForceFilter(ForceFilter):
         self._particles[0], self._particles[1:] = position_mm, 0.0
         return position_mm, 0.0
 
+    def _resume(self, elapsed: float, position_mm: float, velocity_mm_s: float) -> None:
+        settings = self._settings
+        position, velocity = self._random.standard_normal((2, settings.particles))
+        position *= settings.position_noise_mm
+        velocity = velocity_mm_s + (settings.position_noise_mm * velocity + position) / elapsed
+        self._particles[:2] = position_mm + position, velocity
+        self._particles[2] = self._law(self._particles[0], velocity)
+
+    def _is_known(self, since_s: float) -> bool:
+        return True  # by the tissue that it knows
+
     def _follow(self, elapsed: float, position_mm: float, effort_n: float) -> tuple[float, float]:
         settings, count = self._settings, self._settings.particles
         draws = self._random.standard_normal((3, count)) * np.array(settings.sigma)[:, None]
         offset = self._random.random()
         position, velocity, force = self._particles
-        stiffness, damping, exponent = settings.tissue
         # Over a long step the velocity decays by exp(-b T/m), and pushes count for its mean.
         rate = settings.damping / self._mass
         decay = math.exp(-rate * elapsed)
         share = elapsed if rate * elapsed < 1e-12 else (1.0 - decay) / rate
         friction = settings.dry_friction_n * np.tanh(velocity / settings.friction_velocity_mm_s)
         pushed = (effort_n - friction - settings.spring * position - force) / self._mass
-        depth = np.maximum(position - settings.surface_mm, 0.0)
-        felt = np.maximum(depth**exponent * (stiffness + damping * velocity), 0.0)
+        tissue_force = self._law(position, velocity)
         moved = draws
         moved[0] += position + elapsed * velocity
         moved[1] += decay * velocity + share * pushed
-        moved[2] += felt
+        moved[2] += tissue_force
         residual = (position_mm - moved[0]) / settings.position_noise_mm
         weights = -0.5 * residual * residual
         weights = np.exp(weights - weights.max())
@@ -274,6 +304,13 @@ class ParticleForceFilter(ForceFilter):
         chosen = np.minimum(np.searchsorted(np.cumsum(weights), marks), count - 1)
         self._particles = moved[:, chosen]
         return float(mean[0]), float(mean[2])
+
+    def _law(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Force of the tissue that it knows, shape of the arguments."""
+        stiffness, damping, exponent = self._settings.tissue
+        depth = np.maximum(position - self._settings.surface_mm, 0.0)
+        force: FloatArray = np.maximum(depth**exponent * (stiffness + damping * velocity), 0.0)
+        return force
 
 
 def error_in_motion(settings: EffortSettings) -> float:

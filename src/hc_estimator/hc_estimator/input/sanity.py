@@ -339,8 +339,8 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] |
     sizes = np.array([max(len(g), 1) for g in groups])
     errors = 1.25 * noise(newtons) / np.sqrt(sizes)  # standard errors of medians
     allowed = np.maximum(_FLAT_SHARE * (most - least), 4.0 * errors)
-    felt = np.flatnonzero(~(np.abs(medians - level) <= allowed))
-    flat = int(felt[0]) if len(felt) else _BINS
+    moved = np.flatnonzero(~(np.abs(medians - level) <= allowed))
+    flat = int(moved[0]) if len(moved) else _BINS
     last = medians[~np.isnan(medians)][-1]
     if flat < _FLAT_BINS or flat == _BINS or last - level < _RISE_SHARE * (most - least):
         return None

@@ -106,16 +106,16 @@ class SuspicionWatch:
     def _weigh(self, found: list[Suspicion]) -> list[Suspicion]:
         """Tell a doubt once it was there twice, and until it was absent twice."""
         by_key = {(s.check.value, s.channel): s for s in found}
-        told = {(s.check.value, s.channel): s for s in self.suspicions}
+        current = {(s.check.value, s.channel): s for s in self.suspicions}
         new = []
-        for key in by_key.keys() | told.keys() | self._seen.keys():
+        for key in by_key.keys() | current.keys() | self._seen.keys():
             score = self._seen.get(key, 0) + (1 if key in by_key else -1)
             self._seen[key] = score = max(0, min(score, CONFIRMATIONS))
-            if key in told and score == 0:
-                del told[key]
-            elif key in by_key and (key in told or score == CONFIRMATIONS):
-                if key not in told:
+            if key in current and score == 0:
+                del current[key]
+            elif key in by_key and (key in current or score == CONFIRMATIONS):
+                if key not in current:
                     new.append(by_key[key])
-                told[key] = by_key[key]
-        self.suspicions = list(told.values())
+                current[key] = by_key[key]
+        self.suspicions = list(current.values())
         return new

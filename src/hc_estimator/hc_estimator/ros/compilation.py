@@ -25,19 +25,19 @@ class Compilation(BackgroundWork):
             "compiling the filters", [partial(_compile, name) for name in available_filters()]
         )
         self._logger = logger
-        self._told = False
+        self._announced = False
 
     def look(self) -> bool:
         """Return whether it is done; tell once if it lasts, and then when it is done."""
         if not self.done:
-            if self.seconds > LONG_S and not self._told:
-                self._told = True
+            if self.seconds > LONG_S and not self._announced:
+                self._announced = True
                 self._logger.info(
                     f"{self.progress}: this takes some minutes, once after an installation"
                 )
             return False
-        if self._told:
-            self._told = False
+        if self._announced:
+            self._announced = False
             self._logger.info(f"compiled the filters in {self.seconds:.0f} s")
         return True
 

@@ -256,10 +256,10 @@ class SensorInput:
             if self._attitude is None:
                 self._without_attitude += 1
                 return
-            felt = self._frame.contact_force((force.x, force.y, force.z), self._attitude)
-            value = self._force_factor * self._frame.along_normal(felt)
+            push = self._frame.contact_force((force.x, force.y, force.z), self._attitude)
+            value = self._force_factor * self._frame.along_normal(push)
             if self.normal_finder is not None:
-                self.normal_finder.add(felt, value - self._force_zero)
+                self.normal_finder.add(push, value - self._force_zero)
         else:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
@@ -292,18 +292,18 @@ class SensorInput:
         of the same stamp: until the first later one.
         """
         before = self._waiting
-        told = {_name(t.child_frame_id): t.header.stamp for t in message.transforms}
-        if before is not None and self._newest(told) > nanoseconds_from_stamp(before):
+        stamps = {_name(t.child_frame_id): t.header.stamp for t in message.transforms}
+        if before is not None and self._newest(stamps) > nanoseconds_from_stamp(before):
             self._add_frame(before)
         self._moved |= {f: nanoseconds_from_stamp(s) for f, s in self._add_frames(message).items()}
         chain = self._chain()
         if chain is None:
             self._missing_frame += 1
             return
-        newest_ns = self._newest(told)
+        newest_ns = self._newest(stamps)
         if newest_ns < 0:
             return  # of other frames
-        stamp = next(s for s in told.values() if nanoseconds_from_stamp(s) == newest_ns)
+        stamp = next(s for s in stamps.values() if nanoseconds_from_stamp(s) == newest_ns)
         if all(self._moved.get(frame, newest_ns) == newest_ns for frame in chain):
             self._add_frame(stamp)
         else:
@@ -330,17 +330,17 @@ class SensorInput:
     def _add_frames(self, message: Any) -> dict[str, Any]:
         """Take in the transforms of a message; return their stamps by frame."""
         stamps = {}
-        for told in message.transforms:
-            place, turn = told.transform.translation, told.transform.rotation
+        for transform in message.transforms:
+            place, turn = transform.transform.translation, transform.transform.rotation
             try:
                 turned = unit_quaternion((turn.x, turn.y, turn.z, turn.w))
             except ValueError:
                 self.undecodable += 1
                 continue
-            child = _name(told.child_frame_id)
+            child = _name(transform.child_frame_id)
             pose = ((place.x, place.y, place.z), turned)
-            self._frames.add(_name(told.header.frame_id), child, pose)
-            stamps[child] = told.header.stamp
+            self._frames.add(_name(transform.header.frame_id), child, pose)
+            stamps[child] = transform.header.stamp
         return stamps
 
     def _take_surface(self, message: Any) -> None:

@@ -69,12 +69,12 @@ class ZeroSetting:
         least_n = 0.0
         if values["input.source"] == "effort":
             least_n = error_in_motion(effort_settings(values))
-        told = self._zeroing.find_surface(forced=values["tare.force"], least_noise_n=least_n)
+        answer_text = self._zeroing.find_surface(forced=values["tare.force"], least_noise_n=least_n)
         wanted = values["input.contact.frame"], values["input.contact.normal_from"]
         source = self._source()
         if source is not None and wanted == ("surface", "find_surface"):
             source.normal_finder = NormalFinder()
-        return told
+        return answer_text
 
     def add(self, stamp_ns: int, displacement_mm: float, force_n: float) -> None:
         """Take in a sample, and set the zeros with the last one that was wanted.

@@ -95,12 +95,12 @@ def fault_run(task: Task) -> Numbers:
 def _row(name: str, runs: Sequence[Numbers]) -> Row:
     columns = {key: np.array([run[key] for run in runs]) for key in runs[0]}
     delay = np.abs(columns["delay_error"])
-    told = columns["delay_std"]
+    deviations = columns["delay_std"]
     return {
         "name": name,
         "error": 1e3 * float(np.median(delay)),
         "error_90": 1e3 * float(np.quantile(delay, USUAL)),
-        "told": 1e3 * float(np.median(told)),
+        "told": 1e3 * float(np.median(deviations)),
         "K": float(np.median(columns["K"])),
         "K_90": float(np.quantile(columns["K"], USUAL)),
         "B": float(np.median(columns["B"])),

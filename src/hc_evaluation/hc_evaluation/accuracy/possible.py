@@ -63,16 +63,18 @@ def arm_readings(seed: int) -> Readings:
     reading = depth + surface + float(draw.uniform(-4.0, 8.0))
     reading += float(draw.uniform(0.05, 0.15)) * draw.standard_normal(time.size)
     reading = 0.02 * np.round(reading / 0.02)
-    felt = force + float(draw.uniform(0.01, 0.04)) * draw.standard_normal(time.size)
+    force_reading = force + float(draw.uniform(0.01, 0.04)) * draw.standard_normal(time.size)
     for start in draw.integers(100, time.size - 10, 3):
         if draw.random() < 0.5:
             reading[start : start + 2] += float(draw.choice([-1.0, 1.0])) * draw.uniform(20, 100)
         else:
-            felt[start : start + 2] += float(draw.choice([-1.0, 1.0])) * draw.uniform(5, 20)
-    return time, reading, felt
+            force_reading[start : start + 2] += float(draw.choice([-1.0, 1.0])) * draw.uniform(
+                5, 20
+            )
+    return time, reading, force_reading
 
 
-def felt_factors(readings: Readings, series: Any) -> tuple[float, float]:
+def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     """Largest predicted over largest felt force: one step ahead, and held half a second ahead.
 
     Only where depth and speed are within what was felt before, after half a second of contact.
@@ -88,18 +90,18 @@ def felt_factors(readings: Readings, series: Any) -> tuple[float, float]:
     touching = usable & (displacement > 0.0)
     enough = np.cumsum(touching) * step > FELT_S
     # A pair of outliers is nothing that was felt: the median of five leaves it out.
-    felt_force = medfilt(np.where(touching, np.abs(force), 0.0), 5)
-    felt_depth = medfilt(np.where(touching, displacement, 0.0), 5)
-    largest = np.maximum(np.maximum.accumulate(felt_force), NOISES * noise)
-    deepest = np.maximum.accumulate(felt_depth)
+    touch_force = medfilt(np.where(touching, np.abs(force), 0.0), 5)
+    touch_depth = medfilt(np.where(touching, displacement, 0.0), 5)
+    largest = np.maximum(np.maximum.accumulate(touch_force), NOISES * noise)
+    deepest = np.maximum.accumulate(touch_depth)
     inside = np.zeros(time.size, np.bool_)
     inside[1:] = enough[:-1] & usable[1:] & (displacement[1:] <= deepest[:-1])
     predicted = np.abs(series.force_predicted)
-    told = inside & np.isfinite(predicted)
-    one_step = float(np.max(predicted[told] / np.maximum(largest[told], 1e-9), initial=0.0))
+    judged = inside & np.isfinite(predicted)
+    one_step = float(np.max(predicted[judged] / np.maximum(largest[judged], 1e-9), initial=0.0))
     velocity = np.gradient(np.where(usable, displacement, 0.0), time)
-    felt_speed = medfilt(np.where(touching & enough, np.abs(velocity), 0.0), 5)
-    fastest = np.maximum.accumulate(felt_speed)
+    touch_speed = medfilt(np.where(touching & enough, np.abs(velocity), 0.0), 5)
+    fastest = np.maximum.accumulate(touch_speed)
     frozen = Frozen.of(series)
     ahead, stride = round(AHEAD_S / step), max(1, round(STRIDE_S / step))
     held = 0.0
@@ -153,7 +155,7 @@ def possible_run(task: PossibleTask) -> Numbers:
     )
     readings = make(task.index, task.seed)
     series = task.setup.create().run(*readings)
-    one_step, held = felt_factors(readings, series)
+    one_step, held = force_factors(readings, series)
     numbers = {"one_step": one_step, "held": held, "ratio": float("nan")}
     if task.kind == "arm":
         numbers["ratio"] = ratio_to_held(readings, series)
@@ -164,7 +166,7 @@ def possible(bench: Bench) -> Result:
     """Predictions that stay possible."""
     rows: list[Row] = []
     targets: list[Row] = []
-    told = "over the largest force felt"
+    label = "over the largest force felt"
     few = max(1, bench.seeds // 10)
     kinds = {"arm": (1, bench.seeds)} | {k: (count, few) for k, (count, _) in CONTACTS.items()}
     for kind, (count, seeds) in kinds.items():
@@ -191,5 +193,5 @@ def possible(bench: Bench) -> Result:
             )
         rows.append(row)
         for key, name in (("one_step", "one step ahead"), ("held", "held 0.5 s")):
-            targets.append(target(f"{kind}: {told}, {name}", row[key], high=LARGEST_FACTOR))
+            targets.append(target(f"{kind}: {label}, {name}", row[key], high=LARGEST_FACTOR))
     return {"rows": rows, "targets": targets}

@@ -167,10 +167,10 @@ def simulate(scenario: Scenario, seed: int, time_s: FloatArray | None = None) ->
     count = time_s.size
     displacement, velocity, acceleration, surface = penetration(scenario, time_s)
     delayed_time = time_s - scenario.force_delay_s
-    felt_displacement, felt_velocity, _, _ = penetration(scenario, delayed_time)
+    delayed_displacement, delayed_velocity, _, _ = penetration(scenario, delayed_time)
     parameters = tissue_over_time(scenario, time_s)
     force = hunt_crossley_force(
-        felt_displacement, felt_velocity, tissue_over_time(scenario, delayed_time)
+        delayed_displacement, delayed_velocity, tissue_over_time(scenario, delayed_time)
     )
     displacement_noise = np.full(count, scenario.displacement_noise_mm)
     force_noise = np.full(count, scenario.force_noise_n)

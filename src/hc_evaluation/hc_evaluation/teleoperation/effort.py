@@ -193,8 +193,8 @@ def run_known_tissue(seed: int = 0) -> list[dict[str, Any]]:
             }
         )
         for method in ("extended", "unscented"):
-            told = settings_of(method, 0.01, friction, 0.0)
-            place, found_n = force_observer(told).run(
+            known = settings_of(method, 0.01, friction, 0.0)
+            place, found_n = force_observer(known).run(
                 series.time_s,
                 series.column(layout.OUT_POSITION_READING),
                 series.column(layout.OUT_EFFORT_READING),

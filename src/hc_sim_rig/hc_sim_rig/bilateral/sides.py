@@ -181,13 +181,13 @@ class SlaveSide:
         move_slave(0.0, 0.0, self._constants, y)
         tissue_force(y, 0.0, self._constants)
 
-    def step(self, now_ns: int, known: SlaveModel, felt_n: float | None = None) -> SlaveSample:
+    def step(self, now_ns: int, known: SlaveModel, sent_n: float | None = None) -> SlaveSample:
         """One sample: take what came, control, read, send, move.
 
         Args:
             now_ns: by this side's clock.
             known: what the estimator knows.
-            felt_n: force that is sent; the sensor's if None.
+            sent_n: force that is sent; the sensor's if None.
         """
         link, y, memory = self._link, self._y, self._memory
         link.receive(now_ns)
@@ -220,7 +220,7 @@ class SlaveSide:
                 position,
                 velocity,
                 self._lateral,
-                force if felt_n is None else felt_n,
+                force if sent_n is None else sent_n,
                 known.model,
                 known.deviations,
                 known.relative_std,
