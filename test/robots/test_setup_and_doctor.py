@@ -2,7 +2,9 @@
 
 import io
 import json
+import signal
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -64,6 +66,32 @@ def test_setup_finds_the_robot_writes_it_down_and_doctor_finds_nothing_or_the_fa
             assert bench.hc(*command.split()[1:]).returncode == 0, command
     zero = float(bench.hc("param", "get", "estimator", "input.force.zero", "--hide-type").stdout)
     assert zero == pytest.approx(-4.2, abs=0.1)
+
+
+@pytest.mark.slow
+def test_setup_starts_the_run_that_it_wrote_and_the_run_can_be_computed_again(bench):
+    bench.robot(**ROBOT)
+    words = ("-m", "hc_bringup", "setup", "--yes", "--seconds", "8")
+    process = bench.start(*words)
+
+    def bags():
+        return sorted((bench.folder / "bags").glob("run_*"))
+
+    end = time.monotonic() + 150.0  # the first start on a machine compiles the filters
+    log = bench.folder / "process_1.log"
+    while "Hz  lost" not in log.read_text() and time.monotonic() < end:
+        assert process.poll() is None, log.read_text()
+        time.sleep(0.5)
+    time.sleep(6.0)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=40.0) == 0
+    assert (bench.folder / "my_robot.yaml").exists()
+    assert (bench.folder / "my_robot_run.yaml").exists()
+    (bag,) = bags()
+    done = bench.hc("estimate", str(bag), "--verify")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 different" in done.stdout
+    assert "could not be recomputed" not in done.stdout
 
 
 @pytest.mark.slow

@@ -24,6 +24,9 @@ FloatArray = NDArray[np.float64]
 MOST_REMEDIES = 5
 CLEAR_DELAY_S = 0.002
 """A delay below this changes B by less than anybody tells."""
+SPOILT = (Check.SATURATION, Check.STUCK, Check.QUANTISATION, Check.RATE)
+"""What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
+_UNTOLD = "cannot be said, and neither can delay and zeros, until it is put right"
 DISTURBED_SHARE = 0.05
 SYMBOLS = "KBnp"
 _LONGEST = 20_000
@@ -136,6 +139,7 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
     samples = _Samples(*(np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)))
     findings = []
     treated: set[tuple[Check, str]] = set()
+    spoilt = False
     before = samples.estimate()
     while len(treated) < MOST_REMEDIES:
         doubts = [
@@ -149,9 +153,12 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
         treated.add((doubt.check, doubt.channel))
         settings = _remedy(samples, doubt)
         after = samples.estimate() if settings else before
-        findings.append(Finding(doubt.sentence, settings, _cost(before, after, bool(settings))))
+        spoilt = spoilt or (doubt.check in SPOILT and not settings)
+        cost = _cost(before, after, bool(settings))
+        findings.append(Finding(doubt.sentence, settings, cost or (_UNTOLD if spoilt else "")))
         before = after
-    findings += _between_channels(samples, before)
+    if not spoilt:
+        findings += _between_channels(samples, before)
     after = samples.estimate()
     findings += _refusals(after, len(samples.time_s))
     if after is not None and after.mismatch > DISTURBED_SHARE:
@@ -163,7 +170,7 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
         )
     depth = float(robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])[1])
     plans: list[Forecast] = []
-    if after is not None:
+    if after is not None and not spoilt:
         steps = np.diff(samples.time_s[~np.isnan(samples.force_n)])
         forward = steps[steps > 0.0]
         plans = forecast(
@@ -266,8 +273,8 @@ def _cost(before: Estimated | None, after: Estimated | None, treated: bool) -> s
     return "; ".join(changes) or "little: no parameter changes by more than its deviation"
 
 
-def assumed_line(displacement_mm: FloatArray, force_n: FloatArray) -> str:
-    """Say what the readings mean in the units that topics have, for only a person can know better.
+def assumed_line(displacement_mm: FloatArray, force_n: FloatArray, *, table: bool = False) -> str:
+    """Say what the readings mean in the units of topics or a table: only a person knows better.
 
     Centimetres for metres or grams for newtons give figures that soft tissue might have as well.
     """
@@ -276,9 +283,12 @@ def assumed_line(displacement_mm: FloatArray, force_n: FloatArray) -> str:
     if not (len(places) and len(forces)):
         return ""
     (low, high), (_least, most) = robust_range(places), robust_range(forces)
+    moves_by = f"the tool moves by {high - low:.3g} mm and pushes with up to {most:.3g} N"
+    if table:
+        return f"read as: {moves_by} (if not: --units displacement=..., force=...)"
     return (
-        f"readings taken for metres and newtons: the tool moves by {high - low:.3g} mm and pushes "
-        f"with up to {most:.3g} N (if not: input.position.scale, input.force.scale)"
+        f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
+        "input.force.scale)"
     )
 
 

@@ -54,8 +54,8 @@ def run(arguments: argparse.Namespace) -> int:
         where = f"{arguments.input}, {len(recording.time_s)} samples"
     diagnosis = None
     if rows is not None:
-        if arguments.input in (None, "live") or recording.is_bag:
-            notes = (*notes, assumed_line(rows[1], rows[2]))
+        table = arguments.input not in (None, "live") and not recording.is_bag
+        notes = (*notes, assumed_line(rows[1], rows[2], table=table))
         diagnosis = diagnose(*rows)
         findings += diagnosis.findings
     if arguments.json:

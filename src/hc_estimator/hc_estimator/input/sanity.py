@@ -33,6 +33,8 @@ STIFFNESS = (1e-3, 100.0)
 """Secant stiffness of soft tissue and phantoms under a tool [N/mm]: brain and fat to silicone."""
 STROKE_MM = (0.02, 60.0)
 PEAK_N = (0.005, 1500.0)
+GRAM_FORCE = 9.80665e-3
+"""N in a gram-force, which no range tells from ten millinewtons."""
 
 _BINS = 40
 _FLAT_BINS = 6
@@ -253,6 +255,8 @@ def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
             f"{readings} is no soft tissue, but would be if the {channel} were in {unit}: scale it "
             f"by {factor:g} ({name}.scale)"
         )
+        if channel == "force" and possible(stroke, peak * GRAM_FORCE):
+            sentence += f", or in gram-force: by {GRAM_FORCE:.3g}"
         return [Suspicion(Check.UNITS, channel, sentence, factor)]
     if not STIFFNESS[0] <= peak / stroke <= STIFFNESS[1]:
         sentence = (

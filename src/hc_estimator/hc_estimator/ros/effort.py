@@ -12,7 +12,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
@@ -22,11 +21,9 @@ from hc_estimator.input.force_filter import ForceFilter
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
+from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
-from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
-from hc_msgs_py.wire import SampleEncoder
 
 
 class EffortInput:
@@ -41,12 +38,10 @@ class EffortInput:
         self.position: tuple[tuple[float, float, float], str] | None = None
         self.undecodable = 0
         self.normal_finder: NormalFinder | None = None
-        self._node = node
         self._receiver = receiver
         self._missing_joint = self._unused = self._sequence = 0
         self._origin_ns = 0
         self._frame_id = ""
-        self._encoder = SampleEncoder()
         self._joints = Channel(
             node,
             JointState,
@@ -56,9 +51,7 @@ class EffortInput:
             fail=receiver.on_failure,
         )
         self.channels = (self._joints,)
-        self._samples = None
-        if values["input.publish_samples"]:
-            self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._samples = SampleOutput(node, values)
         self._reading: tuple[Any, ...] = ()
         self._filter: ForceFilter = make_force_filter(EffortSettings())
         self.configure(values)
@@ -88,8 +81,7 @@ class EffortInput:
     def close(self) -> None:
         """Stop listening."""
         self._joints.close()
-        if self._samples is not None:
-            self._node.destroy_publisher(self._samples)
+        self._samples.close()
 
     def _on_skip(self, number: int) -> None:
         self._sequence += number
@@ -102,7 +94,7 @@ class EffortInput:
             return
         if message.header.frame_id != self._frame_id:
             self._frame_id = message.header.frame_id
-            self._encoder.set_frame(self._frame_id)
+            self._samples.set_frame(self._frame_id)
             self._receiver.on_frame(self._frame_id)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._offset_ns
         position_mm = self._mapping.of_scalar(message.position[index] * METRE_IN_MM)
@@ -118,7 +110,7 @@ class EffortInput:
         # The estimator gets what a recorder gets, to the last bit.
         displacement_mm = sent_mm(reading_mm - self._position_zero)
         force_n = reading_n - self._force_zero
-        if self._samples is not None:
-            encoded = self._encoder.encode(stamp_ns, sequence, displacement_mm, force_n)
-            self._samples.publish(encoded)
+        if not self._samples.begin():
+            return
+        self._samples.publish(stamp_ns, sequence, displacement_mm, force_n)
         self._receiver.on_sample(stamp_ns, sequence, displacement_mm, force_n)

@@ -314,7 +314,8 @@ NODE_SETTINGS = _table(
     setting(
         "expected_estimate_subscribers",
         0,
-        "Subscribers of hc/estimate that ~/ready waits for.",
+        "Subscribers of hc/estimate that ~/ready waits for, and the first sample that is made of "
+        "sensors (5 s at most).",
         minimum=0,
         maximum=1000,
     ),

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
-from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -28,11 +27,9 @@ from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
+from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
-from hc_msgs_py.qos import SAMPLE_QOS
-from hc_msgs_py.topics import SAMPLE
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
-from hc_msgs_py.wire import SampleEncoder
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
 
@@ -98,7 +95,6 @@ class SensorInput:
         """
         self.position: tuple[tuple[float, float, float], str] | None = None
         self.undecodable = 0
-        self._node = node
         self._receiver = receiver
         self._missing_joint = 0
         self._missing_frame = 0
@@ -108,7 +104,6 @@ class SensorInput:
         self._fixed_frames: Channel | None = None
         self._skipped_positions = 0
         self._frame_id = ""
-        self._encoder = SampleEncoder()
         self._merger = Merger(maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1)
         kind = values["input.position.type"]
         take_position = {
@@ -172,9 +167,7 @@ class SensorInput:
                 self._positions.close()
                 raise
             self.channels.append(surface)
-        self._samples = None
-        if values["input.publish_samples"]:
-            self._samples = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+        self._samples = SampleOutput(node, values)
         self._reading: tuple[Any, ...] = ()
         self._attitude: Quaternion | None = None
         self._without_attitude = 0
@@ -236,8 +229,7 @@ class SensorInput:
             channel.close()
         if self._fixed_frames is not None:
             self._fixed_frames.close()
-        if self._samples is not None:
-            self._node.destroy_publisher(self._samples)
+        self._samples.close()
 
     def _on_skip(self, number: int) -> None:
         self._merger.skip(number)
@@ -249,7 +241,7 @@ class SensorInput:
     def _take_force(self, message: Any) -> None:
         if message.header.frame_id != self._frame_id:
             self._frame_id = message.header.frame_id
-            self._encoder.set_frame(self._frame_id)
+            self._samples.set_frame(self._frame_id)
             self._receiver.on_frame(self._frame_id)
         force = message.wrench.force
         if self._surface:
@@ -392,8 +384,7 @@ class SensorInput:
             # The estimator gets what a recorder gets, to the last bit.
             displacement_mm = sent_mm(reading_mm - self._position_zero)
             force_n = reading_n - self._force_zero
-            if self._samples is not None:
-                self._samples.publish(
-                    self._encoder.encode(stamp_ns, sequence, displacement_mm, force_n)
-                )
+            if not self._samples.begin():
+                continue
+            self._samples.publish(stamp_ns, sequence, displacement_mm, force_n)
             self._receiver.on_sample(stamp_ns, sequence, displacement_mm, force_n)

@@ -13,7 +13,7 @@ from hc_estimator.input.tare import Tare, TareResult
 from hc_estimator.ros.services import NotPossibleError
 
 ZEROS = ("input.force.zero", "input.position.zero")
-FORCED = "tare.force: true takes them all the same"
+FORCED = "tare.force: true, or --force of the command, takes them all the same"
 PATIENCE_S = 10.0
 """A tare that has not got its samples by then is given up."""
 
