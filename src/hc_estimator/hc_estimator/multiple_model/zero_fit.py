@@ -39,8 +39,8 @@ LEAST_TIME = 2.0  # in contact [s]
 LASTING = 2.0  # time in contact for which a candidate must stay the same [s]
 TOLD_APART = 25.0  # decrease by which one candidate is better than the other
 FINER = 0.5  # of the deviation with which a zero was found, at which it is found anew
-LEAST_POSITION = 0.02  # [mm]
-LEAST_ZERO = 0.002  # of the largest force
+LEAST_POSITION = 0.05  # [mm]
+LEAST_ZERO = 0.005  # of the largest force
 LARGEST_POSITION = 0.5  # of the largest depth
 LARGEST_ZERO = 0.3  # of the largest force
 PASSES = 3  # with other weights
@@ -207,7 +207,7 @@ def _fit(
             return math.nan
         if abs(before - squares) < SETTLED * abs(squares):
             break
-    return squares  # type: ignore[no-any-return]
+    return squares
 
 
 @compiled
