@@ -132,9 +132,10 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     onset = bank.onset
     if onset.decided != 0 or onset.free != 0 or settings.follow_surface == 0:
         return False
-    # A delay passes for zeros that are off as long as it is not known itself.
+    # A delay passes for zeros that are off as long as it is not known itself, and so does what is
+    # left of one that was found.
     known = finder.windows >= FEWEST_WINDOWS and finder.deviation <= LARGEST_DELAY_DEVIATION
-    if math.isnan(settings.channel_delay) and not known:
+    if math.isnan(settings.channel_delay) and (not known or finder.delay != 0.0):
         return False
     # Of the middle of a parabola: 9/4 of a reading's variance over their number.
     expected = 2.25 * finder.grid_step * history.every / finder.grid_width

@@ -82,7 +82,7 @@ def sensitivity(gradient: Any, i: int) -> float:
     """Derivative of the force after ln K, ln B, n, p, contact position or its own zero (0 to 5)."""
     if i < 4:
         return gradient[2 + i]  # type: ignore[no-any-return]
-    return -gradient[0] if i == 4 else 1.0  # type: ignore[no-any-return]
+    return -gradient[0] if i == 4 else 1.0
 
 
 @compiled

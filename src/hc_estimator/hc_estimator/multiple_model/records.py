@@ -191,6 +191,8 @@ ZEROS = record_type(
         Field(
             "unknown", np.int64, (), 0, 3
         ),  # of which zeros were off: 1 position, 2 force, 3 both
+        Field("candidate", np.int64, (), 0, 3),  # the same, before it has lasted
+        Field("since", np.float64),  # contact clock at which it became one [s]
         Field("deviation", np.float64, (), 0.0),  # of the one that was found first [mm] or [N]
         Field("held", np.int64, (6,), 0, 1),
         Field("next", np.float64, (6,)),

@@ -36,10 +36,11 @@ SIGNIFICANT = 25.0  # decrease of the weighted squares: five deviations
 CONSISTENT = 1.5  # largest mean square left, in that of the noise
 REFUTED = 6.0  # at which zeros that were found are taken back
 LEAST_TIME = 2.0  # in contact [s]
+LASTING = 2.0  # time in contact for which a candidate must stay the same [s]
 TOLD_APART = 25.0  # decrease by which one candidate is better than the other
 FINER = 0.5  # of the deviation with which a zero was found, at which it is found anew
-LEAST_POSITION = 0.02  # [mm]
-LEAST_ZERO = 0.002  # of the largest force
+LEAST_POSITION = 0.05  # [mm]
+LEAST_ZERO = 0.005  # of the largest force
 LARGEST_POSITION = 0.5  # of the largest depth
 LARGEST_ZERO = 0.3  # of the largest force
 PASSES = 3  # with other weights
@@ -50,6 +51,8 @@ SETTLED = 1e-2  # relative change of the squares between two passes at which the
 def reset(zeros: Any) -> None:
     """Neither zero was found to be off."""
     zeros.unknown = NEITHER
+    zeros.candidate = NEITHER
+    zeros.since = 0.0
     zeros.deviation = 0.0
 
 
@@ -76,7 +79,9 @@ def look(
     unknown = zeros.unknown
     if unknown == NEITHER:
         unknown = _candidate(settings, history, zeros, force_noise, velocity_noise)
-        if unknown == NEITHER:
+        # Both at once explain much else, a delay above all.
+        if unknown == NEITHER or (unknown == BOTH and math.isnan(settings.channel_delay)):
+            zeros.candidate = NEITHER
             return False
     squares = _fit(settings, history, zeros, unknown, force_noise, velocity_noise)
     if zeros.unknown != NEITHER and not squares < REFUTED * expected * count:
@@ -96,6 +101,14 @@ def look(
     least = abs(position) < LEAST_POSITION and abs(zero) < LEAST_ZERO * largest
     if not math.isfinite(deviation) or (zeros.unknown == NEITHER and least):
         return False
+    # Tissue that has just changed looks the same for as long as the change was not found.
+    clock = bank.tool.contact_clock
+    if zeros.unknown == NEITHER:
+        if zeros.candidate != unknown:
+            zeros.candidate = unknown
+            zeros.since = clock
+        if clock - zeros.since < LASTING:
+            return False
     _note(settings, bank.onset, zeros, unknown, deviation, weight)
     return True
 
@@ -194,7 +207,7 @@ def _fit(
             return math.nan
         if abs(before - squares) < SETTLED * abs(squares):
             break
-    return squares  # type: ignore[no-any-return]
+    return squares
 
 
 @compiled
