@@ -33,11 +33,10 @@ from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
-    exp_limited,
     gather,
     improve,
-    law_at,
     velocity_at,
+    weigh,
 )
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import seed
@@ -204,7 +203,7 @@ def _fit(
     history.velocity_std = math.sqrt(velocity_variance)
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
-        total = _weigh(settings, history, force_noise, velocity_noise)
+        total = weigh(settings, history, history, force_noise, velocity_noise)
         before = max(gather(settings, history, history, history.fit) / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
             return -1.0
@@ -308,22 +307,6 @@ def _is_at_rest(history: Any) -> bool:
         total += velocity_at(history, history.points[k % POINTS]) ** 2
     noise = (history.count - first) * history.velocity_std**2
     return noise > LARGEST_SHARE_OF_NOISE * total  # type: ignore[no-any-return]
-
-
-@compiled
-def _weigh(settings: Any, history: Any, force_noise: float, velocity_noise: float) -> float:
-    """Give each point its weight, for the motion is not known exactly either; summed variance."""
-    fit, gradient = history.fit, history.gradient
-    stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
-    total = 0.0
-    for k in range(histories.oldest(history), history.count):
-        point = history.points[k % POINTS]
-        velocity = velocity_at(history, point)
-        law_at(settings, stiffness, damping, fit, point[0], velocity, gradient)
-        variance = force_noise + gradient[1] * gradient[1] * velocity_noise
-        total += variance
-        point[3] = 1.0 / variance
-    return total
 
 
 @compiled

@@ -60,11 +60,17 @@ def start(settings: Any, bank: Any) -> None:
     bank.rows[2].active = settings.follow_stiffness
     bank.rows[3].active = settings.follow_layers
     bank.rows[4].active = settings.follow_surface
+    _choose_anew(bank)
+    histories.reset(bank.history)
+    contact_onset.restart(bank.onset)
+
+
+@compiled
+def _choose_anew(bank: Any) -> None:
+    """Forget which row predicted best, and what was under test or remembered of them."""
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
-    histories.reset(bank.history)
-    contact_onset.restart(bank.onset)
 
 
 @compiled
@@ -96,9 +102,7 @@ def begin_aligned(settings: Any, bank: Any) -> None:
         free_parameters(settings, row, ALIGNED_DEVIATIONS)
         limit(settings, row)
     bank.motion_anew = 1
-    judging.reset(bank.judge)
-    changes.reset(bank.change, bank.rows)
-    maneuvers.reset(bank.maneuver)
+    _choose_anew(bank)
     histories.reset(bank.history)
 
 
@@ -132,9 +136,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     bank.rows[FITTED].active = 0
     bank.motion_anew = 1
     bank.delay.windows = 0
-    judging.reset(bank.judge)
-    changes.reset(bank.change, bank.rows)
-    maneuvers.reset(bank.maneuver)
+    _choose_anew(bank)
 
 
 @compiled
@@ -149,9 +151,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     plausible.reset(bank.tool)
     levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
-    judging.reset(bank.judge)
-    changes.reset(bank.change, bank.rows)
-    maneuvers.reset(bank.maneuver)
+    _choose_anew(bank)
     histories.reset(bank.history)
 
 

@@ -92,6 +92,36 @@ def exp_limited(logarithm: float) -> float:
 
 
 @compiled
+def weigh(
+    settings: Any, history: Any, work: Any, force_noise: float, velocity_noise: float
+) -> float:
+    """Give each point its weight by the law at work.fit: the motion is not exact either.
+
+    Args:
+        settings: settings record.
+        history: its points are changed.
+        work: its fit is read, its gradient is changed.
+        force_noise: variance of a point's force by its share in the information [N^2].
+        velocity_noise: of its velocity, by the same share [mm^2/s^2].
+
+    Returns:
+        Summed variance of the points' forces [N^2].
+    """
+    fit, gradient = work.fit, work.gradient
+    stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
+    position = fit[4] if fit.shape[0] > 4 else 0.0
+    total = 0.0
+    for k in range(histories.oldest(history), history.count):
+        point = history.points[k % POINTS]
+        velocity = velocity_at(history, point)
+        law_at(settings, stiffness, damping, fit, point[0] - position, velocity, gradient)
+        variance = force_noise + gradient[1] * gradient[1] * velocity_noise
+        total += variance
+        point[3] = 1.0 / variance
+    return total
+
+
+@compiled
 def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
     """What the points say about the unknowns, by the weights that they have.
 

@@ -20,12 +20,10 @@ from hc_estimator.linear_algebra import cholesky, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
-    exp_limited,
     gather,
     improve,
-    law_at,
     solve,
-    velocity_at,
+    weigh,
 )
 from hc_estimator.multiple_model.records import POINTS
 
@@ -149,8 +147,8 @@ def _candidate(
     """Which zeros are off, if any; both where the points do not tell which of them it is."""
     # What the tangent at the fit promises (score test; Rao 1948) costs one pass and ends most.
     _begin(history, zeros, BOTH)
-    _weigh(settings, history, zeros, force_noise, velocity_noise)
-    plain = gather(settings, history, zeros, zeros.fit)
+    weigh(settings, history, zeros, force_noise, velocity_noise)
+    gather(settings, history, zeros, zeros.fit)
     add_prior(settings, zeros, zeros.fit, 1.0)
     if not cholesky(zeros.information, zeros.factor):
         return NEITHER
@@ -199,7 +197,7 @@ def _fit(
     _begin(history, zeros, unknown)
     squares = math.inf
     for _ in range(PASSES):
-        _weigh(settings, history, zeros, force_noise, velocity_noise)
+        weigh(settings, history, zeros, force_noise, velocity_noise)
         before = squares
         squares = improve(settings, history, zeros, 1.0)
         finite = math.isfinite(zeros.fit[POSITION]) and math.isfinite(zeros.fit[FORCE_ZERO])
@@ -208,20 +206,6 @@ def _fit(
         if abs(before - squares) < SETTLED * abs(squares):
             break
     return squares
-
-
-@compiled
-def _weigh(
-    settings: Any, history: Any, zeros: Any, force_noise: float, velocity_noise: float
-) -> None:
-    """Give each point the weight that it has by the fit's own law."""
-    fit, gradient = zeros.fit, zeros.gradient
-    stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
-    for k in range(histories.oldest(history), history.count):
-        point = history.points[k % POINTS]
-        depth, velocity = point[0] - fit[POSITION], velocity_at(history, point)
-        law_at(settings, stiffness, damping, fit, depth, velocity, gradient)
-        point[3] = 1.0 / (force_noise + gradient[1] * gradient[1] * velocity_noise)
 
 
 @compiled
