@@ -46,6 +46,8 @@ FEWEST_POINTS = 12  # of a window: three for each unknown
 EXPONENTS = np.arange(0.8, 3.3, 0.4)
 # When the answer is clear:
 FEWEST_WINDOWS = 4
+FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
+DECISIVE = 4.0  # log likelihood ratio of a window that does
 LEAD = 8.0  # log likelihood ratio to the delay in use
 CONSISTENT = 5.0  # mean over standard error of the windows' ratios
 APART = 0.012  # delays further apart are rivals [s]
@@ -163,7 +165,7 @@ def _join(settings: Any, finder: Any, chosen: int) -> bool:
             vector_p += finder.fine_vector[w, 1]
             used += 1
     known = of_delay - both * both / of_p
-    if used < FEWEST_WINDOWS or not known > 0.0:
+    if used < FEWEST_DECISIVE or not known > 0.0:
         return False
     mean = (vector - both * vector_p / of_p) / known
     p = (vector_p - both * mean) / of_p
@@ -185,8 +187,6 @@ def _join(settings: Any, finder: Any, chosen: int) -> bool:
 def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
     """Value and deviation of the delay; True if the one in use is to change."""
     windows = min(finder.windows, WINDOWS)
-    if windows < FEWEST_WINDOWS:
-        return False
     step = finder.grid_step
     for j in range(CANDIDATES):
         apart = abs(j - chosen) * step > APART
@@ -197,11 +197,14 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         return False
     mean, deviation = finder.fine[0], finder.fine[1]
     distance = abs(mean - finder.delay)
+    few = _used_windows(finder, chosen, windows) < FEWEST_WINDOWS
+    if few and (finder.delay != 0.0 or not _each_decides(finder, chosen, windows)):
+        return False
     if finder.delay == 0.0:
         finder.deviation = deviation
         changes = distance > max(SIGNIFICANT * deviation, SMALLEST)
         changes = changes and (constant or distance > step)
-        changes = changes and _is_clear(finder, chosen, windows)
+        changes = changes and (few or _is_clear(finder, chosen, windows))
     else:
         changes = distance > max(deviation, CORRECTION)
         if changes and distance > step:
@@ -218,6 +221,28 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
 
 
 @compiled
+def _used_windows(finder: Any, chosen: int, windows: int) -> int:
+    """Number of windows with a fine value near the chosen candidate."""
+    near = 0
+    for w in range(windows):
+        near += 1 if _is_used(finder, w, chosen) else 0
+    return near
+
+
+@compiled
+def _each_decides(finder: Any, chosen: int, windows: int) -> bool:
+    """True if each window near the chosen candidate is enough by itself, and most are near it."""
+    used = CANDIDATES // 2 + round(finder.delay / finder.grid_step)
+    total = 0.0
+    for w in range(windows):
+        lead = finder.profile[w, used] - finder.profile[w, chosen]
+        if lead < (DECISIVE if _is_used(finder, w, chosen) else 0.0):
+            return False
+        total += lead
+    return bool(total > LEAD and 2 * _used_windows(finder, chosen, windows) > windows)
+
+
+@compiled
 def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     """True if the windows agree that the chosen candidate is better than the delay in use.
 
@@ -227,17 +252,21 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     used = centre + round(finder.delay / step)
     if used == chosen:  # between two candidates: by the fine values alone
         return True
-    mean, square = 0.0, 0.0
+    mean, square, total = 0.0, 0.0, 0.0
+    near = _used_windows(finder, chosen, windows)
+    # Where most windows have a value near the candidate, the others say nothing for or against it.
+    most = near > AGREEING * windows
+    count = near if most else windows
     for w in range(windows):
         lead = finder.profile[w, used] - finder.profile[w, chosen]
-        mean += lead / windows
-        square += lead * lead / windows
-    error = math.sqrt(max(square - mean * mean, 0.0) / max(windows - 1, 1))
-    near = 0
-    for w in range(windows):
-        near += 1 if _is_used(finder, w, chosen) else 0
+        total += lead
+        if most and not _is_used(finder, w, chosen):
+            continue
+        mean += lead / count
+        square += lead * lead / count
+    error = math.sqrt(max(square - mean * mean, 0.0) / max(count - 1, 1))
     significant = abs(finder.fine[0] - finder.delay) > SURELY * finder.fine[1]
     significant = significant and near > AGREEING * max(windows, FEWEST_AGREEING)
     significant = significant and abs(chosen - centre) < finder.reach
     consistent = mean > (LESS_CONSISTENT if significant else CONSISTENT) * error
-    return bool(mean * windows > LEAD and consistent)
+    return bool(total > LEAD and consistent)
