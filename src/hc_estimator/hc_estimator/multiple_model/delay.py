@@ -20,6 +20,7 @@ import numpy as np
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.records import (
     CANDIDATES,
     WINDOWS,
@@ -54,9 +55,8 @@ APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 6.0  # standard deviations
-LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
-SURELY = 8.0  # standard deviations that are clear then
-AGREEING = 0.7  # share of the windows that must be near the chosen candidate then
+LESS_CONSISTENT = 2.0  # the same, where the fine values are clear as well
+AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
@@ -85,10 +85,14 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
         constant: False where tissue or surface seem to vary: that looks like a small delay.
     """
     finder.velocity_variance = grids.velocity_variance(finder, noise)
+    if finder.neighbours > 0:
+        readings = grids.readings_of(finder)
+        finder.velocity_variance = smoothing.velocity_variance(finder, noise, readings)
     if finder.windows == 0:
         finder.velocity_exponent = settings.initial_velocity_exponent
     if find_contact(finder) < max(LEAST_SHARE * finder.points, FEWEST_POINTS):
         return False
+    smoothing.smooth(finder)
     slot = finder.windows % WINDOWS
     reach = finder.reach
     profile = finder.profile[slot]
@@ -230,6 +234,15 @@ def _used_windows(finder: Any, chosen: int, windows: int) -> int:
 
 
 @compiled
+def _valid_windows(finder: Any, windows: int) -> int:
+    """Number of windows that have a fine value at all."""
+    valid = 0
+    for w in range(windows):
+        valid += finder.fine_valid[w]
+    return valid
+
+
+@compiled
 def _each_decides(finder: Any, chosen: int, windows: int) -> bool:
     """True if each window near the chosen candidate is enough by itself, and most are near it."""
     used = CANDIDATES // 2 + round(finder.delay / finder.grid_step)
@@ -252,10 +265,16 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     used = centre + round(finder.delay / step)
     if used == chosen:  # between two candidates: by the fine values alone
         return True
-    mean, square, total = 0.0, 0.0, 0.0
+    distance = abs(finder.fine[0] - finder.delay)
     near = _used_windows(finder, chosen, windows)
+    most = near > AGREEING * _valid_windows(finder, windows)
+    agreeing = most and near > AGREEING * FEWEST_AGREEING
+    agreeing = agreeing and abs(chosen - centre) < finder.reach
+    agreeing = agreeing and distance > SIGNIFICANT * finder.fine[1]
+    if agreeing and distance < step:  # one of the two candidates is as wrong as the other
+        return True
+    mean, square, total = 0.0, 0.0, 0.0
     # Where most windows have a value near the candidate, the others say nothing for or against it.
-    most = near > AGREEING * windows
     count = near if most else windows
     for w in range(windows):
         lead = finder.profile[w, used] - finder.profile[w, chosen]
@@ -265,8 +284,5 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
         mean += lead / count
         square += lead * lead / count
     error = math.sqrt(max(square - mean * mean, 0.0) / max(count - 1, 1))
-    significant = abs(finder.fine[0] - finder.delay) > SURELY * finder.fine[1]
-    significant = significant and near > AGREEING * max(windows, FEWEST_AGREEING)
-    significant = significant and abs(chosen - centre) < finder.reach
-    consistent = mean > (LESS_CONSISTENT if significant else CONSISTENT) * error
+    consistent = mean > (LESS_CONSISTENT if agreeing else CONSISTENT) * error
     return bool(total > LEAD and consistent)

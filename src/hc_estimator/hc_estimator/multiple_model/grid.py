@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.records import CANDIDATES, GRID, RAW
 
 STEP = 0.010  # between two points of the grid, at least [s]
@@ -116,10 +117,17 @@ def _period(finder: Any, channel: int) -> float:
 
 
 @compiled
+def readings_of(finder: Any) -> float:
+    """Displacements in one parabola."""
+    width = max(finder.grid_width, 1e-9)
+    return max(width / max(_period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
+
+
+@compiled
 def velocity_variance(finder: Any, noise: float) -> float:
     """Variance of a parabola's slope [mm^2/s^2], from that of a reading [mm^2]."""
     width = max(finder.grid_width, 1e-9)
-    readings = max(width / max(_period(finder, 0), 1e-9), 1.0)
+    readings = readings_of(finder)
     return 12.0 * noise / (width * width * readings)  # type: ignore[no-any-return]
 
 
@@ -156,13 +164,15 @@ def advance(finder: Any) -> bool:
     finder.grid[slot, 5] = finder.parabola[3]
     finder.grid_count += 1
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)
-    points = min(int(WINDOW / finder.grid_step), GRID - 2 * reach - 1)
-    if finder.grid_count < points + 2 * reach + 1:
+    finder.neighbours = smoothing.neighbours(finder.grid_step, finder.grid_width)
+    margin = reach + finder.neighbours + 1
+    points = min(int(WINDOW / finder.grid_step), GRID - 2 * margin)
+    if finder.grid_count < points + 2 * margin:
         return False
     # The next window's margin overlaps this one.
-    if (finder.grid_count - 2 * reach - 1) % points != 0:
+    if (finder.grid_count - 2 * margin) % points != 0:
         return False
     finder.reach = reach
     finder.points = points
-    finder.first = finder.grid_count - points - reach
+    finder.first = finder.grid_count - points - margin
     return True

@@ -222,7 +222,8 @@ HELD_READINGS = record_type(
 )
 
 RAW = 256  # readings of each channel, for the local parabolas
-GRID = 68  # points of the grid: a window of half a second at 100 a second, and its margins
+GRID = 80  # points of the grid: a window of half a second at 100 a second, and its margins
+NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made of, at most
 CANDIDATES = 13  # delays at steps of the grid, about zero
 WINDOWS = 24  # that are remembered
 
@@ -241,6 +242,7 @@ DELAY = record_type(
         Field("grid_width", np.float64),  # of the parabolas [s]
         Field("grid_next", np.float64),  # time of the next point [s]
         Field("reach", np.int64, (), 0, CANDIDATES // 2),  # candidates to either side of zero
+        Field("neighbours", np.int64, (), 0, NEIGHBOURS),  # points that smooth one, either side
         Field("points", np.int64, (), 0, GRID),  # of a window
         Field("first", np.int64, (), 0),  # grid_count at its first point
         Field("windows", np.int64, (), 0),
@@ -253,6 +255,8 @@ DELAY = record_type(
         Field("fine_vector", np.float64, (WINDOWS, 2)),
         Field("fit", np.float64, (3,)),  # K, B, n of the last window
         # Within one window:
+        Field("smooth", np.float64, (GRID, 4)),  # its points smoothed, slots as in `grid`
+        Field("sums", np.float64, (6,)),
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64, (), 0.1),  # p of the fits
         Field("velocity_variance", np.float64, (), 0.0),  # noise of its points [mm^2/s^2]

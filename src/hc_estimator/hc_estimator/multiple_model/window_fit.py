@@ -41,7 +41,7 @@ def gather(finder: Any, delay: float) -> int:
         if finder.in_contact[k] == 0:
             continue
         here = finder.first + k
-        after, before = finder.grid[(here - shift) % GRID], finder.grid[(here - shift - 1) % GRID]
+        after, before = finder.smooth[(here - shift) % GRID], finder.smooth[(here - shift - 1) % GRID]
         # Cubics between two points: by the second derivative of one point alone the noise would
         # grow with the way from it, and least squares would keep to the points.
         bend = rest * (1.0 - rest) * step * (after[1] - before[1])
@@ -56,7 +56,7 @@ def gather(finder: Any, delay: float) -> int:
         row[1] = math.copysign(power, velocity)
         row[2] = p * power / speed * acceleration
         row[4] = velocity / math.exp(row[0])
-        row[3] = finder.grid[here % GRID, 3]
+        row[3] = finder.smooth[here % GRID, 3]
         speed = max(speed, math.sqrt(finder.velocity_variance))
         row[5] = (p * speed ** (p - 1.0)) ** 2 * finder.velocity_variance
         count += 1
@@ -72,8 +72,12 @@ def find_contact(finder: Any) -> int:
     count = 0
     for k in range(finder.points):
         here = finder.first + k
-        inside = finder.grid[here % GRID, 3] > LEAST_FORCE * largest
-        for j in range(-finder.reach, finder.reach + 1):
+        inside = True
+        for j in range(-finder.neighbours, finder.neighbours + 1):
+            if not finder.grid[(here + j) % GRID, 3] > LEAST_FORCE * largest:
+                inside = False
+        margin = finder.reach + finder.neighbours
+        for j in range(-margin, margin + 1):
             if finder.grid[(here - j) % GRID, 0] < LEAST_DEPTH:
                 inside = False
         finder.in_contact[k] = 1 if inside else 0

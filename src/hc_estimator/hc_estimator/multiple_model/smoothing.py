@@ -1,0 +1,102 @@
+"""Wider parabolas for the windows of the delay: motion and force as smooth as the hand that moves.
+
+Noise of the velocities bends the least squares of a window: it draws B down, and the delay towards
+the points of the grid, where it is another (ours: without this, delays of random contacts were 3 to
+10 ms off where the bound is 0.04 to 0.5 ms). A parabola through the neighbouring points of the grid
+leaves a sixteenth of its variance. The same weights go over displacement and force, symmetric in
+time, so that no delay comes of them, and a motion that they flatten is flattened in both.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.records import GRID, NEIGHBOURS
+
+HALF_WIDTH = 0.05  # of grid and neighbours together [s]
+# Autocorrelation of the parabolas that the grid's values come from: kernel (9 - 15 x^2) / 8 on
+# [-1, 1], by Gauss-Legendre quadrature, exact for polynomials of degree 4.
+NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
+WEIGHTS = np.array([5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0])
+VALUE_VARIANCE = 2.25  # of a parabola's value, times its readings, over that of a reading
+
+
+@compiled
+def neighbours(step: float, width: float) -> int:
+    """Points to either side that are taken along, from the grid's step and its parabolas [s]."""
+    return min(max(int((HALF_WIDTH - 0.5 * width) / step + 0.5), 0), NEIGHBOURS)
+
+
+@compiled
+def smooth(finder: Any) -> None:
+    """Displacement, velocity, acceleration and force of a full window's points, smoothed.
+
+    In finder.smooth, ring slots as in finder.grid. From finder.first - reach to the window's end
+    + reach; the margin of the grid holds the neighbours of these.
+    """
+    m, step = finder.neighbours, finder.grid_step
+    grid, found = finder.grid, finder.smooth
+    for k in range(-finder.reach - 1, finder.points + finder.reach + 1):
+        here = finder.first + k
+        row = found[here % GRID]
+        point = grid[here % GRID]
+        if m == 0:
+            for i in range(4):
+                row[i] = point[i]
+            continue
+        squares, fourths = 0.0, 0.0
+        sums = finder.sums
+        for i in range(6):
+            sums[i] = 0.0
+        for j in range(-m, m + 1):
+            square = float(j * j)
+            squares += square
+            fourths += square * square
+            near = grid[(here + j) % GRID]
+            for i in range(2):
+                value = near[3 * i] - point[3 * i]
+                sums[3 * i] += value
+                sums[3 * i + 1] += j * value
+                sums[3 * i + 2] += square * value
+        count = 2 * m + 1
+        determinant = count * fourths - squares * squares
+        row[0] = point[0] + (fourths * sums[0] - squares * sums[2]) / determinant
+        row[1] = sums[1] / (squares * step)
+        row[2] = 2.0 * (count * sums[2] - squares * sums[0]) / (determinant * step * step)
+        row[3] = point[3] + (fourths * sums[3] - squares * sums[5]) / determinant
+
+
+@compiled
+def velocity_variance(finder: Any, noise: float, readings: float) -> float:
+    """Variance of a smoothed velocity [mm^2/s^2].
+
+    Args:
+        finder: with neighbours, grid_step and grid_width.
+        noise: variance of a displacement [mm^2].
+        readings: in one parabola of the grid.
+    """
+    m, step = finder.neighbours, finder.grid_step
+    half = 0.5 * finder.grid_width
+    squares, total = 0.0, 0.0
+    for i in range(-m, m + 1):
+        squares += i * i
+        for j in range(-m, m + 1):
+            total += i * j * _overlap(abs(i - j) * step / half)
+    return noise * VALUE_VARIANCE / readings * total / (squares * squares * step * step)
+
+
+@compiled
+def _overlap(shift: float) -> float:
+    """Correlation of two parabolas' values whose centres are so many half widths apart."""
+    if shift >= 2.0:
+        return 0.0
+    middle, half = 0.5 * shift, 0.5 * (2.0 - shift)
+    total = 0.0
+    for k in range(3):
+        x = middle + half * NODES[k]
+        y = x - shift
+        total += WEIGHTS[k] * (9.0 - 15.0 * x * x) * (9.0 - 15.0 * y * y)
+    return float(half * total / 64.0 / 1.125)
