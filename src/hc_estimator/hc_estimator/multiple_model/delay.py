@@ -55,7 +55,7 @@ APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 6.0  # standard deviations
-LESS_CONSISTENT = 2.0  # the same, where the fine values are clear as well
+LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
 AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
@@ -267,22 +267,17 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
         return True
     distance = abs(finder.fine[0] - finder.delay)
     near = _used_windows(finder, chosen, windows)
-    most = near > AGREEING * _valid_windows(finder, windows)
-    agreeing = most and near > AGREEING * FEWEST_AGREEING
+    agreeing = near > AGREEING * _valid_windows(finder, windows) and 2 * near > windows
+    agreeing = agreeing and near > AGREEING * FEWEST_AGREEING
     agreeing = agreeing and abs(chosen - centre) < finder.reach
     agreeing = agreeing and distance > SIGNIFICANT * finder.fine[1]
     if agreeing and distance < step:  # one of the two candidates is as wrong as the other
         return True
-    mean, square, total = 0.0, 0.0, 0.0
-    # Where most windows have a value near the candidate, the others say nothing for or against it.
-    count = near if most else windows
+    mean, square = 0.0, 0.0
     for w in range(windows):
         lead = finder.profile[w, used] - finder.profile[w, chosen]
-        total += lead
-        if most and not _is_used(finder, w, chosen):
-            continue
-        mean += lead / count
-        square += lead * lead / count
-    error = math.sqrt(max(square - mean * mean, 0.0) / max(count - 1, 1))
+        mean += lead / windows
+        square += lead * lead / windows
+    error = math.sqrt(max(square - mean * mean, 0.0) / max(windows - 1, 1))
     consistent = mean > (LESS_CONSISTENT if agreeing else CONSISTENT) * error
-    return bool(total > LEAD and consistent)
+    return bool(mean * windows > LEAD and consistent)
