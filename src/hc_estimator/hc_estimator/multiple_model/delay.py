@@ -59,6 +59,7 @@ LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
 AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
+CORRECTED = 2.0  # standard deviations by which it is corrected, at least
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 
 
@@ -210,7 +211,7 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         changes = changes and (constant or distance > step)
         changes = changes and (few or _is_clear(finder, chosen, windows))
     else:
-        changes = distance > max(deviation, CORRECTION)
+        changes = distance > max(CORRECTED * deviation, CORRECTION)
         if changes and distance > step:
             # Back towards none it takes less: the first windows may have been wrong.
             used = min(max(CANDIDATES // 2 + round(finder.delay / step), 0), CANDIDATES - 1)
