@@ -31,6 +31,31 @@ def test_a_delay_is_found_within_two_milliseconds(delay, plant):
     assert not series.model_mismatch[-1000:].any()
 
 
+@pytest.mark.parametrize("delay", [-0.0055, -0.0238, 0.0147, 0.0178, -0.027])
+def test_a_delay_is_not_drawn_to_the_points_of_the_grid(delay, plant):
+    """Regression: noise of the velocities drew delays between its points 3 to 5 ms towards them."""
+    tissue = (2.8, 0.25, 1.8, 1.0)
+    time = np.arange(10000) / 1000.0
+    force = plant.force(*plant.motion(time - delay), *tissue)
+    rng = np.random.default_rng(3)
+    displacement = plant.motion(time)[0] + 0.009 * rng.standard_normal(time.size)
+    force = force + 0.003 * force.max() * rng.standard_normal(time.size)
+    series = hc.create_estimator("self_tuning_ukf").run(time, displacement, force)
+    assert series.channel_delay[-1] == pytest.approx(delay, abs=1e-3)
+    assert series.parameters[-1, 0] == pytest.approx(tissue[0], rel=0.02)
+    assert series.parameters[-1, 1] == pytest.approx(tissue[1], rel=0.1)
+
+
+@pytest.mark.parametrize("delay", [-0.03, 0.04])
+def test_a_clear_delay_is_taken_within_two_seconds(delay, plant):
+    """Two windows of which each decides by itself are enough."""
+    time, d, force = late(plant, delay, seconds=4.0, rate=1000.0)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d, force)
+    found = np.abs(series.channel_delay - delay) < 3e-3
+    assert time[np.argmax(found)] < 2.0
+    assert np.all(found[np.argmax(found) :])
+
+
 @pytest.mark.parametrize("damping", [0.001, 0.03, 0.09], ids=["hardly", "usual", "separates"])
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 def test_no_delay_is_invented(damping, rate, plant):

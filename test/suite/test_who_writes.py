@@ -65,7 +65,12 @@ OWNERS = {
     "kept row": ("multiple_model/maneuver",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
     "zeros": ("multiple_model/zero_fit",),
-    "delay": ("multiple_model/delay", "multiple_model/grid", "multiple_model/window_fit"),
+    "delay": (
+        "multiple_model/delay",
+        "multiple_model/grid",
+        "multiple_model/smoothing",
+        "multiple_model/window_fit",
+    ),
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/sample",),
     "onset": ("multiple_model/contact_onset",),

@@ -38,14 +38,14 @@ def smooth(finder: Any) -> None:
     + reach; the margin of the grid holds the neighbours of these.
     """
     m, step = finder.neighbours, finder.grid_step
-    grid, found = finder.grid, finder.smooth
+    grid = finder.grid
     for k in range(-finder.reach - 1, finder.points + finder.reach + 1):
         here = finder.first + k
-        row = found[here % GRID]
-        point = grid[here % GRID]
+        slot = here % GRID
+        point = grid[slot]
         if m == 0:
             for i in range(4):
-                row[i] = point[i]
+                finder.smooth[slot, i] = point[i]
             continue
         squares, fourths = 0.0, 0.0
         sums = finder.sums
@@ -63,10 +63,12 @@ def smooth(finder: Any) -> None:
                 sums[3 * i + 2] += square * value
         count = 2 * m + 1
         determinant = count * fourths - squares * squares
-        row[0] = point[0] + (fourths * sums[0] - squares * sums[2]) / determinant
-        row[1] = sums[1] / (squares * step)
-        row[2] = 2.0 * (count * sums[2] - squares * sums[0]) / (determinant * step * step)
-        row[3] = point[3] + (fourths * sums[3] - squares * sums[5]) / determinant
+        finder.smooth[slot, 0] = point[0] + (fourths * sums[0] - squares * sums[2]) / determinant
+        finder.smooth[slot, 1] = sums[1] / (squares * step)
+        finder.smooth[slot, 2] = (
+            2.0 * (count * sums[2] - squares * sums[0]) / (determinant * step * step)
+        )
+        finder.smooth[slot, 3] = point[3] + (fourths * sums[3] - squares * sums[5]) / determinant
 
 
 @compiled
@@ -85,7 +87,7 @@ def velocity_variance(finder: Any, noise: float, readings: float) -> float:
         squares += i * i
         for j in range(-m, m + 1):
             total += i * j * _overlap(abs(i - j) * step / half)
-    return noise * VALUE_VARIANCE / readings * total / (squares * squares * step * step)
+    return float(noise * VALUE_VARIANCE / readings * total / (squares * squares * step * step))
 
 
 @compiled

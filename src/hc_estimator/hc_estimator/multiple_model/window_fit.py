@@ -41,7 +41,10 @@ def gather(finder: Any, delay: float) -> int:
         if finder.in_contact[k] == 0:
             continue
         here = finder.first + k
-        after, before = finder.smooth[(here - shift) % GRID], finder.smooth[(here - shift - 1) % GRID]
+        after, before = (
+            finder.smooth[(here - shift) % GRID],
+            finder.smooth[(here - shift - 1) % GRID],
+        )
         # Cubics between two points: by the second derivative of one point alone the noise would
         # grow with the way from it, and least squares would keep to the points.
         bend = rest * (1.0 - rest) * step * (after[1] - before[1])

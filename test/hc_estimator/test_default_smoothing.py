@@ -1,0 +1,77 @@
+"""The wider parabolas of the delay's windows: exact on parabolas, as calm as they say."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import hc_estimator as hc
+from hc_estimator.multiple_model import grid, smoothing
+from hc_estimator.multiple_model.records import NEIGHBOURS
+
+
+def window(displacement, force, rate):
+    """Finder with one full window of points of the given readings, smoothed."""
+    finder = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0].delay
+    grid.restart(finder)
+    for k in range(displacement.size):
+        grid.take(finder, 0, k / rate, displacement[k])
+        grid.take(finder, 1, k / rate, force[k])
+        if grid.advance(finder):
+            smoothing.smooth(finder)
+            return finder
+    raise AssertionError("no window became full")
+
+
+def points(finder):
+    """Times [s] and smoothed points of the window and its margin, shape (N,) and (N, 4)."""
+    index = np.arange(-finder.reach - 1, finder.points + finder.reach + 1) + finder.first
+    newest = finder.grid_next - finder.grid_step
+    time = newest + (index - (finder.grid_count - 1)) * finder.grid_step
+    return time, finder.smooth[index % finder.smooth.shape[0]]
+
+
+@given(
+    st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3),
+    st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3),
+    st.sampled_from([80.0, 125.0, 200.0, 500.0, 1000.0, 2000.0]),
+)
+@settings(max_examples=20, deadline=None)
+def test_a_parabola_is_left_as_it_is(motion, load, rate):
+    """At every rate, with as many neighbours as belong to it."""
+    time = np.arange(round(1.4 * rate)) / rate
+    finder = window(np.polyval(motion, time), np.polyval(load, time), rate)
+    at, found = points(finder)
+    np.testing.assert_allclose(found[:, 0], np.polyval(motion, at), atol=1e-5)
+    np.testing.assert_allclose(found[:, 1], np.polyval(np.polyder(motion), at), atol=1e-3)
+    np.testing.assert_allclose(found[:, 2], 2.0 * motion[0], atol=0.1)
+    np.testing.assert_allclose(found[:, 3], np.polyval(load, at), atol=1e-5)
+
+
+def test_neighbours_fill_a_twentieth_of_a_second():
+    for step, width, expected in ((0.01, 0.03, 4), (0.01, 0.07, 2), (0.015, 0.105, 0)):
+        assert smoothing.neighbours(step, width) == expected
+    assert smoothing.neighbours(0.001, 0.03) == NEIGHBOURS
+
+
+def test_both_channels_are_smoothed_alike():
+    rng = np.random.default_rng(5)
+    readings = 3.0 + 0.1 * rng.standard_normal(1400)
+    _, found = points(window(readings, readings, 1000.0))
+    np.testing.assert_allclose(found[:, 0], found[:, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+def test_the_variance_of_a_velocity_is_the_one_that_is_said(rate):
+    """Over 40 windows of noise: mean square of the velocities against the formula."""
+    rng, squares, said = np.random.default_rng(6), [], 0.0
+    for _ in range(40):
+        noise = 0.01 * rng.standard_normal(round(1.4 * rate))
+        finder = window(noise, noise, rate)
+        squares.append(np.mean(points(finder)[1][:, 1] ** 2))
+        readings = grid.readings_of(finder)
+        said = smoothing.velocity_variance(finder, 0.01**2, readings)
+        narrow = grid.velocity_variance(finder, 0.01**2)
+        assert said < 0.2 * narrow
+    # The parabolas' values are those of densely read channels in the formula.
+    assert np.mean(squares) == pytest.approx(said, rel=0.2)
