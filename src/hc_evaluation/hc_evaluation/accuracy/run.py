@@ -152,6 +152,8 @@ def run_accuracy(
     count = seeds if seeds is not None else (QUICK_SEEDS if quick else SEEDS)
     chosen = checked(names, count)
     estimator = setup if setup is not None else Setup()
+    if not estimator.candidate:  # two workers that compile at once spoil the cache for each other
+        estimator.create().warm_up()
     started = time.perf_counter()
     result: Result = {
         "filter": estimator.name,
