@@ -54,7 +54,7 @@ CONSISTENT = 5.0  # mean over standard error of the windows' ratios
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
-SIGNIFICANT = 5.0  # standard deviations
+SIGNIFICANT = 6.0  # standard deviations
 LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
 AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
@@ -264,10 +264,10 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     """
     step, centre = finder.grid_step, CANDIDATES // 2
     used = centre + round(finder.delay / step)
-    if used == chosen:  # between two candidates: by the fine values alone
-        return True
-    distance = abs(finder.fine[0] - finder.delay)
     near = _used_windows(finder, chosen, windows)
+    if used == chosen:  # between two candidates: by the fine values alone
+        return bool(near >= FEWEST_AGREEING)
+    distance = abs(finder.fine[0] - finder.delay)
     agreeing = near > AGREEING * _valid_windows(finder, windows) and 2 * near > windows
     agreeing = agreeing and near > AGREEING * FEWEST_AGREEING
     agreeing = agreeing and abs(chosen - centre) < finder.reach
