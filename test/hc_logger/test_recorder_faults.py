@@ -146,6 +146,7 @@ for line in sys.stdin:
     child = os.fork()
     if child == 0:
         record(line.strip())
+        os._exit(0)  # or it would tell 0, and to kill that is to kill the test's own group
     print(child, flush=True)
 """
 
