@@ -97,7 +97,8 @@ def test_a_force_beyond_all_numbers_ends_no_viewer() -> None:
     assert statistics.recent_force_rmse_n == math.inf
     assert engineering(statistics.recent_force_rmse_n, "N") == NOTHING
     assert statistics.force_aligned_rmse_n == math.inf
-    assert json.loads(to_json(run_summary(RunState(statistics, 0.0, elapsed_s=2.0, samples=3), None)))
+    state = RunState(statistics, 0.0, elapsed_s=2.0, samples=3)
+    assert json.loads(to_json(run_summary(state, None)))
 
 
 def state_after(sequences: list[int], samples: int | None) -> RunState:
