@@ -11,6 +11,7 @@ import pytest
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.summary import run_summary, run_text, to_json
+from hc_bringup.terminal.numbers import NOTHING, engineering
 
 
 def estimate(sequence: int, **fields: Any) -> Any:
@@ -86,6 +87,18 @@ def test_force_error_counts_used_samples_in_contact_after_the_first_second() -> 
     assert statistics.force_rmse_n == pytest.approx(np.sqrt(np.mean(errors**2)))
     assert statistics.force_aligned_rmse_n == pytest.approx(0.5 * statistics.force_rmse_n)
     assert statistics.rejected == {"not_finite": 1}
+
+
+def test_a_force_beyond_all_numbers_ends_no_viewer() -> None:
+    """Its square is no number: once an OverflowError in whoever watched the run."""
+    statistics = EstimateStatistics()
+    for sequence in range(3):
+        statistics.add(estimate(sequence, force_predicted=-1e200, innovation_force=1e200))
+    assert statistics.recent_force_rmse_n == math.inf
+    assert engineering(statistics.recent_force_rmse_n, "N") == NOTHING
+    assert statistics.force_aligned_rmse_n == math.inf
+    state = RunState(statistics, 0.0, elapsed_s=2.0, samples=3)
+    assert json.loads(to_json(run_summary(state, None)))
 
 
 def state_after(sequences: list[int], samples: int | None) -> RunState:

@@ -89,6 +89,27 @@ def test_there_and_back_between_state_spaces_is_the_same(data):
     np.testing.assert_allclose(after.covariance, before.covariance, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("target", "space"), [k for k in KINDS if k[1] == "kinematic"])
+@pytest.mark.parametrize("source", ["paper", "kinematic"])
+def test_what_nobody_knows_is_guessed_anew(source, target, space, data):
+    """K or B of about 0 has no logarithm to go on from: it foretold forces of 1e22 N."""
+    first = create_estimator("ukf", state_space=source)
+    known(first, data)
+    state = first.state()
+    memory = state["memory"]
+    memory["state"][4] = 1e-12 if source == "paper" else -22.0
+    memory["covariance"][4] = [0.0] * 7
+    for i, row in enumerate(memory["covariance"]):
+        row[4] = 0.0 if i != 4 else 0.0025 if source == "paper" else 2e11
+    first.restore(state)
+    second = hand_over(first, create_estimator(target, state_space=space))
+    time_s = data[0][-1] + 0.001 * np.arange(1, 51)
+    goes_on = second.run(time_s, data[1][-50:], data[2][-50:])
+    foretold = goes_on.force_predicted
+    assert np.abs(foretold[np.isfinite(foretold)]).max() < 1000.0
+    assert 0.05 < goes_on.parameters[-1, 0] < 1.0
+
+
 def test_what_the_new_filter_holds_fixed_stays_fixed(data):
     first = create_estimator("ukf")
     known(first, data)

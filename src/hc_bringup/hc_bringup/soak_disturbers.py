@@ -16,6 +16,7 @@ import rclpy
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import qos_profile_parameters
 from rclpy.signals import SignalHandlerOptions
 
 from hc_estimator import available_filters, available_state_spaces
@@ -89,7 +90,10 @@ class ParameterStorm:
         executor = SingleThreadedExecutor(context=context)
         executor.add_node(node)
         change = node.create_client(
-            SetParametersAtomically, f"/{NODE_ESTIMATOR}/set_parameters_atomically"
+            SetParametersAtomically,
+            f"/{NODE_ESTIMATOR}/set_parameters_atomically",
+            # Of a service's usual queue of ten, answers that come at once after a wait are lost.
+            qos_profile=qos_profile_parameters,
         )
         look = node.create_client(GetParameters, f"/{NODE_ESTIMATOR}/get_parameters")
         due, stormed = time.monotonic(), False

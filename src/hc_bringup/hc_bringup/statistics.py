@@ -98,14 +98,15 @@ class EstimateStatistics:
         if message.contact:
             if math.isnan(self._first_contact_s):
                 self._first_contact_s = stamp_s
-            square = one_step_error(message.force_measured, message.force_predicted) ** 2
+            error = one_step_error(message.force_measured, message.force_predicted)
+            square = error * error  # ** raises where this is infinite
             if math.isnan(square):
                 return  # a sample without a force
             if stamp_s - self._first_contact_s >= SETTLING_S:
                 self._force_error_square_sum += square
                 self._force_errors += 1
                 if not math.isnan(message.innovation_force):
-                    self._aligned_square_sum += message.innovation_force**2
+                    self._aligned_square_sum += message.innovation_force * message.innovation_force
                     self._aligned_errors += 1
             self._recent_square_errors.append(square)
 

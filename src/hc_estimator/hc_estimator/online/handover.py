@@ -22,7 +22,9 @@ _CLOCK = ("started", "accepted", "last_time", "channel_time", "period")
 _STAMPS = ("state_time", "force_time")  # at the last sample, whatever delay was allowed for
 _THIRD = 2  # position of what the state spaces do not share: acceleration, or force
 _LOGARITHMIC = (3, 4)  # positions of K and B, which are logarithms in the kinematic state space
+_LOGARITHMIC_NAMES = ("stiffness", "damping")
 _SMALLEST = 1e-9  # K and B below this have no logarithm worth taking over
+_KNOWN_LOG_STD = 1.0  # K or B within a factor of e is known, whatever the target guessed
 
 
 def can_hand_over(source: Estimator, target: Estimator) -> bool:
@@ -60,6 +62,12 @@ def hand_over(source: Estimator, target: Estimator) -> Estimator:
     memory = after["memory"]
     known = giver.tell(before) if giver.tell else _plain(before)
     state, covariance = _converted(*known, source.state_space, target.state_space)
+    if target.state_space == "kinematic":
+        for i, name in zip(_LOGARITHMIC, _LOGARITHMIC_NAMES, strict=True):
+            if _tells_nothing(target, name, math.sqrt(covariance[i, i])):
+                own = target.configuration
+                value = math.log(float(own[f"initial_{name}"]))
+                keep(state, covariance, i, value, float(own[f"initial_{name}_log_std"]) ** 2)
     if taker.take:
         taker.take(memory, state, covariance)
     else:
@@ -120,6 +128,9 @@ def _guessing(source: Estimator, target: Estimator) -> Estimator:
         "initial_displacement_exponent_std": deviations[2],
         "initial_velocity_exponent_std": deviations[3],
     }
+    for name, log_std in zip(_LOGARITHMIC_NAMES, relative, strict=False):
+        if _tells_nothing(target, name, log_std):
+            del guess[f"initial_{name}"], guess[f"initial_{name}_log_std"]
     configuration: dict[str, object] = dict(target.configuration)
     for specification in target.specifications:
         value = guess.get(specification.name)
@@ -135,6 +146,16 @@ def _guessing(source: Estimator, target: Estimator) -> Estimator:
         contact_model=target.contact_model,
         **configuration,
     )
+
+
+def _tells_nothing(target: Estimator, name: str, log_std: float) -> bool:
+    """Whether the target's own first guess of K or B says more than a logarithm this uncertain.
+
+    A value of about 0 with any deviation has a logarithm of no end of deviation: sigma points
+    drawn from it foretell forces of 1e22 N.
+    """
+    own = target.configuration.get(f"initial_{name}_log_std")
+    return own is not None and log_std > max(float(own), _KNOWN_LOG_STD)
 
 
 def _converted(
