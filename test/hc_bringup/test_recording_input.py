@@ -150,7 +150,7 @@ def test_what_a_table_does_not_have_is_refused(tmp_path: Path, capsys, setting, 
     [
         (lambda t, d, f: (t, d - 2.0, -f), "sign", 1),
         (lambda t, d, f: (t, d / 1e3, f), "unit", 1),
-        (lambda t, d, f: (t, d, 2.0 * round(f / 2.0)), "steps", 0),
+        (lambda t, d, f: (t, d + 60.0, f), "far from zero", 0),
     ],
 )
 def test_parameters_that_are_not_the_tissues_end_with_status_1(
