@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from hc_bringup.diagnosis import assumed_line, diagnose
+from hc_bringup.diagnosis import assumed_line, diagnose, unbroken
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.input.sanity import check_samples
+from hc_sim_rig import Rig, load_scenario
 
 
 def presses():
@@ -61,3 +62,30 @@ def test_what_the_units_of_a_table_mean_is_said_for_a_person_to_judge():
     assert assumed_line(0.1 * depth, force, table=True).startswith(
         "read as: the tool moves by 0.528 mm"
     )
+
+
+def test_gaps_of_one_channel_are_no_delay():
+    """Regression: under load the live doctor told 2.0 ± 0.4 ms that were not there."""
+    time_s, depth, force = presses()
+    depth = np.where(np.arange(time_s.size) % 4 == 0, depth, np.nan)  # 125 Hz beside 500 Hz
+    for begin in (1.4, 2.4, 5.7, 6.4, 6.9):
+        depth[(time_s > begin) & (time_s < begin + 0.15)] = np.nan
+    part, _, _ = unbroken(time_s, depth, force)
+    assert (part[0], part[-1]) == pytest.approx((2.55, 5.7), abs=0.02)
+    findings = diagnose(time_s, depth, force).findings  # a line across the gaps: 3.0 ± 1.0 ms
+    assert not any("late" in finding.what for finding in findings), findings
+
+
+def test_readings_without_a_gap_stay_whole_and_with_gaps_everywhere_nothing_is_told():
+    time_s, depth, force = presses()
+    assert unbroken(time_s, depth, force)[0] is time_s
+    depth[(time_s % 1.0) < 0.2] = np.nan
+    with pytest.raises(ValueError, match="gaps everywhere"):
+        unbroken(time_s, depth, force)
+
+
+def test_tissue_that_varies_is_no_zero_that_is_off():
+    """Regression: of the demo over a lump "contact seems to begin at -2.14 ± 0.36 mm"."""
+    series = Rig(load_scenario("lump")).run(10.0)
+    findings = diagnose(series.time_s, series.displacement_mm, series.force_n).findings
+    assert not any(finding.settings for finding in findings), findings

@@ -145,6 +145,27 @@ def test_what_a_table_does_not_have_is_refused(tmp_path: Path, capsys, setting, 
     assert expected in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("change", "what", "status"),
+    [
+        (lambda t, d, f: (t, d - 2.0, -f), "sign", 1),
+        (lambda t, d, f: (t, d / 1e3, f), "unit", 1),
+        (lambda t, d, f: (t, d + 60.0, f), "far from zero", 0),
+    ],
+)
+def test_parameters_that_are_not_the_tissues_end_with_status_1(
+    tmp_path: Path, capsys, change, what, status
+) -> None:
+    path = write_table(tmp_path / "table.csv", change)
+    out = tmp_path / "estimates.csv"
+    assert main(["estimate", str(path), "--json", "-o", str(out)]) == status
+    told = capsys.readouterr()
+    assert len(json.loads(told.out)["suspicions"]) == 1, told.err
+    assert what in told.err.splitlines()[-1]
+    assert ("not the parameters of the tissue" in told.err) is (status == 1)
+    assert out.exists()
+
+
 def test_what_doctor_says_to_type_puts_a_table_right(tmp_path: Path, capsys) -> None:
     path = write_table(tmp_path / "pull.csv", lambda t, d, f: (t, d - 2.0, -f))
     assert main(["doctor", str(path), "--json"]) == 1

@@ -22,7 +22,13 @@ from rich.text import Text
 
 from hc_bringup.commands.run import show_ending
 from hc_bringup.dashboard.columns import COLUMNS, INDEX
-from hc_bringup.terminal.ending import Profile, draw_depth, draw_profile, find_lump
+from hc_bringup.terminal.ending import (
+    Profile,
+    _sentence_of_scan,
+    draw_depth,
+    draw_profile,
+    find_lump,
+)
 from hc_bringup.terminal.numbers import SteadyDecimals, decimals_of, engineering, file_size
 from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.sparkline import STEPS, sparkline
@@ -247,6 +253,15 @@ def test_a_lump_is_found_and_drawn_where_it_is() -> None:
 @pytest.mark.parametrize("profile", [scan(1.1), scan(2.0, 0.3), scan(3.0, math.inf)])
 def test_no_lump_is_made_up(profile: Profile) -> None:
     assert find_lump(profile) is None
+
+
+def test_a_lump_that_was_not_passed_has_no_place_yet() -> None:
+    """Regression: half way up the flank, "there is a lump" at the end of the way."""
+    whole = scan()
+    half = Profile(*(values[: np.argmax(whole.stiffness) - 2] for values in whole))
+    said = _sentence_of_scan(half)
+    assert said.startswith("The tissue grows harder up to "), said
+    assert _sentence_of_scan(whole).startswith("There is a lump: 12.0 mm")
 
 
 def test_one_stray_estimate_is_no_lump() -> None:

@@ -31,6 +31,10 @@ DISTURBED_SHARE = 0.05
 SYMBOLS = "KBnp"
 _LONGEST = 20_000
 """Samples that the slow comparison of the channels gets."""
+_GAP_STEPS = 5.0
+"""A step of a channel so many times its usual one is a gap: a line drawn across it looks late."""
+_LEAST_STRETCH_S = 2.0
+"""In a shorter time without a gap no delay can be told."""
 
 
 @dataclass(frozen=True)
@@ -209,7 +213,7 @@ def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:
 def _between_channels(samples: _Samples, before: Estimated | None) -> list[Finding]:
     """Look for a delay, and for zeros that the checks cannot see."""
     try:
-        even = evenly_spaced(samples.time_s, samples.displacement_mm, samples.force_n)
+        even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
         if not (moves(even[1]) and moves(even[2])):
             return []
         found = diagnose_channels(*(c[-_LONGEST:] for c in even))
@@ -234,16 +238,65 @@ def _between_channels(samples: _Samples, before: Estimated | None) -> list[Findi
     ):
         if name not in faults:
             continue
+        moved = _Samples(samples.time_s, samples.displacement_mm, samples.force_n)
         if name == "zero":
             what = f"the force's zero seems to be off by {value:.3g} ± {deviation:.2g} {unit}"
-            samples.force_n = samples.force_n - value
+            moved.force_n = samples.force_n - value
         else:
             what = f"contact seems to begin at {value:.3g} ± {deviation:.2g} {unit}, not at 0"
-            samples.displacement_mm = samples.displacement_mm - value
-        after = samples.estimate()
+            moved.displacement_mm = samples.displacement_mm - value
+        after = moved.estimate()
+        if _fits_worse(before, after):
+            continue  # one law was bent over tissue that varies: no zero is off
+        samples.displacement_mm, samples.force_n = moved.displacement_mm, moved.force_n
         findings.append(Finding(what, {key: round(value, 4)}, _cost(before, after, True)))
         before = after
     return findings
+
+
+def _fits_worse(before: Estimated | None, after: Estimated | None) -> bool:
+    """Whether a change makes the law fit less of the contact: then it puts nothing right."""
+    if before is None:
+        return False
+    return after is None or after.mismatch > before.mismatch + DISTURBED_SHARE
+
+
+def unbroken(
+    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the longest part of a recording in which neither channel has a gap.
+
+    Args:
+        time_s: stamps [s], shape (n,).
+        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
+        force_n: contact force [N], shape (n,); NaN where there is no reading.
+
+    Returns:
+        The three, unchanged where there is no gap.
+
+    Raises:
+        ValueError: if no part is long enough to tell a delay.
+    """
+    begins, ends = [], []
+    for channel in (displacement_mm, force_n):
+        known = np.sort(time_s[np.isfinite(channel) & np.isfinite(time_s)])
+        steps = np.diff(known)
+        if not (steps > 0.0).any():
+            continue
+        gaps = np.flatnonzero(steps > _GAP_STEPS * float(np.median(steps[steps > 0.0])))
+        begins.append(known[gaps])
+        ends.append(known[gaps + 1])
+    if not any(map(len, begins)):
+        return time_s, displacement_mm, force_n
+    gap_begins, gap_ends = np.sort(np.concatenate(begins)), np.sort(np.concatenate(ends))
+    starts = np.concatenate([[np.nanmin(time_s)], gap_ends])
+    stops = np.concatenate([gap_begins, [np.nanmax(time_s)]])
+    # Between the end of one gap and the begin of the next; gaps that overlap leave nothing.
+    longest = int(np.argmax(stops - starts))
+    if stops[longest] - starts[longest] < _LEAST_STRETCH_S:
+        raise ValueError("gaps everywhere")
+    inside = (time_s >= starts[longest]) & (time_s <= stops[longest])
+    return time_s[inside], displacement_mm[inside], force_n[inside]
 
 
 def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:

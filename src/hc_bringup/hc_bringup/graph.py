@@ -65,8 +65,12 @@ class Graph:
                 return False
         return True
 
-    def settle(self) -> None:
-        """Spin until discovery has brought nothing new for a while."""
+    def settle(self, expected: Callable[[], bool] = lambda: True) -> None:
+        """Spin until discovery has brought nothing new for a while.
+
+        Args:
+            expected: what is usually found; while it is not, the longest time is waited for it.
+        """
         seen, changed = None, time.monotonic()
         while True:
             now = time.monotonic()
@@ -76,7 +80,7 @@ class Graph:
             waited = now - self._started
             if waited >= _MOST_WAIT_S:
                 return
-            if waited >= _LEAST_WAIT_S and now - changed >= _QUIET_S:
+            if waited >= _LEAST_WAIT_S and now - changed >= _QUIET_S and expected():
                 return
             if not self.spin(0.05):
                 return

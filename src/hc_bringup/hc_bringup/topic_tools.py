@@ -43,8 +43,9 @@ def info(arguments: argparse.Namespace) -> int:
     from hc_bringup.graph import Graph, absolute
 
     with Graph() as graph:
-        graph.settle()
         name = absolute(arguments.topic)
+        # A busy machine tells of a subscriber long before it tells of the publisher.
+        graph.settle(expected=lambda: graph.node.count_publishers(name) > 0)
         types = dict(graph.topics(hidden=True)).get(name)
         if types is None:
             known = ", ".join(n for n, _ in graph.topics()) or "none"

@@ -96,6 +96,29 @@ def test_the_lump_is_found_and_said(
     assert page.complaints() == []
 
 
+def test_a_lump_that_was_not_passed_has_no_place_yet(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """Regression: half way up the flank, "a hard spot at 21.0 mm" of a lump at 15 mm."""
+    served = serve()
+    table = make_estimates(100)
+    table["model_mismatch"] = False
+    feed(served, table, make_stamps(table))
+    place = {name: index for index, name in enumerate(MAP_COLUMNS)}
+    cells = np.zeros((40, len(MAP_COLUMNS)))
+    cells[:, place["x"]] = np.arange(40) * 0.5 + 0.25
+    cells[:, place["count"]] = 5.0
+    cells[:, place["ln_K"]] = np.log(0.2 + 0.4 * np.exp(-(((cells[:, 0] - 22.0) / 4.0) ** 2)))
+    cells[:, place["n"]] = 1.6
+    cells[:, place["var_ln_K"]] = 1e-4
+    cells[:, place["deepest"]] = 4.0
+    served.server.publish_map(0, 0.5, cells)
+    opened(page, served, make_status)
+    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
+    page.wait(lambda: page.text("#headline").startswith("Harder up to 19.8 mm"), "the words")
+    assert page.complaints() == []
+
+
 def test_says_when_data_stop_and_comes_back(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:

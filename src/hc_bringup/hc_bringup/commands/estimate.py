@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
+import shlex
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,8 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 _LINES_AT_ONCE = 4096
+_UNUSABLE = {"sign": "the sign of a channel", "units": "the unit of a channel"}
+"""Checks by whose failure the parameters are of no use; with any other they are a warning."""
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
@@ -68,6 +71,13 @@ def run(arguments: argparse.Namespace) -> int:
         {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
     ]
     print(to_json(summary) if arguments.json else _text(summary))
+    wrong = [s for s in suspicions if s.check.value in _UNUSABLE]
+    if wrong:
+        what = " and ".join(dict.fromkeys(_UNUSABLE[s.check.value] for s in wrong))
+        raise UserError(
+            f"{arguments.input}: these are not the parameters of the tissue, for {what} is wrong: "
+            f"do what stands above them, or see hc doctor {shlex.quote(arguments.input)}"
+        )
     return 0
 
 

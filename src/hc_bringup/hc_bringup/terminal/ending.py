@@ -43,11 +43,15 @@ class Profile(NamedTuple):
 
 
 class Lump(NamedTuple):
-    """A hard spot: place [mm], how many times as stiff as around it, relative deviation."""
+    """A hard spot: place [mm], how many times as stiff as around it, relative deviation.
+
+    It is not passed where the way begins or ends at its stiffest: it may lie further on.
+    """
 
     x_mm: float
     factor: float
     relative_std: float
+    passed: bool
 
 
 def ending(data: RunData, width: int) -> list[Text]:
@@ -101,7 +105,8 @@ def find_lump(profile: Profile) -> Lump | None:
     stiffer_beside = max(float(profile.stiffness[i]) for i in beside) > 1.15 * usual
     if factor < LEAST_FACTOR or factor - 1.0 < 4.0 * relative * factor or not stiffer_beside:
         return None
-    return Lump(float(profile.x_mm[peak]), factor, relative)
+    passed = 1 < peak < len(profile.stiffness) - 2
+    return Lump(float(profile.x_mm[peak]), factor, relative, passed)
 
 
 def draw_profile(profile: Profile, width: int) -> list[Text]:
@@ -152,6 +157,11 @@ def _sentence_of_scan(profile: Profile) -> str:
     if lump is None:
         spread = 100.0 * float(np.std(profile.stiffness) / np.mean(profile.stiffness))
         return f"No lump along the way: the stiffness varies by {spread:.0f} %."
+    if not lump.passed:
+        return (
+            f"The tissue grows harder up to {lump.x_mm:.1f} mm, where the way ends: "
+            f"{lump.factor:.1f} times as stiff so far. Go further to find the lump."
+        )
     return (
         f"There is a lump: {lump.x_mm:.1f} mm along the way the tissue is {lump.factor:.1f} times "
         f"as stiff as around it, known to {max(1.0, 200.0 * lump.relative_std):.0f} %."

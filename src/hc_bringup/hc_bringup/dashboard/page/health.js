@@ -83,7 +83,9 @@ HC.sentences = function (store, map, status) {
   }
   const out = [];
   if (map && map.lump && map.kind !== "contacts") {
-    out.push(`A hard spot at ${HC.lumpPlace(map)}: ${HC.lumpFactor(map.lump)} as around it.`);
+    out.push(map.lump.passed
+      ? `A hard spot at ${HC.lumpPlace(map)}: ${HC.lumpFactor(map.lump)} as around it.`
+      : `Harder up to ${HC.lumpPlace(map)}, where the map ends: ${HC.lumpFactor(map.lump)} so far.`);
   }
   const K = store.last("K");
   const n = store.last("n");

@@ -79,6 +79,11 @@ HC.MapPanel = class {
     this.chart.plot.axes[1].label =
       this.kind === "plane" ? "across [mm]" : `stiffness at ${this.depth.toFixed(1)} mm [N/mm]`;
     this.lump = this.kind === "empty" ? null : HC.findLump(this.spots);
+    // Where the way ends at its stiffest, the lump has not been passed: it may lie further on.
+    if (this.lump && this.kind === "line") {
+      const [from, to] = HC.extent(this.spots.map((s) => s.x));
+      this.lump.passed = this.lump.x - from > 1.1 * this.cellMm && to - this.lump.x > 1.1 * this.cellMm;
+    }
     this.describeAll();
     this.chart.plot.setData([null, [[0, 1], [0, 1]]], true);
   }
@@ -136,7 +141,7 @@ HC.MapPanel = class {
   drawLump(ctx, px, py, box) {
     const { x, y, value } = this.lump;
     const ratio = devicePixelRatio;
-    const text = "hard spot: " + HC.lumpFactor(this.lump);
+    const text = (this.lump.passed ? "hard spot: " : "harder to here: ") + HC.lumpFactor(this.lump);
     const plane = this.kind === "plane";
     const [atX, atY] = [px(x), py(plane ? y : value)];
     ctx.strokeStyle = HC.palette.ink;
@@ -303,7 +308,7 @@ HC.findLump = function (spots) {
   if (!neighbours.some((s) => s.value > 1.15 * usual)) return null;
   const factor = peak.value / usual;
   const deviation = factor * Math.hypot(peak.deviation / peak.value, around.deviation / usual);
-  return { x: peak.x, y: peak.y, value: peak.value, factor, deviation };
+  return { x: peak.x, y: peak.y, value: peak.value, factor, deviation, passed: true };
 };
 
 /* How much harder, with two deviations; what is known better than to a tenth is not shown. */
