@@ -31,7 +31,7 @@ CALCULATED_ENOUGH = 8.0
 """The same in units of the least noise: an error in motion, not a noise that averages out."""
 CALCULATED_SPAN = 1.8
 """A calculated force is fitted once it is so many times the first of its approach. Where readings
-of the contact are lost, the first is one at depth, and a few of one depth do not say where it began.
+of the contact are lost, the first is one at depth: a few of one depth do not say where it began.
 Ours; measured in docs/teleoperation.md."""
 MOST_SAMPLES = 20_000
 SMALLEST_EXPONENT = 0.8
