@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from hc_evaluation.reproduction import ReproductionResult, available_experiments, load_experiment
+from hc_evaluation.reproduction.page import markdown
 from hc_evaluation.reproduction.tables import QUICK_BEGIN, QUICK_END, number, quick_numbers
 
 pytestmark = pytest.mark.slow  # a whole campaign: two minutes
@@ -28,6 +29,14 @@ def _marked(text: str) -> dict[tuple[str, str], str]:
     section = text[text.index(QUICK_BEGIN) : text.index(QUICK_END)]
     rows = re.findall(r"^\| (\w+) \| (.+?) \| (\S+) \|$", section, re.MULTILINE)
     return {(name, column): value for name, column, value in rows}
+
+
+def test_the_page_says_where_its_figures_come_from(quick_campaign: Campaign) -> None:
+    said = re.compile(r"^`hc reproduce [^`]+`, hc \S+ \(commit \w+", re.MULTILINE)
+    assert said.search(DOCUMENT.read_text(encoding="utf-8"))
+    origin = "`hc reproduce -o x`, hc 1.2.3 (commit 1a2b3c4), 2026-11-23."
+    assert f"on only.\n\n{origin}\n\nThe papers' claims" in markdown(quick_campaign[0], origin)
+    assert "on only.\n\nThe papers' claims" in markdown(quick_campaign[0])
 
 
 @pytest.mark.slow

@@ -291,36 +291,7 @@ def test_only_estimates_that_are_known_become_the_model() -> None:
     assert not source.current.sure
 
 
-# The controller that adapts.
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_impedance_keeps_its_bounds_whatever_is_estimated(
-    links: tuple[UdpLink, UdpLink], seed: int
-) -> None:
-    """Random models, sure and unsure, far from the tissue's, changed at random moments."""
-    dice = np.random.default_rng(seed)
-    arm = SlaveArm(impedance="adaptive")
-    master, slave = links[0], SlaveSide(Bilateral(slave=arm), links[1], -5.0, seed)
-    model, found = SlaveModel(), []
-    for k in range(4000):
-        if dice.random() < 0.01:
-            parameters = np.exp(dice.normal(size=4)) * (0.5, 0.01, 1.5, 1.0)
-            model = SlaveModel((*parameters.tolist(), dice.normal()), sure=dice.random() < 0.5)
-        hand = 4.0 * math.sin(2.0 * math.pi * 0.8e-3 * k) - 1.0
-        master.send(Datagram(MASTER, 0, 0, 0, 0, hand, 0.0, 0.0, 0.0), k * MS)
-        read = slave.step(k * MS, model)
-        found.append((read.stiffness, read.command_mm - read.position_mm, model.sure))
-        assert math.isfinite(read.effort_n)
-    stiffness, stretch, sure = np.array(found).T
-    assert stiffness.min() >= arm.stiffness_low - 1e-9
-    assert stiffness.max() <= arm.stiffness_high + 1e-9
-    change = np.diff(stiffness)
-    assert np.abs(change).max() <= arm.stiffness_rate * 1e-3 * (1.0 + 1e-9)
-    jump = np.abs(change * stretch[1:])
-    assert jump.max() <= arm.stiffness_force_rate_n_s * 1e-3 * (1.0 + 1e-9)
-    unsure = sure[1:] == 0.0
-    assert change[unsure].max() <= 1e-12  # unsure: only softer
+# The controller that adapts; its bounds: test_bilateral_guarantees.py.
 
 
 def test_stiffness_that_grows_while_stretched_is_paid_for(links: tuple[UdpLink, UdpLink]) -> None:

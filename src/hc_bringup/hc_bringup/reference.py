@@ -1,4 +1,4 @@
-"""Writes docs/reference/: commands, topics, parameters, Python, as the programs know them.
+"""Writes docs/reference/: commands, topics, parameters, Python, files, as the programs know them.
 
 `python -m hc_bringup.reference docs/reference` writes the pages and the JSON schemas by which an
 editor checks a parameter file or a scenario; test/suite/test_reference.py fails when one of them
@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from hc_bringup.cli import COMMANDS, command_parser
 from hc_bringup.reference_api import api_page
+from hc_bringup.reference_files import files_page
 from hc_msgs_py.specification import ParameterSpecification
 
 MESSAGES: Final = (
@@ -303,6 +304,7 @@ PAGES: Final[dict[str, Callable[[], str]]] = {
     "topics.md": topics_page,
     "parameters.md": parameters_page,
     "python.md": functools.partial(api_page, _WRITTEN),
+    "files.md": functools.partial(files_page, _WRITTEN),
     "parameters.schema.json": parameters_schema,
     "scenario.schema.json": scenario_schema,
 }

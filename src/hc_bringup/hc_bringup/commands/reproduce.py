@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from hc_bringup.about import origin_line
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural
 
@@ -44,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
                 output=Path(arguments.output),
                 workers=arguments.workers,
                 progress=progress,
+                origin=origin_line(),
             )
     except ReproductionError as error:
         raise UserError(str(error), WRONG_USE) from error

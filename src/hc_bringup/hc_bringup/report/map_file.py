@@ -15,6 +15,7 @@ from hc_bringup.report.palpation_map import StiffnessMap
 
 PICTURES: Final = (".png", ".svg", ".pdf")
 SUFFIXES: Final = (*PICTURES, ".csv", ".ply")
+COLUMNS: Final = ("x [mm]", "y [mm]", "stiffness [N/mm]", "low [N/mm]", "high [N/mm]", "known")
 COLOURS: Final = "viridis"
 
 
@@ -126,7 +127,7 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
 
 
 def _csv(found: StiffnessMap) -> bytes:
-    lines = ["x [mm],y [mm],stiffness [N/mm],low [N/mm],high [N/mm],known"]
+    lines = [",".join(COLUMNS)]
     factor = np.exp(2.0 * found.log_std)
     for row, y in enumerate(found.y_mm):
         for column, x in enumerate(found.x_mm):

@@ -29,6 +29,10 @@ ENOUGH = 100.0
 """Force in units of its noise up to which the approach is fitted: shallow, so that one n fits."""
 CALCULATED_ENOUGH = 8.0
 """The same in units of the least noise: an error in motion, not a noise that averages out."""
+CALCULATED_SPAN = 1.8
+"""A calculated force is fitted once it is so many times the first of its approach. Where readings
+of the contact are lost, the first is one at depth: a few of one depth do not say where it began.
+Ours; measured in docs/teleoperation.md."""
 MOST_SAMPLES = 20_000
 SMALLEST_EXPONENT = 0.8
 LARGEST_EXPONENT = 3.0
@@ -88,7 +92,9 @@ class SurfaceFinder:
         self._approach.append((displacement_mm, excess))
         level = ENOUGH * deviation
         if self._least_noise > 0.0:
-            level = CALCULATED_ENOUGH * self._least_noise
+            level = max(
+                CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * self._approach[0][1]
+            )
         enough = excess > level or len(self._approach) >= MOST_SAMPLES
         if self._above < CONFIRMATIONS or not enough:
             return None

@@ -192,7 +192,7 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("contact", _plain("name")),
         ("ms off, median", _plain("error")),
         ("9 of 10 below", _plain("error_90")),
-        ("its deviation", _plain("told")),
+        ("its deviation", _plain("delay_std_ms")),
         ("K off, median", _share("K")),
         ("9 of 10", _share("K_90")),
         ("B off, median", _share("B")),

@@ -100,7 +100,7 @@ def _row(name: str, runs: Sequence[Numbers]) -> Row:
         "name": name,
         "error": 1e3 * float(np.median(delay)),
         "error_90": 1e3 * float(np.quantile(delay, USUAL)),
-        "told": 1e3 * float(np.median(deviations)),
+        "delay_std_ms": 1e3 * float(np.median(deviations)),
         "K": float(np.median(columns["K"])),
         "K_90": float(np.quantile(columns["K"], USUAL)),
         "B": float(np.median(columns["B"])),
@@ -145,7 +145,7 @@ def recorded_run(task: tuple[Setup, str, str]) -> Row:
         "name": name,
         "ratio": held / floor,
         "delay_ms": 1e3 * float(series.channel_delay[-1]),
-        "told": 1e3 * float(series.channel_delay_std[-1]),
+        "delay_std_ms": 1e3 * float(series.channel_delay_std[-1]),
         "changes": float(np.count_nonzero(series.change_detected)),
         "mismatch": float(np.mean(series.model_mismatch)),
     }

@@ -70,6 +70,7 @@ def run_reproduction(
     output: Path,
     workers: int = 2,
     progress: Progress | None = None,
+    origin: str = "",
 ) -> ReproductionResult:
     """Run the papers' experiments and write what came out.
 
@@ -84,6 +85,7 @@ def run_reproduction(
         output: folder for the results; made if it does not exist.
         workers: processes; the numbers do not depend on it.
         progress: called with an experiment's name, its finished seeds, and all of them.
+        origin: a line for the page that says where its figures come from.
 
     Returns:
         Scores of every seed, and the files.
@@ -108,6 +110,6 @@ def run_reproduction(
     results = output / RESULTS
     results.write_text(json.dumps(_finite(everything), indent=1) + "\n", encoding="utf-8")
     page = output / PAGE
-    page.write_text(markdown(result), encoding="utf-8")
+    page.write_text(markdown(result, origin), encoding="utf-8")
     result.files += [table, results, page]
     return result

@@ -87,10 +87,19 @@ class MasterSide:
         move_hand(0.0, 0.0, 0.0, 0.0, self._constants, y)
 
     def forget_motion(self) -> None:
-        """The hand is not seen: when it is seen again, it has not moved meanwhile."""
+        """The hand is not seen and gets no force: when it is seen again, it is as at first contact.
+
+        It may be deep in the rendered tissue by then, without having done the work: the surface
+        begins under it anew, and what the spring held is given up.
+        """
         self._begun = False
-        self._memory[layout.MEMORY_FORCE_BEFORE] = 0.0
-        self._memory[layout.MEMORY_MASTER_VELOCITY] = 0.0
+        for place in (
+            layout.MEMORY_FORCE_BEFORE,
+            layout.MEMORY_MASTER_VELOCITY,
+            layout.MEMORY_RENDERED,
+            layout.MEMORY_ELASTIC,
+        ):
+            self._memory[place] = 0.0
 
     def step(self, now_ns: int, position_mm: float, lateral_mm: float) -> MasterSample:
         """One sample: take what came, render, send.
