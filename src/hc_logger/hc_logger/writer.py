@@ -17,7 +17,6 @@ from typing import Any
 
 from mcap.writer import CompressionType, IndexType, Writer
 
-from hc_logger.chunk_index import PackedChunkIndex
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, BagExistsError
 from hc_logger.metadata import (
@@ -55,7 +54,8 @@ class BagWriter:
             custom_data: texts that go into the metadata (configuration, seed, version).
             chunk_bytes: size at which a chunk is compressed and written.
             max_file_bytes: begin a new file when one has got this large (on the disk, at most a
-                chunk more); 0 for no limit. The index of a file is kept, packed, until then.
+                chunk more); 0 for no limit. It also bounds memory: the index of a file is kept
+                until the file is finished.
             max_file_duration_s: begin a new file after so many seconds of log time; 0 as above.
 
         Raises:
@@ -102,8 +102,6 @@ class BagWriter:
             compression=CompressionType.ZSTD,
             index_types=IndexType.ALL,
         )
-        # The package's list of objects grows by 140 MB an hour; requirements.in holds its version.
-        self._writer._Writer__chunk_indices = PackedChunkIndex()
         self._writer.start(profile="ros2", library=LIBRARY)
         self._counts_at_open = [topic.message_count for topic in self._topics]
         self._schemas.clear()
