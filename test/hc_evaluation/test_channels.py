@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hc_estimator import create_estimator
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder, load
 from hc_evaluation.accuracy.scenarios import simulate
+from hc_evaluation.accuracy.separation import SEPARATIONS
 from hc_evaluation.channels import diagnose_channels, evenly_spaced
 
 needs_recordings = pytest.mark.skipif(
@@ -83,3 +85,13 @@ def test_gaps_are_not_filled_up_until_the_memory_is_full():
         evenly_spaced(night, values, values)
     with pytest.raises(ValueError, match="no times of measurement"):
         evenly_spaced(time_s * 1e-310, values, values)
+
+
+@pytest.mark.parametrize("seed", [100_014, 100_034])
+def test_the_default_filter_takes_no_small_delay_from_a_few_windows(seed):
+    """Regression: where the tissue lets go, four windows passed for five deviations from none."""
+    scenario = next(s for s in SEPARATIONS if s.name == "viscous_500hz")
+    contact = simulate(scenario, seed)
+    readings = contact.time_s, contact.displacement_mm, contact.force_n
+    series = create_estimator("self_tuning_ukf").run(*readings)
+    assert np.all(series.channel_delay == 0.0)
