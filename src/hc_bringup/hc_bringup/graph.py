@@ -70,6 +70,9 @@ class Graph:
 
         Args:
             expected: what is usually found; while it is not, the longest time is waited for it.
+
+        Raises:
+            KeyboardInterrupt: if a signal asks to end: what is known by then is not an answer.
         """
         seen, changed = None, time.monotonic()
         while True:
@@ -83,7 +86,7 @@ class Graph:
             if waited >= _LEAST_WAIT_S and now - changed >= _QUIET_S and expected():
                 return
             if not self.spin(0.05):
-                return
+                raise KeyboardInterrupt
 
     def node_names(self, *, hidden: bool = False) -> list[str]:
         """Return full names of all nodes but this one; those that start with _ are hidden."""
