@@ -85,10 +85,11 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
         noise: variance of the displacement [mm^2].
         constant: False where tissue or surface seem to vary: that looks like a small delay.
     """
-    finder.velocity_variance = grids.velocity_variance(finder, noise)
     if finder.neighbours > 0:
         readings = grids.readings_of(finder)
         finder.velocity_variance = smoothing.velocity_variance(finder, noise, readings)
+    else:
+        finder.velocity_variance = grids.velocity_variance(finder, noise)
     if finder.windows == 0:
         finder.velocity_exponent = settings.initial_velocity_exponent
     if find_contact(finder) < max(LEAST_SHARE * finder.points, FEWEST_POINTS):
@@ -159,7 +160,8 @@ def _join(settings: Any, finder: Any, chosen: int) -> bool:
     of_p = 1.0 / max(deviation, SMALLEST_DEVIATION) ** 2
     vector_p = of_p * settings.initial_velocity_exponent
     of_delay, both, vector = 0.0, 0.0, 0.0
-    used, windows = 0, min(finder.windows, WINDOWS)
+    windows = min(finder.windows, WINDOWS)
+    used = _used_windows(finder, chosen, windows)
     for w in range(windows):
         if _is_used(finder, w, chosen):
             information = finder.fine_information[w]
@@ -168,7 +170,6 @@ def _join(settings: Any, finder: Any, chosen: int) -> bool:
             of_p += information[2]
             vector += finder.fine_vector[w, 0]
             vector_p += finder.fine_vector[w, 1]
-            used += 1
     known = of_delay - both * both / of_p
     if used < FEWEST_DECISIVE or not known > 0.0:
         return False
@@ -245,11 +246,10 @@ def _valid_windows(finder: Any, windows: int) -> int:
 
 @compiled
 def _each_decides(finder: Any, chosen: int, windows: int) -> bool:
-    """True if each window near the chosen candidate is enough by itself, and most are near it."""
-    used = CANDIDATES // 2 + round(finder.delay / finder.grid_step)
+    """True if each window near the chosen candidate is enough against none, and most are near."""
     total = 0.0
     for w in range(windows):
-        lead = finder.profile[w, used] - finder.profile[w, chosen]
+        lead = finder.profile[w, CANDIDATES // 2] - finder.profile[w, chosen]
         if lead < (DECISIVE if _is_used(finder, w, chosen) else 0.0):
             return False
         total += lead

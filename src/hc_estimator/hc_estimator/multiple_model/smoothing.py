@@ -38,7 +38,12 @@ def smooth(finder: Any) -> None:
     + reach; the margin of the grid holds the neighbours of these.
     """
     m, step = finder.neighbours, finder.grid_step
-    grid = finder.grid
+    grid, sums = finder.grid, finder.sums
+    count, squares, fourths = 2 * m + 1, 0.0, 0.0
+    for j in range(-m, m + 1):
+        squares += j**2
+        fourths += j**4
+    determinant = count * fourths - squares * squares
     for k in range(-finder.reach - 1, finder.points + finder.reach + 1):
         here = finder.first + k
         slot = here % GRID
@@ -47,22 +52,15 @@ def smooth(finder: Any) -> None:
             for i in range(4):
                 finder.smooth[slot, i] = point[i]
             continue
-        squares, fourths = 0.0, 0.0
-        sums = finder.sums
         for i in range(6):
             sums[i] = 0.0
         for j in range(-m, m + 1):
-            square = float(j * j)
-            squares += square
-            fourths += square * square
             near = grid[(here + j) % GRID]
             for i in range(2):
                 value = near[3 * i] - point[3 * i]
                 sums[3 * i] += value
                 sums[3 * i + 1] += j * value
-                sums[3 * i + 2] += square * value
-        count = 2 * m + 1
-        determinant = count * fourths - squares * squares
+                sums[3 * i + 2] += j * j * value
         finder.smooth[slot, 0] = point[0] + (fourths * sums[0] - squares * sums[2]) / determinant
         finder.smooth[slot, 1] = sums[1] / (squares * step)
         finder.smooth[slot, 2] = (

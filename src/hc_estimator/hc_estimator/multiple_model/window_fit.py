@@ -41,10 +41,8 @@ def gather(finder: Any, delay: float) -> int:
         if finder.in_contact[k] == 0:
             continue
         here = finder.first + k
-        after, before = (
-            finder.smooth[(here - shift) % GRID],
-            finder.smooth[(here - shift - 1) % GRID],
-        )
+        after = finder.smooth[(here - shift) % GRID]
+        before = finder.smooth[(here - shift - 1) % GRID]
         # Cubics between two points: by the second derivative of one point alone the noise would
         # grow with the way from it, and least squares would keep to the points.
         bend = rest * (1.0 - rest) * step * (after[1] - before[1])
@@ -73,13 +71,13 @@ def find_contact(finder: Any) -> int:
     for k in range(finder.points):
         largest = max(largest, finder.grid[(finder.first + k) % GRID, 3])
     count = 0
+    margin = finder.reach + finder.neighbours
     for k in range(finder.points):
         here = finder.first + k
         inside = True
         for j in range(-finder.neighbours, finder.neighbours + 1):
             if not finder.grid[(here + j) % GRID, 3] > LEAST_FORCE * largest:
                 inside = False
-        margin = finder.reach + finder.neighbours
         for j in range(-margin, margin + 1):
             if finder.grid[(here - j) % GRID, 0] < LEAST_DEPTH:
                 inside = False
