@@ -17,7 +17,7 @@ from hc_evaluation.accuracy.recordings import RECORDINGS, batch_fit, causal_fit,
 from hc_evaluation.accuracy.run import EXPERIMENTS, run_accuracy
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.simulated import quiet_rows
-from hc_evaluation.accuracy.table import markdown_table, text_table, write_tables
+from hc_evaluation.accuracy.table import markdown_tables, text_table, write_tables
 
 needs_recordings = pytest.mark.skipif(
     data_folder() is None, reason="the recordings in ../shared/data are absent"
@@ -135,7 +135,7 @@ def test_tables_hold_every_row_and_target(small_result, tmp_path: Path):
     assert page.startswith("before\n")
     assert page.endswith("<!-- end -->\nafter")
     assert "replace me" not in page
-    assert markdown_table("excitation", experiment) in page
+    assert "\n\n".join(markdown_tables("excitation", experiment).values()) in page
     write_tables(small_result, document)
     assert document.read_text() == page
     document.write_text("<!-- accuracy excitation -->\n")

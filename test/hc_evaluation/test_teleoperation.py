@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hc_estimator.kinds import DEFAULT_FILTER
+from hc_evaluation import places
 from hc_evaluation.teleoperation import bench, effort, table
 from hc_evaluation.teleoperation.scores import (
     force_at_the_hand,
@@ -196,8 +197,8 @@ def test_the_bounds_hold_with_every_filter_over_all_delays(filter: str, round_tr
 
 def test_the_document_takes_the_table(result: dict, tmp_path) -> None:
     path = tmp_path / "page.md"
-    path.write_text(f"before\n<!-- teleoperation -->\nold\n{table.END}\nafter\n")
-    table.write_table("teleoperation", table.markdown_table(result), "Said.", path)
+    path.write_text(f"before\n<!-- teleoperation -->\nold\n{places.END}\nafter\n")
+    places.write_place(path, "teleoperation", "Said.", {"": table.markdown_table(result)})
     text = path.read_text()
     assert text.startswith("before\n")
     assert text.endswith("after\n")
@@ -206,7 +207,7 @@ def test_the_document_takes_the_table(result: dict, tmp_path) -> None:
     assert text.count("| direct |") == 2
     path.write_text("nothing")
     with pytest.raises(ValueError, match="no lines"):
-        table.check_document(path, "teleoperation")
+        places.check_places(path, "teleoperation")
 
 
 @pytest.mark.slow

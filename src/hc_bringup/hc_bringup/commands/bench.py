@@ -13,6 +13,7 @@ from hc_bringup.options import natural, positive
 from hc_msgs_py.realtime import DEFAULT_PRIORITY
 
 HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the documents"
+_DOCUMENT = "write tables into this document and the pages of its evidence/, CSV there"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--quick", action="store_true", help="one seed, the default filter only"
     )
     teleoperation.add_argument(
-        "--document", metavar="FILE.md", help="write the table into this document, pictures beside"
+        "--document", metavar="FILE.md", help=f"{_DOCUMENT}, pictures beside"
     )
     effort = commands.add_parser(
         "effort", help="teleoperation without a force sensor, by noise and friction"
@@ -101,18 +102,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     impedance.add_argument("--quick", action="store_true", help="one seed")
     for command in (effort, impedance):
-        command.add_argument(
-            "--document", metavar="FILE.md", help="write the tables into this document"
-        )
+        command.add_argument("--document", metavar="FILE.md", help=_DOCUMENT)
     viewers = commands.add_parser(
         "viewers", help="what 0, 1 and 5 viewers of the live page cost, one of them stalled"
     )
     viewers.add_argument(
         "--duration", type=positive, default=30.0, metavar="S", help="of each (30)"
     )
-    accuracy.add_argument(
-        "--document", metavar="FILE.md", help="write the tables into this document, pictures beside"
-    )
+    accuracy.add_argument("--document", metavar="FILE.md", help=f"{_DOCUMENT}, pictures beside")
     measured = (
         speed,
         arrays,
@@ -211,8 +208,8 @@ def _accuracy(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import counted_bar
     from hc_bringup.summary import to_json
     from hc_evaluation.accuracy.pictures import write_pictures
-    from hc_evaluation.accuracy.run import run_accuracy
-    from hc_evaluation.accuracy.table import text_table, write_tables
+    from hc_evaluation.accuracy.run import EXPERIMENTS, run_accuracy
+    from hc_evaluation.accuracy.table import markdown_tables, text_table, write_tables
 
     document = Path(arguments.document) if arguments.document is not None else None
     if document is not None and not document.is_file():
@@ -222,10 +219,14 @@ def _accuracy(arguments: argparse.Namespace) -> int:
             result = run_accuracy(
                 arguments.names, arguments.seeds, quick=arguments.quick, progress=progress
             )
+            short = [n for n in result["experiments"] if not EXPERIMENTS[n].by_name_only]
+            once = run_accuracy(short, 1, progress=progress) if document and short else None
     except ValueError as error:
         raise UserError(str(error), WRONG_USE) from error
     if document is not None:
         write_tables(result, document, origin_line())
+        for name, experiment in once["experiments"].items() if once else ():
+            _keep(document, {f"accuracy {name}": markdown_tables(name, experiment)[""]})
         pictures = document.parent / "pictures"
         pictures.mkdir(exist_ok=True)
         write_pictures(result, pictures)
@@ -270,13 +271,13 @@ def _soak(arguments: argparse.Namespace) -> int:
 
 def _document(arguments: argparse.Namespace, *names: str) -> Path | None:
     """The document that tables are to be written into, if one was named; it has their places."""
-    from hc_evaluation.teleoperation.table import check_document
+    from hc_evaluation.places import check_places
 
     if arguments.document is None:
         return None
     document = Path(arguments.document)
     try:
-        check_document(document, *names)
+        check_places(document, *names)
     except (OSError, ValueError) as error:
         raise UserError(f"cannot write into {document}: {error}", WRONG_USE) from error
     return document
@@ -288,18 +289,36 @@ def _said(result: Mapping[str, Any]) -> str:
     return f"{seeds} seed{'s' if seeds > 1 else ''}. {origin_line()}"
 
 
+def _fill(document: Path, tables: Mapping[str, str], said: str) -> None:
+    """Write tables into their places."""
+    from hc_evaluation.places import write_place
+
+    for name, table in tables.items():
+        write_place(document, name, said, {"": table})
+
+
+def _keep(document: Path, tables: Mapping[str, str]) -> None:
+    """Keep what one seed gave: a test runs it again and tells when the page has grown too old."""
+    from hc_evaluation.places import keep_first_seed
+
+    for name, table in tables.items():
+        keep_first_seed(document, name, f"1 seed. {origin_line()}", table)
+
+
 def _teleoperation(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import counted_bar
     from hc_bringup.summary import to_json
     from hc_evaluation.teleoperation.bench import run_teleoperation
     from hc_evaluation.teleoperation.pictures import write_pictures
-    from hc_evaluation.teleoperation.table import markdown_table, text_table, write_table
+    from hc_evaluation.teleoperation.table import markdown_table, text_table
 
     document = _document(arguments, "teleoperation")
     with counted_bar() as progress:
         result = run_teleoperation(quick=arguments.quick, progress=progress)
     if document is not None:
-        write_table("teleoperation", markdown_table(result), _said(result), document)
+        _fill(document, {"teleoperation": markdown_table(result)}, _said(result))
+        once = run_teleoperation(quick=True)
+        _keep(document, {"teleoperation": markdown_table(once)})
         pictures = document.parent / "pictures"
         pictures.mkdir(exist_ok=True)
         write_pictures(result, pictures)
@@ -311,14 +330,13 @@ def _effort(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_bringup.summary import to_json
     from hc_evaluation.teleoperation.effort import PLACES, markdown_tables, run_effort, text_tables
-    from hc_evaluation.teleoperation.table import write_table
 
     document = _document(arguments, *PLACES)
     with progress_bar("effort") as progress:
         result = run_effort(quick=arguments.quick, progress=progress)
     if document is not None:
-        for name, table in markdown_tables(result).items():
-            write_table(name, table, _said(result), document)
+        _fill(document, markdown_tables(result), _said(result))
+        _keep(document, markdown_tables(run_effort(quick=True)))
     print(to_json(result) if arguments.json else text_tables(result))
     return 0
 
@@ -327,13 +345,13 @@ def _impedance(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_bringup.summary import to_json
     from hc_evaluation.teleoperation.impedance import run_impedance, text_table
-    from hc_evaluation.teleoperation.table import write_table
 
     document = _document(arguments, "impedance")
     with progress_bar("impedance") as progress:
         result = run_impedance(quick=arguments.quick, progress=progress)
     if document is not None:
-        write_table("impedance", text_table(result), _said(result), document)
+        _fill(document, {"impedance": text_table(result)}, _said(result))
+        _keep(document, {"impedance": text_table(run_impedance(quick=True))})
     print(to_json(result) if arguments.json else text_table(result))
     return 0
 

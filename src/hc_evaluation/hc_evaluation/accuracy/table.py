@@ -7,6 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from hc_evaluation.accuracy.columns import COLUMNS, TARGET_COLUMNS, Column, Row
+from hc_evaluation.accuracy.run import EXPERIMENTS
+from hc_evaluation.places import names_of, places_of, write_place
+
+SUMMARY = "accuracy summary"
+"""Place of the table of all experiments."""
 
 
 def _cells(columns: Sequence[Column], rows: Sequence[Row]) -> list[list[str]]:
@@ -55,22 +60,22 @@ def text_table(result: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def markdown_table(name: str, experiment: Mapping[str, Any]) -> str:
-    """One experiment as a Markdown table, its targets below.
+def markdown_tables(name: str, experiment: Mapping[str, Any]) -> dict[str, str]:
+    """One experiment as Markdown: its table, and that of its targets.
 
     Args:
         name: the experiment.
         experiment: its part of what `run.run_accuracy` returned.
 
     Returns:
-        Markdown; a sentence where it was skipped.
+        Markdown by what is added to the name of its CSV; a sentence where it was skipped.
     """
     if "skipped" in experiment:
-        return f"Skipped: {experiment['skipped']}."
-    parts = [_markdown(_cells(COLUMNS[name], experiment["rows"]))]
+        return {"": f"Skipped: {experiment['skipped']}."}
+    tables = {"": _markdown(_cells(COLUMNS[name], experiment["rows"]))}
     if experiment["targets"]:
-        parts.append(_markdown(_cells(TARGET_COLUMNS, experiment["targets"])))
-    return "\n\n".join(parts)
+        tables["targets"] = _markdown(_cells(TARGET_COLUMNS, experiment["targets"]))
+    return tables
 
 
 def _markdown(table: Sequence[Sequence[str]]) -> str:
@@ -78,36 +83,51 @@ def _markdown(table: Sequence[Sequence[str]]) -> str:
     return "\n".join([lines[0], "|" + " --- |" * len(table[0]), *lines[1:]])
 
 
-def write_tables(result: Mapping[str, Any], path: Path, origin: str = "") -> tuple[str, ...]:
-    """Replace the tables in a Markdown document by newly measured ones.
-
-    A table stands between the lines `<!-- accuracy NAME -->` and `<!-- end -->`.
+def write_tables(result: Mapping[str, Any], document: Path, origin: str = "") -> tuple[str, ...]:
+    """Replace the tables of a document and of its evidence by newly measured ones (`places`).
 
     Args:
         result: what `run.run_accuracy` returned.
-        path: the document; written in place.
+        document: it, or pages of its evidence, have the places `accuracy NAME`.
         origin: command and commit that the tables come from, a sentence.
 
     Returns:
         Names of the experiments whose tables were replaced.
 
     Raises:
-        ValueError: a table's end is missing.
+        OSError: a file cannot be read or written.
+        ValueError: a place has no end.
     """
-    lines = path.read_text(encoding="utf-8").split("\n")
+    wanted = names_of(document)
     replaced = []
     for name, experiment in result["experiments"].items():
-        start = f"<!-- accuracy {name} -->"
-        if start not in lines:
+        if f"accuracy {name}" not in wanted:
             continue
-        first = lines.index(start)
-        if "<!-- end -->" not in lines[first:]:
-            raise ValueError(f"{path}: no line <!-- end --> after {start}")
-        last = lines.index("<!-- end -->", first)
-        seeds = experiment.get("seeds", result["seeds"])
-        said = f"{seeds} seeds from {result['first_seed']}. {origin}".rstrip()
-        table = markdown_table(name, experiment)
-        lines[first : last + 1] = [start, f"{said}\n", *table.split("\n"), "<!-- end -->"]
+        said = _said(result, experiment, origin)
+        write_place(document, f"accuracy {name}", said, markdown_tables(name, experiment))
         replaced.append(name)
-    path.write_text("\n".join(lines), encoding="utf-8")
+    if SUMMARY in wanted and replaced:
+        write_place(document, SUMMARY, origin, {"": summary(document)})
     return tuple(replaced)
+
+
+def _said(result: Mapping[str, Any], experiment: Mapping[str, Any], origin: str) -> str:
+    seeds = experiment.get("seeds", result["seeds"])
+    return f"{seeds} seed{'s' if seeds > 1 else ''} from {result['first_seed']}. {origin}".rstrip()
+
+
+def summary(document: Path) -> str:
+    """What each experiment asks and how many of its targets are met, as its page says."""
+    table = [["experiment", "what it asks", "targets met", "not met"]]
+    places = {place.name: place for place in places_of(document)}
+    for name, asked in EXPERIMENTS.items():
+        place = places.get(f"accuracy {name}")
+        if place is None or not place.tables or place.tables[-1][0][0] != TARGET_COLUMNS[0][0]:
+            continue
+        rows = place.tables[-1][1:]
+        missed = [row[0] for row in rows if row[-1] != "yes"]
+        link = f"[{name}]({place.page.relative_to(document.parent).as_posix()})"
+        met = f"{len(rows) - len(missed)} of {len(rows)}"
+        more = f"; {len(missed) - 1} more" if len(missed) > 1 else ""
+        table.append([link, asked.summary, met, f"{''.join(missed[:1])}{more}"])
+    return _markdown(table)

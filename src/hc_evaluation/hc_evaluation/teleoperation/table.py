@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
-END = "<!-- end -->"
 Row = Mapping[str, Any]
 
 
@@ -72,41 +70,3 @@ def markdown_table(result: Mapping[str, Any]) -> str:
     lines = ["| " + " | ".join(line) + " |" for line in table]
     lines.insert(1, "|" + " --- |" * len(COLUMNS))
     return "\n".join(lines)
-
-
-def check_document(path: Path, *names: str) -> None:
-    """Find the places of tables in a document: between `<!-- NAME -->` and `<!-- end -->`.
-
-    Raises:
-        OSError: it cannot be read.
-        ValueError: it has no place for one of the tables.
-    """
-    text = path.read_text(encoding="utf-8")
-    for name in names:
-        _around(text, name)
-
-
-def write_table(name: str, table: str, said: str, path: Path) -> None:
-    """Replace one table in a document.
-
-    Args:
-        name: of the table's place.
-        table: in Markdown.
-        said: how it was measured: seeds, command and commit.
-        path: the document; written in place.
-
-    Raises:
-        OSError: it cannot be read or written.
-        ValueError: the document has no such place.
-    """
-    before, after = _around(path.read_text(encoding="utf-8"), name)
-    path.write_text(f"{before}<!-- {name} -->\n{said}\n\n{table}\n{END}{after}", encoding="utf-8")
-
-
-def _around(text: str, name: str) -> tuple[str, str]:
-    """What stands before and after a table."""
-    before, start, rest = text.partition(f"<!-- {name} -->")
-    _, end, after = rest.partition(END)
-    if not (start and end):
-        raise ValueError(f"it has no lines <!-- {name} --> and {END}")
-    return before, after
