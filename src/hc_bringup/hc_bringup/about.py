@@ -18,28 +18,47 @@ def version_line() -> str:
     The commit is that of the checkout, or the one that the wheel was built from. "changed" says
     that files which git knows differ from it.
     """
-    commit = _checked_out() or _built_from()
-    return f"hc {VERSION} ({f'commit {commit}' if commit else 'commit unknown'})"
+    return _version(".")
 
 
 def origin_line() -> str:
-    """Say where figures of this moment come from: the command, the version and commit, the day."""
+    """Say where figures of this moment come from: the command, the version and commit, the day.
+
+    "changed" says that sources or settings differ from the commit; a page that was written just
+    now does not make the next figures others.
+    """
     command = shlex.join(["hc", *sys.argv[1:]])
-    return f"`{command}`, {version_line()}, {date.today().isoformat()}."
+    return f"`{command}`, {_version('src', 'config')}, {date.today().isoformat()}."
 
 
-def _checked_out() -> str:
-    """The commit of the checkout, or nothing without a checkout or without git."""
+def _version(*judged: str) -> str:
+    commit = _checked_out(judged) or _built_from()
+    return f"hc {VERSION} ({f'commit {commit}' if commit else 'commit unknown'})"
+
+
+def _checked_out(judged: tuple[str, ...]) -> str:
+    """The commit of the checkout, and whether the files judged differ from it.
+
+    Nothing without a checkout or without git.
+    """
     root = checkout_root()
     if root is None or not (root / ".git").exists():
         return ""
-    words = ("describe", "--always", "--exclude=*", "--abbrev=7", "--dirty=, changed")
+    git = ("git", "-C", str(root))
     try:
-        return subprocess.run(
-            ["git", "-C", str(root), *words], capture_output=True, text=True, check=True, timeout=20
+        commit = subprocess.run(
+            [*git, "describe", "--always", "--exclude=*", "--abbrev=7"],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=20,
         ).stdout.strip()
+        same = subprocess.run(
+            [*git, "diff", "--quiet", "HEAD", "--", *judged], capture_output=True, timeout=20
+        )
     except (OSError, subprocess.SubprocessError):  # no git here, or not ours to look into
         return ""
+    return commit if same.returncode == 0 else f"{commit}, changed"
 
 
 def _built_from() -> str:
