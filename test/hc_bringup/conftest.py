@@ -4,6 +4,7 @@ The latter is for many hostile files one after another.
 """
 
 import json
+import os
 import shutil
 import signal
 import struct
@@ -165,3 +166,40 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
         fmt="%.6f",
     )
     return folder
+
+
+@pytest.fixture(scope="session")
+def install():
+    """Makes a folder look as pip leaves it: the entry points of a package."""
+
+    def leave(folder: Path, name: str, points: str) -> None:
+        """What pip would leave: the entry points of a package."""
+        info = folder / f"{name}-0.1.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 0.1\n")
+        (info / "entry_points.txt").write_text(points)
+
+    return leave
+
+
+@pytest.fixture(scope="session")
+def run():
+    """Runs Python with the packages of a folder."""
+
+    def start(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+        environment = os.environ | {
+            "PYTHONPATH": str(folder),
+            "NUMBA_CACHE_DIR": str(folder / "cache"),
+            "COLUMNS": "100",
+        }
+        return subprocess.run(
+            [sys.executable, *words],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=500,
+            check=False,
+        )
+
+    return start

@@ -57,6 +57,22 @@ def recording():
     return make
 
 
+@pytest.fixture(scope="session")
+def records_of():
+    """Gives settings and memory of an estimator, fields as attributes as in compiled code."""
+
+    def views(estimator):
+        return tuple(a.view(np.recarray)[0] for a in (estimator._settings, estimator._memory))
+
+    return views
+
+
+@pytest.fixture
+def parts(records_of):
+    """Settings and bank of a fresh default filter."""
+    return records_of(hc.create_estimator("self_tuning_ukf"))
+
+
 class Plant:
     """A tissue, a tool that moves in it, and two sensors. Units: mm, mm/s, N, s."""
 

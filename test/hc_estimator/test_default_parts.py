@@ -1,7 +1,7 @@
-"""The parts of the default filter one by one: parabolas, remembered points, fit, judge, guards.
+"""The parts of the default filter that learn, one by one: parabolas, remembered points, the fit.
 
 Each is held against an independent reimplementation or its own definition; what they make of
-tissue together is in the other test_default files.
+tissue together is in the other test_default files; those that judge are in test_default_judges.
 """
 
 import numpy as np
@@ -11,24 +11,10 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import batch_fit, grid, history, judge, maneuver, plausible
-from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, FRESH, LOG_STIFFNESS, VELOCITY
+from hc_estimator.multiple_model import batch_fit, grid, history
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import reset
 
 TISSUE = np.array([0.3, 0.015, 1.7, 1.05])
-CLOCK = 10.0  # contact clock at which rows are judged [s]
-
-
-def records(estimator):
-    """Its settings and its bank, whose fields are attributes as they are in compiled code."""
-    return estimator._settings.view(np.recarray)[0], estimator._memory.view(np.recarray)[0]
-
-
-@pytest.fixture
-def parts():
-    """Settings and bank of a fresh default filter."""
-    return records(hc.create_estimator("self_tuning_ukf"))
 
 
 def law(depth, velocity, values):
@@ -60,9 +46,9 @@ def fill_grid(bank, displacement, force, rate=1000.0, origin=0.0):
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([200.0, 500.0, 1000.0, 4000.0]))
 @settings(max_examples=25)
-def test_a_point_of_the_grid_is_the_least_squares_parabola(seed, rate):
+def test_a_point_of_the_grid_is_the_least_squares_parabola(records_of, seed, rate):
     """The latest point against numpy's polynomial fit through the same readings."""
-    _, bank = records(hc.create_estimator("self_tuning_ukf"))
+    _, bank = records_of(hc.create_estimator("self_tuning_ukf"))
     rng = np.random.default_rng(seed)
     time = np.arange(round(0.25 * rate)) / rate
     values = 3.0 + np.sin(20.0 * time) + 0.1 * rng.standard_normal(time.size)
@@ -81,7 +67,7 @@ def test_a_point_of_the_grid_is_the_least_squares_parabola(seed, rate):
 
 
 @pytest.mark.parametrize("rate", [200.0, 250.0, 500.0, 1000.0])
-def test_the_points_do_not_depend_on_the_origin_of_time(rate):
+def test_the_points_do_not_depend_on_the_origin_of_time(records_of, rate):
     """Regression: the rounding of the stamps decided whether a reading on the edge counted."""
     rng = np.random.default_rng(4)
     count = round(0.3 * rate)
@@ -89,7 +75,7 @@ def test_the_points_do_not_depend_on_the_origin_of_time(rate):
     force = 5.0 + 0.1 * rng.standard_normal(count)
     points = []
     for origin in (0.0, 0.1234567, 1e3, 1e6):
-        _, bank = records(hc.create_estimator("self_tuning_ukf"))
+        _, bank = records_of(hc.create_estimator("self_tuning_ukf"))
         made = fill_grid(bank, displacement, force, rate, origin)
         points.append(np.array(bank.delay.grid[:made]))
     for other in points[1:]:
@@ -326,8 +312,8 @@ def test_a_fit_with_misfit_tells_it_and_one_that_explains_nothing_is_none(parts)
     assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) == -1.0
 
 
-def test_parameters_that_are_held_fixed_stay_and_have_no_variance():
-    options, bank = records(
+def test_parameters_that_are_held_fixed_stay_and_have_no_variance(records_of):
+    options, bank = records_of(
         hc.create_estimator("self_tuning_ukf", initial_velocity_exponent_std=0.0)
     )
     depth, velocity = press(None)
@@ -354,164 +340,3 @@ def test_the_fit_earns_its_place_where_the_law_does_not_fit(plant):
         ahead = plant.force(depth[2500:], velocity[2500:], *values.T)
         errors[fit] = np.sqrt(np.mean((ahead - force[2500:]) ** 2))
     assert errors[True] < errors[False]
-
-
-# The judge
-
-
-def rows_of(options, bank, scores, misfits=(), learns=()):
-    """Rows that all count, with the given scores; some misfit, some still learn."""
-    for m, score in enumerate(scores):
-        row = bank.rows[m]
-        reset(options, row, 2.0)
-        row.index, row.active, row.score, row.claimed = m, 1, score, 0.0
-        row.covariance[7, 7] = 0.01  # a surface that is known
-        row.model_error = 1.0 if m in misfits else 0.0
-        if m in learns:
-            row.recent_nis, row.claimed = 1.0, 1e3
-    bank.judge.chosen = 0
-    return bank.rows
-
-
-@pytest.mark.parametrize(
-    ("scores", "misfits", "learns", "chosen"),
-    [
-        ((1.0, 1.0, 1.0, 1.0, 1.0), (), (), 0),  # the calmest of equals
-        ((1.1, 9.0, 1.0, 1.0, 1.0), (), (), 0),  # not clearly worse
-        ((1.5, 9.0, 1.0, 1.0, 1.0), (), (), 2),  # clearly worse
-        ((2.0, 1.0, 9.0, 9.0, 9.0), (1,), (), 0),  # one that claims to fit goes before a misfit
-        ((4.0, 1.0, 9.0, 9.0, 9.0), (1,), (), 1),  # unless it predicts far worse
-        ((4.0, 2.0, 9.0, 1.0, 9.0), (0, 1, 2, 3, 4), (), 3),  # among misfits, the best
-        ((4.0, 2.0, 9.0, 9.0, 1.0), (0, 1, 2, 3, 4), (), 1),  # a surface that explains nothing
-        ((9.0, 9.0, 3.5, 9.0, 1.0), (0, 1), (), 4),  # and one that does
-        ((2.0, 6.5, 9.0, 3.2, 3.2), (0,), (), 0),  # what may drift has no advance over a misfit
-        ((3.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 0),  # still learning: freer rows prove nothing
-        ((3.0, 1.0, 0.4, 0.4, 0.4), (), (0,), 1),  # but the fit, as calm, does
-        ((5.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 2),  # far better is far better
-    ],
-)
-def test_the_judge_chooses(scores, misfits, learns, chosen, parts):
-    options, bank = parts
-    rows_of(options, bank, scores, misfits, learns)
-    judge._choose(bank.judge, bank.rows, CLOCK)
-    assert bank.judge.chosen == chosen
-
-
-def test_an_old_error_is_forgiven(parts):
-    """A bad start once counted for ten seconds: its square decayed through eight decades."""
-    options, bank = parts
-    rows_of(options, bank, (1e8, 9.0, 1.0, 1.0, 1.0))
-    judge._choose(bank.judge, bank.rows, CLOCK)
-    assert bank.rows[0].score == pytest.approx(judge.FORGIVEN)
-
-
-def test_a_maneuver_takes_back_scores_and_choice(parts):
-    """Regression: after a corner the row that had followed the wrong motion stayed in charge."""
-    options, bank = parts
-    rows_of(options, bank, (1.0, 2.0, 3.0, 4.0, 5.0))
-    bank.tool.contact_clock = 1.0
-    for _ in range(maneuver.PERIOD):
-        maneuver.keep(
-            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
-        )
-    assert bank.maneuver.count == 1
-    bank.judge.count = 4
-    bank.judge.said_at[:4] = (0.9, 0.99, 1.01, 1.02)
-    bank.judge.said[:4] = 7.0
-    rows_of(options, bank, (50.0, 50.0, 50.0, 0.1, 50.0))
-    bank.rows[3].log_likelihood = 99.0
-    bank.judge.chosen = 3
-    grid.take(bank.delay, 0, 1.0, 2.0)
-    maneuver._go_back(bank, 0, 1.0)
-    assert bank.judge.chosen == 0
-    assert [bank.rows[m].score for m in range(FRESH)] == [1.0, 2.0, 3.0, 4.0, 5.0]
-    assert bank.rows[3].log_likelihood == 0.0
-    assert np.all(bank.judge.said[:2] == 7.0)  # what was said before it stands
-    assert not np.any(bank.judge.said[2:4, :FRESH, 0] == 7.0)  # the rest is said anew
-
-
-def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):
-    options, bank = parts
-    rows_of(options, bank, (1.0, 1.0, 1.0, 1.0, 1.0))
-    bank.rows[FITTED].active = 0
-    for _ in range(maneuver.PERIOD):
-        maneuver.keep(
-            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
-        )
-    bank.rows[FITTED].active = 1
-    grid.take(bank.delay, 0, 1.0, 2.0)
-    maneuver._go_back(bank, 0, 1.0)
-    assert bank.rows[FITTED].active == 0
-
-
-# What is possible
-
-
-def felt(options, bank, log_stiffness):
-    """Rows at 2 mm and 1 mm/s with the given ln K; 10 N, 3 mm and 5 mm/s were felt."""
-    rows = rows_of(options, bank, (1.0,) * FRESH)
-    plausible.reset(bank.tool)
-    bank.tool.contact_clock = 1.0
-    bank.tool.deepest, bank.tool.fastest, bank.tool.largest_force = 3.0, 5.0, 10.0
-    for m, value in enumerate(log_stiffness):
-        rows[m].state[DEPTH], rows[m].state[VELOCITY] = 2.0, 1.0
-        rows[m].state[LOG_STIFFNESS] = value
-    return rows
-
-
-def test_a_row_that_expects_the_impossible_begins_anew_from_one_that_does_not(parts):
-    options, bank = parts
-    rows = felt(options, bank, [0.0, 0.0, 12.0, 0.0, -1.0])
-    plausible.check(options, rows, bank.tool, 4, 1e-4)
-    assert rows[2].state[LOG_STIFFNESS] == -1.0  # the row in charge is the model
-    assert rows[2].predicted_force == pytest.approx(rows[4].predicted_force)
-    assert rows[0].state[LOG_STIFFNESS] == 0.0  # the others stay
-
-
-def test_where_no_row_is_possible_all_are_brought_down(parts):
-    options, bank = parts
-    rows = felt(options, bank, [12.0] * FRESH)
-    plausible.check(options, rows, bank.tool, 0, 1e-4)
-    largest = plausible.LARGEST_FACTOR * 10.0 + plausible.NOISE * 0.01
-    for m in range(FRESH):
-        assert rows[m].predicted_force <= largest * (1.0 + 1e-9)
-        assert rows[m].covariance[LOG_STIFFNESS, LOG_STIFFNESS] == 1.0  # and let go
-
-
-@pytest.mark.parametrize("new", ["depth", "speed", "contact"])
-def test_what_was_not_felt_yet_may_be_as_strong_as_it_likes(new, parts):
-    options, bank = parts
-    rows = felt(options, bank, [12.0] * FRESH)
-    if new == "depth":
-        bank.tool.deepest = 1.9
-    elif new == "speed":
-        bank.tool.fastest = 0.9
-    else:
-        bank.tool.contact_clock = 0.05
-    plausible.check(options, rows, bank.tool, 0, 1e-4)
-    assert all(rows[m].state[LOG_STIFFNESS] == 12.0 for m in range(FRESH))
-
-
-def test_a_model_error_beyond_the_forces_themselves_explains_nothing(parts):
-    options, bank = parts
-    rows = felt(options, bank, [0.0] * FRESH)
-    for model_error, worthless in ((1.0, 0.0), (1e6, 0.1), (1.0, 0.0)):
-        rows[0].model_error = model_error
-        for _ in range(100):
-            plausible.learn(bank.tool, rows[0], 5.0, 0.001)
-        assert bank.tool.worthless_time == pytest.approx(worthless, abs=2e-3)
-
-
-def test_a_law_that_explains_nothing_begins_anew_and_says_so(plant):
-    """Regression: its model error outlived ten seconds of good data, K off by any factor."""
-    rng = np.random.default_rng(2)
-    time = np.arange(14000) / 1000.0
-    depth, velocity = plant.motion(time)
-    force = plant.force(depth, velocity, *TISSUE)
-    d, f = plant.noisy(depth, force, 6)
-    nonsense = (time > 2.0) & (time < 4.0)
-    f[nonsense] = 200.0 * rng.random(nonsense.sum()) * (rng.random(nonsense.sum()) < 0.3)
-    series = hc.create_estimator("self_tuning_ukf").run(time, d, f)
-    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.01)
-    assert np.isfinite(series.parameters).all()
-    assert not series.model_mismatch[-1000:].any()

@@ -1,8 +1,9 @@
 """Node `estimator`: samples in, estimates out, as a managed node that starts by itself.
 
 Thin: parameters are declared and checked in ros/settings, samples come from ros/inputs and
-ros/sensors, the stream with its faults is judged in online/session, messages go out through
-ros/outputs, ros/service_calls answers, and ros/state_keeper keeps the state.
+ros/sensors, the stream with its faults is judged in online/session, ros/sample_flow hands samples
+there and what comes of them to ros/outputs, ros/service_calls answers, and ros/state_keeper keeps
+the state.
 """
 
 from __future__ import annotations
@@ -14,13 +15,12 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
-from hc_estimator import Estimate, EstimateSeries, Estimator, create_estimator
-from hc_estimator.online.contacts import ContactSummary
+from hc_estimator import Estimator, create_estimator
 from hc_estimator.online.handover import can_hand_over, hand_over
 from hc_estimator.online.session import EstimationSession
 from hc_estimator.online.state_file import SavedState
 from hc_estimator.online.suspicion_watch import SuspicionWatch
-from hc_estimator.online.vocabulary import Batch, Cause, Event, EventKind, Revision
+from hc_estimator.online.vocabulary import Cause, EventKind
 from hc_estimator.ros.channel import QosOverrideError, SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation
@@ -36,6 +36,7 @@ from hc_estimator.ros.node_settings import (
     READING,
 )
 from hc_estimator.ros.outputs import Outputs
+from hc_estimator.ros.sample_flow import SampleFlow
 from hc_estimator.ros.service_calls import ServiceCalls
 from hc_estimator.ros.services import NotPossibleError
 from hc_estimator.ros.settings import Change, Settings
@@ -55,7 +56,7 @@ WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
 
 
-class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Estimates contact parameters from a stream of samples.
 
     Publishers and services live as long as the node, through every change of its lifecycle;
@@ -182,10 +183,6 @@ class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: igno
             **self._settings.estimator_values(),
         )
 
-    def _configured(self) -> EstimationSession:
-        assert self._session is not None
-        return self._session
-
     def _listen(self) -> None:
         """Make the input that the settings ask for; where that cannot be, `_watch` tries again."""
         self._wants_input = True
@@ -206,92 +203,6 @@ class EstimatorNode(ServiceCalls, LateDestruction, LifecycleNode):  # type: igno
             self._input = None
         if self._session is not None:
             self._session.end()
-
-    # What the input says.
-
-    def on_sample(
-        self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
-    ) -> None:
-        """Hand a sample to the session, and to a tare that is under way."""
-        if self._keeper.on_trial:
-            self._keeper.on_sample()
-        self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
-        # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
-        self._suspicions.add(stamp_ns, displacement_mm, force_n)
-        self._zeros.add(stamp_ns, displacement_mm, force_n)
-
-    def on_samples(self, batch: Batch) -> None:
-        """Hand samples that wait together to the session.
-
-        One by one where the next may be read otherwise than the one before: while zeros are
-        looked for, and after a restart until it is seen that the samples go on.
-        """
-        one_by_one = self._zeros.active or self._keeper.on_trial
-        if not one_by_one:
-            self._configured().process_many(batch)
-        for sample in zip(*(column.tolist() for column in batch), strict=True):
-            if one_by_one:
-                self.on_sample(*sample)
-                continue
-            stamp_ns, _sequence, displacement_mm, force_n = sample
-            self._suspicions.add(stamp_ns, displacement_mm, force_n)
-            self._zeros.add(stamp_ns, displacement_mm, force_n)
-
-    def on_skip(self, number: int) -> None:
-        """Count samples that were left out."""
-        self._configured().skip(number)
-
-    def on_frame(self, frame_id: str) -> None:
-        """Name the frame in what is published."""
-        self._outputs.set_frame(frame_id)
-
-    def on_failure(self, error: Exception) -> None:
-        """Let the node fail where `run_node` sees it."""
-        self._failure = error
-
-    # What the session says.
-
-    def on_estimate(
-        self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
-    ) -> None:
-        """Publish an estimate."""
-        assert self._status is not None
-        latency_ns = self._outputs.publish_estimate(
-            stamp_ns, sequence, force_n, estimate, computation_ns, self._revision
-        )
-        self._status.latency.add(latency_ns)
-
-    def on_estimates(self, batch: Batch, series: EstimateSeries, computation_ns: int) -> None:
-        """Publish the estimates of samples that waited together."""
-        assert self._status is not None
-        for latency_ns in self._outputs.publish_estimates(
-            batch, series, computation_ns, self._revision
-        ):
-            self._status.latency.add(latency_ns)
-
-    def on_event(self, event: Event) -> None:
-        """Publish an event and write it to the log."""
-        self._outputs.publish_event(event, self._revision)
-        self._log.write(event)
-        contact = self._configured().contacts.current
-        position = self._input.position if self._input is not None else None
-        if event.kind is EventKind.CONTACT_MADE and contact is not None and position is not None:
-            contact.position_m, contact.position_frame_id = position
-
-    def on_contact(self, summary: ContactSummary) -> None:
-        """Publish the summary of a contact."""
-        self._outputs.publish_contact(summary, self._revision)
-
-    def on_revision(self, revision: Revision) -> None:
-        """Publish the configuration in force."""
-        self._revision = revision.number
-        values = self._settings.values
-        # Samples made of one's own sensors are published with their zeros already taken off.
-        zeros = {n: values[n] for n in ZEROS} if values["input.source"] != "sensors" else {}
-        session = self._configured()
-        loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
-        self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)
-        self._keeper.hasten()
 
     # What clients ask for.
 

@@ -1,0 +1,126 @@
+"""The way of a sample through the estimator node: from an input to the session, and what it made.
+
+The node is an input's listener and the session's; here it is told, and hands on.
+"""
+
+from __future__ import annotations
+
+from hc_estimator import Estimate, EstimateSeries
+from hc_estimator.online.contacts import ContactSummary
+from hc_estimator.online.session import EstimationSession
+from hc_estimator.online.suspicion_watch import SuspicionWatch
+from hc_estimator.online.vocabulary import Batch, Cause, Event, EventKind, Revision
+from hc_estimator.ros.event_log import EventLog
+from hc_estimator.ros.inputs import Input
+from hc_estimator.ros.outputs import Outputs
+from hc_estimator.ros.settings import Settings
+from hc_estimator.ros.state_keeper import StateKeeper
+from hc_estimator.ros.status import StatusReporter
+from hc_estimator.ros.zero_setting import ZeroSetting
+from hc_estimator.ros.zeroing import ZEROS
+
+
+class SampleFlow:
+    """The part of the node that samples and estimates pass; the rest of it makes what they need."""
+
+    _session: EstimationSession | None
+    _status: StatusReporter | None
+    _input: Input | None
+    _failure: Exception | None
+    _revision: int
+    _settings: Settings
+    _keeper: StateKeeper
+    _log: EventLog
+    _outputs: Outputs
+    _suspicions: SuspicionWatch
+    _zeros: ZeroSetting
+
+    def _configured(self) -> EstimationSession:
+        assert self._session is not None
+        return self._session
+
+    # What the input says.
+
+    def on_sample(
+        self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
+    ) -> None:
+        """Hand a sample to the session, and to a tare that is under way."""
+        if self._keeper.on_trial:
+            self._keeper.on_sample()
+        self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
+        # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
+        self._suspicions.add(stamp_ns, displacement_mm, force_n)
+        self._zeros.add(stamp_ns, displacement_mm, force_n)
+
+    def on_samples(self, batch: Batch) -> None:
+        """Hand samples that wait together to the session.
+
+        One by one where the next may be read otherwise than the one before: while zeros are
+        looked for, and after a restart until it is seen that the samples go on.
+        """
+        one_by_one = self._zeros.active or self._keeper.on_trial
+        if not one_by_one:
+            self._configured().process_many(batch)
+        for sample in zip(*(column.tolist() for column in batch), strict=True):
+            if one_by_one:
+                self.on_sample(*sample)
+                continue
+            stamp_ns, _sequence, displacement_mm, force_n = sample
+            self._suspicions.add(stamp_ns, displacement_mm, force_n)
+            self._zeros.add(stamp_ns, displacement_mm, force_n)
+
+    def on_skip(self, number: int) -> None:
+        """Count samples that were left out."""
+        self._configured().skip(number)
+
+    def on_frame(self, frame_id: str) -> None:
+        """Name the frame in what is published."""
+        self._outputs.set_frame(frame_id)
+
+    def on_failure(self, error: Exception) -> None:
+        """Let the node fail where `run_node` sees it."""
+        self._failure = error
+
+    # What the session says.
+
+    def on_estimate(
+        self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
+    ) -> None:
+        """Publish an estimate."""
+        assert self._status is not None
+        latency_ns = self._outputs.publish_estimate(
+            stamp_ns, sequence, force_n, estimate, computation_ns, self._revision
+        )
+        self._status.latency.add(latency_ns)
+
+    def on_estimates(self, batch: Batch, series: EstimateSeries, computation_ns: int) -> None:
+        """Publish the estimates of samples that waited together."""
+        assert self._status is not None
+        for latency_ns in self._outputs.publish_estimates(
+            batch, series, computation_ns, self._revision
+        ):
+            self._status.latency.add(latency_ns)
+
+    def on_event(self, event: Event) -> None:
+        """Publish an event and write it to the log."""
+        self._outputs.publish_event(event, self._revision)
+        self._log.write(event)
+        contact = self._configured().contacts.current
+        position = self._input.position if self._input is not None else None
+        if event.kind is EventKind.CONTACT_MADE and contact is not None and position is not None:
+            contact.position_m, contact.position_frame_id = position
+
+    def on_contact(self, summary: ContactSummary) -> None:
+        """Publish the summary of a contact."""
+        self._outputs.publish_contact(summary, self._revision)
+
+    def on_revision(self, revision: Revision) -> None:
+        """Publish the configuration in force."""
+        self._revision = revision.number
+        values = self._settings.values
+        # Samples made of one's own sensors are published with their zeros already taken off.
+        zeros = {n: values[n] for n in ZEROS} if values["input.source"] != "sensors" else {}
+        session = self._configured()
+        loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
+        self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)
+        self._keeper.hasten()

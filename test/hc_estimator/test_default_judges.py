@@ -1,0 +1,173 @@
+"""The parts of the default filter that judge, one by one: choice of a row, turns, what is possible.
+
+Each is held against its own definition; those that learn are in test_default_parts.
+"""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+from hc_estimator.multiple_model import grid, judge, maneuver, plausible
+from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, FRESH, LOG_STIFFNESS, VELOCITY
+from hc_estimator.multiple_model.rows import reset
+
+TISSUE = np.array([0.3, 0.015, 1.7, 1.05])
+CLOCK = 10.0  # contact clock at which rows are judged [s]
+
+
+def rows_of(options, bank, scores, misfits=(), learns=()):
+    """Rows that all count, with the given scores; some misfit, some still learn."""
+    for m, score in enumerate(scores):
+        row = bank.rows[m]
+        reset(options, row, 2.0)
+        row.index, row.active, row.score, row.claimed = m, 1, score, 0.0
+        row.covariance[7, 7] = 0.01  # a surface that is known
+        row.model_error = 1.0 if m in misfits else 0.0
+        if m in learns:
+            row.recent_nis, row.claimed = 1.0, 1e3
+    bank.judge.chosen = 0
+    return bank.rows
+
+
+@pytest.mark.parametrize(
+    ("scores", "misfits", "learns", "chosen"),
+    [
+        ((1.0, 1.0, 1.0, 1.0, 1.0), (), (), 0),  # the calmest of equals
+        ((1.1, 9.0, 1.0, 1.0, 1.0), (), (), 0),  # not clearly worse
+        ((1.5, 9.0, 1.0, 1.0, 1.0), (), (), 2),  # clearly worse
+        ((2.0, 1.0, 9.0, 9.0, 9.0), (1,), (), 0),  # one that claims to fit goes before a misfit
+        ((4.0, 1.0, 9.0, 9.0, 9.0), (1,), (), 1),  # unless it predicts far worse
+        ((4.0, 2.0, 9.0, 1.0, 9.0), (0, 1, 2, 3, 4), (), 3),  # among misfits, the best
+        ((4.0, 2.0, 9.0, 9.0, 1.0), (0, 1, 2, 3, 4), (), 1),  # a surface that explains nothing
+        ((9.0, 9.0, 3.5, 9.0, 1.0), (0, 1), (), 4),  # and one that does
+        ((2.0, 6.5, 9.0, 3.2, 3.2), (0,), (), 0),  # what may drift has no advance over a misfit
+        ((3.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 0),  # still learning: freer rows prove nothing
+        ((3.0, 1.0, 0.4, 0.4, 0.4), (), (0,), 1),  # but the fit, as calm, does
+        ((5.0, 9.0, 1.0, 1.0, 1.0), (), (0,), 2),  # far better is far better
+    ],
+)
+def test_the_judge_chooses(scores, misfits, learns, chosen, parts):
+    options, bank = parts
+    rows_of(options, bank, scores, misfits, learns)
+    judge._choose(bank.judge, bank.rows, CLOCK)
+    assert bank.judge.chosen == chosen
+
+
+def test_an_old_error_is_forgiven(parts):
+    """A bad start once counted for ten seconds: its square decayed through eight decades."""
+    options, bank = parts
+    rows_of(options, bank, (1e8, 9.0, 1.0, 1.0, 1.0))
+    judge._choose(bank.judge, bank.rows, CLOCK)
+    assert bank.rows[0].score == pytest.approx(judge.FORGIVEN)
+
+
+def test_a_maneuver_takes_back_scores_and_choice(parts):
+    """Regression: after a corner the row that had followed the wrong motion stayed in charge."""
+    options, bank = parts
+    rows_of(options, bank, (1.0, 2.0, 3.0, 4.0, 5.0))
+    bank.tool.contact_clock = 1.0
+    for _ in range(maneuver.PERIOD):
+        maneuver.keep(
+            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
+        )
+    assert bank.maneuver.count == 1
+    bank.judge.count = 4
+    bank.judge.said_at[:4] = (0.9, 0.99, 1.01, 1.02)
+    bank.judge.said[:4] = 7.0
+    rows_of(options, bank, (50.0, 50.0, 50.0, 0.1, 50.0))
+    bank.rows[3].log_likelihood = 99.0
+    bank.judge.chosen = 3
+    grid.take(bank.delay, 0, 1.0, 2.0)
+    maneuver._go_back(bank, 0, 1.0)
+    assert bank.judge.chosen == 0
+    assert [bank.rows[m].score for m in range(FRESH)] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert bank.rows[3].log_likelihood == 0.0
+    assert np.all(bank.judge.said[:2] == 7.0)  # what was said before it stands
+    assert not np.any(bank.judge.said[2:4, :FRESH, 0] == 7.0)  # the rest is said anew
+
+
+def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):
+    options, bank = parts
+    rows_of(options, bank, (1.0, 1.0, 1.0, 1.0, 1.0))
+    bank.rows[FITTED].active = 0
+    for _ in range(maneuver.PERIOD):
+        maneuver.keep(
+            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
+        )
+    bank.rows[FITTED].active = 1
+    grid.take(bank.delay, 0, 1.0, 2.0)
+    maneuver._go_back(bank, 0, 1.0)
+    assert bank.rows[FITTED].active == 0
+
+
+# What is possible
+
+
+def felt(options, bank, log_stiffness):
+    """Rows at 2 mm and 1 mm/s with the given ln K; 10 N, 3 mm and 5 mm/s were felt."""
+    rows = rows_of(options, bank, (1.0,) * FRESH)
+    plausible.reset(bank.tool)
+    bank.tool.contact_clock = 1.0
+    bank.tool.deepest, bank.tool.fastest, bank.tool.largest_force = 3.0, 5.0, 10.0
+    for m, value in enumerate(log_stiffness):
+        rows[m].state[DEPTH], rows[m].state[VELOCITY] = 2.0, 1.0
+        rows[m].state[LOG_STIFFNESS] = value
+    return rows
+
+
+def test_a_row_that_expects_the_impossible_begins_anew_from_one_that_does_not(parts):
+    options, bank = parts
+    rows = felt(options, bank, [0.0, 0.0, 12.0, 0.0, -1.0])
+    plausible.check(options, rows, bank.tool, 4, 1e-4)
+    assert rows[2].state[LOG_STIFFNESS] == -1.0  # the row in charge is the model
+    assert rows[2].predicted_force == pytest.approx(rows[4].predicted_force)
+    assert rows[0].state[LOG_STIFFNESS] == 0.0  # the others stay
+
+
+def test_where_no_row_is_possible_all_are_brought_down(parts):
+    options, bank = parts
+    rows = felt(options, bank, [12.0] * FRESH)
+    plausible.check(options, rows, bank.tool, 0, 1e-4)
+    largest = plausible.LARGEST_FACTOR * 10.0 + plausible.NOISE * 0.01
+    for m in range(FRESH):
+        assert rows[m].predicted_force <= largest * (1.0 + 1e-9)
+        assert rows[m].covariance[LOG_STIFFNESS, LOG_STIFFNESS] == 1.0  # and let go
+
+
+@pytest.mark.parametrize("new", ["depth", "speed", "contact"])
+def test_what_was_not_felt_yet_may_be_as_strong_as_it_likes(new, parts):
+    options, bank = parts
+    rows = felt(options, bank, [12.0] * FRESH)
+    if new == "depth":
+        bank.tool.deepest = 1.9
+    elif new == "speed":
+        bank.tool.fastest = 0.9
+    else:
+        bank.tool.contact_clock = 0.05
+    plausible.check(options, rows, bank.tool, 0, 1e-4)
+    assert all(rows[m].state[LOG_STIFFNESS] == 12.0 for m in range(FRESH))
+
+
+def test_a_model_error_beyond_the_forces_themselves_explains_nothing(parts):
+    options, bank = parts
+    rows = felt(options, bank, [0.0] * FRESH)
+    for model_error, worthless in ((1.0, 0.0), (1e6, 0.1), (1.0, 0.0)):
+        rows[0].model_error = model_error
+        for _ in range(100):
+            plausible.learn(bank.tool, rows[0], 5.0, 0.001)
+        assert bank.tool.worthless_time == pytest.approx(worthless, abs=2e-3)
+
+
+def test_a_law_that_explains_nothing_begins_anew_and_says_so(plant):
+    """Regression: its model error outlived ten seconds of good data, K off by any factor."""
+    rng = np.random.default_rng(2)
+    time = np.arange(14000) / 1000.0
+    depth, velocity = plant.motion(time)
+    force = plant.force(depth, velocity, *TISSUE)
+    d, f = plant.noisy(depth, force, 6)
+    nonsense = (time > 2.0) & (time < 4.0)
+    f[nonsense] = 200.0 * rng.random(nonsense.sum()) * (rng.random(nonsense.sum()) < 0.3)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d, f)
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.01)
+    assert np.isfinite(series.parameters).all()
+    assert not series.model_mismatch[-1000:].any()
