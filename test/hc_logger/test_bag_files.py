@@ -246,7 +246,7 @@ def test_qos_of_old_and_new_bags() -> None:
     """Older bags hold numbers, newer ones words; several publishers give the strictest."""
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-    from hc_logger.qos_profiles import (
+    from hc_logger.ros.qos_profiles import (
         mapping_from_profile,
         publisher_profile,
         subscription_profile,

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
+from hc_estimator.ros.estimate_messages import fill_contact
 from hc_msgs_py import conversion, units
 
 stamps = st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1)
@@ -72,7 +73,7 @@ def test_a_contact_fills_every_field_of_its_message_in_si():
     )  # fmt: skip
     message = ContactSummary()
     message.header.frame_id = "tip"
-    conversion.fill_contact(message, contact, 12)
+    fill_contact(message, contact, 12)
     empty = ContactSummary()
     for field in ContactSummary.get_fields_and_field_types():
         left_out = np.array_equal(getattr(message, field), getattr(empty, field))

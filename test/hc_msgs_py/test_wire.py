@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
+from hc_estimator.ros.estimate_messages import EstimateEncoder
 from hc_msgs_py import conversion, wire
 
 stamps = st.integers(-(2**31) * 10**9, (2**31) * 10**9 - 1)
@@ -141,7 +142,7 @@ def test_an_estimate_fills_every_field_of_its_message(stamp, sequence, frame, se
         setattr(expected, name, getattr(estimate, name))
     expected.computation_time, expected.latency = 15.0, 16.0
     expected.covariance = estimate.covariance.ravel()
-    encoded = wire.EstimateEncoder(frame).encode(estimate, stamp, sequence, 13.0, 14, 15.0, 16.0)
+    encoded = EstimateEncoder(frame).encode(estimate, stamp, sequence, 13.0, 14, 15.0, 16.0)
     assert_same_bytes(encoded, expected)
 
 

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
+from hc_estimator.ros.estimate_messages import EstimateEncoder
 from hc_msgs_py import wire
 from hc_msgs_py.wire_arrays import (
     ArraysDecoder,
@@ -140,7 +141,7 @@ def test_estimates_of_a_batch_have_the_bytes_of_each():
     samples = Samples(stamps, np.arange(40, dtype=np.uint64), depth, force)
     now = int(stamps[-1]) + 300_000
     together = encode_estimates(series, samples, "tip", 3, 1e-6, now)
-    encoder = wire.EstimateEncoder("tip")
+    encoder = EstimateEncoder("tip")
     for i, data in enumerate(together):
         stamp = int(stamps[i])
         one = encoder.encode(series[i], stamp, i, force[i], 3, 1e-6, (now - stamp) * 1e-9)

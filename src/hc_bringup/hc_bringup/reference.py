@@ -214,7 +214,7 @@ def _declared() -> dict[str, list[ParameterSpecification]]:
     from hc_logger.writer import BagWriter
     from hc_sim_rig.master_node import MasterNode
     from hc_sim_rig.node import IndenterNode
-    from hc_sim_rig.side_options_node import PORTS
+    from hc_sim_rig.ros.side_options import PORTS
     from hc_sim_rig.slave_node import SlaveNode
 
     with tempfile.TemporaryDirectory() as folder:

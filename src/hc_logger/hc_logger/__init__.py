@@ -8,7 +8,7 @@ from a wrench and a position topic), recording (one from a CSV file or a bag), c
 info, verify (exact re-estimation), selection, keyboard, reception_clock, session (what the
 recorder keeps), playback (what the player does). bench starts nodes as processes.
 
-With rclpy: recorder_node, player_node, player_controls, qos_profiles.
+With rclpy: recorder_node, player_node, and the folder ros.
 """
 
 from hc_msgs_py.version import VERSION

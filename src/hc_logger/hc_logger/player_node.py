@@ -17,8 +17,8 @@ from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.foreign import open_bag
 from hc_logger.playback import Playback
-from hc_logger.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
-from hc_logger.qos_profiles import publisher_profile
+from hc_logger.ros.player_controls import LARGEST_RATE, SMALLEST_RATE, PlayerControls
+from hc_logger.ros.qos_profiles import publisher_profile
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.type_names import FORCE_TYPE, POSITION_TYPES, SAMPLE_TYPE, SAMPLES_TYPE
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status

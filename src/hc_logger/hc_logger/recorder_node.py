@@ -18,8 +18,8 @@ from rclpy.node import Node
 
 from hc_logger import __version__
 from hc_logger.errors import BagError
-from hc_logger.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.reception_clock import ReceptionClock
+from hc_logger.ros.qos_profiles import mapping_from_profile, subscription_profile
 from hc_logger.selection import TopicSelection, full_name
 from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
 from hc_logger.writer import BagWriter, new_numbered_bag

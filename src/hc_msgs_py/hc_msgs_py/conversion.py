@@ -7,11 +7,9 @@ do without message objects: wire.py.
 from __future__ import annotations
 
 from array import array
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
-import numpy as np
 from hc_msgs.msg import EstimatorConfiguration, IndenterSample
-from numpy.typing import NDArray
 from rclpy.parameter import Parameter
 
 from hc_msgs_py.topics import FRAME_INDENTER_TIP
@@ -21,7 +19,6 @@ __all__ = [
     "Configuration",
     "Sample",
     "configuration_from_message",
-    "fill_contact",
     "fill_event",
     "fill_force",
     "fill_sample",
@@ -41,50 +38,6 @@ class Sample(NamedTuple):
     sequence: int
     displacement_mm: float
     force_n: float
-
-
-class _ContactLike(Protocol):
-    """What fill_contact reads; hc_estimator.online.contacts.ContactSummary has it.
-
-    Units mm, mm/s, N, N mm; times in ns.
-    """
-
-    number: int
-    start_ns: int
-    end_ns: int
-    first_sequence: int
-    last_sequence: int
-    samples: int
-    rejected: int
-    tissue_changes: int
-    model_mismatch: bool
-    peak_force: float
-    peak_displacement: float
-    peak_speed: float
-    energy_in: float
-    energy_loss: float
-    position_m: tuple[float, float, float]
-    position_frame_id: str
-
-    @property
-    def parameters(self) -> NDArray[np.float64]:
-        """K, B, n, p, shape (4,)."""
-
-    @property
-    def covariance(self) -> NDArray[np.float64]:
-        """Covariance of the parameters, shape (4, 4)."""
-
-    @property
-    def identifiability(self) -> NDArray[np.float64]:
-        """Of the parameters, shape (4,)."""
-
-    @property
-    def duration_s(self) -> float:
-        """Time from the first to the last sample."""
-
-    @property
-    def force_rmse(self) -> float:
-        """Root mean square of measured minus predicted force."""
 
 
 class Configuration(NamedTuple):
@@ -151,35 +104,6 @@ def fill_event(
     message.reason = (
         reason if len(reason) <= LONGEST_REASON else reason[: LONGEST_REASON - 3] + "..."
     )
-
-
-def fill_contact(message: Any, contact: _ContactLike, configuration_revision: int) -> None:
-    """Write the summary of a contact into a ContactSummary, in SI but for the parameters."""
-    set_stamp(message.header.stamp, contact.end_ns)
-    set_stamp(message.start, contact.start_ns)
-    message.contact = contact.number
-    message.first_sequence = contact.first_sequence
-    message.last_sequence = contact.last_sequence
-    message.samples = contact.samples
-    message.rejected = contact.rejected
-    message.tissue_changes = contact.tissue_changes
-    message.configuration_revision = configuration_revision
-    message.duration = contact.duration_s
-    deviations = np.sqrt(np.diagonal(contact.covariance))
-    for i, name in enumerate(PARAMETER_FIELDS):
-        setattr(message, name, float(contact.parameters[i]))
-        setattr(message, f"{name}_std", float(deviations[i]))
-        setattr(message, f"{name}_identifiability", float(contact.identifiability[i]))
-    message.peak_force = contact.peak_force
-    message.peak_displacement = contact.peak_displacement / METRE_IN_MM
-    message.peak_speed = contact.peak_speed / METRE_IN_MM
-    message.energy_in = contact.energy_in / METRE_IN_MM
-    message.energy_loss = contact.energy_loss / METRE_IN_MM
-    message.force_rmse = contact.force_rmse
-    message.position_x, message.position_y, message.position_z = contact.position_m
-    message.position_frame_id = contact.position_frame_id
-    message.model_mismatch = contact.model_mismatch
-    message.covariance = contact.covariance.reshape(16)
 
 
 def message_from_configuration(configuration: Configuration) -> Any:

@@ -42,7 +42,7 @@ AS_THEY_ARE: Final = (
 def estimate_fields(series: Any, force_n: NDArray[Any]) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield each field of the message that follows from the samples.
 
-    The same divisions as in hc_msgs_py.wire.EstimateEncoder, or the last bit would differ.
+    The same divisions as in the estimator's EstimateEncoder, or the last bit would differ.
 
     Args:
         series: hc_estimator.EstimateSeries of N samples.

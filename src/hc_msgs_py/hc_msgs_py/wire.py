@@ -11,11 +11,9 @@ from __future__ import annotations
 import functools
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
-import numpy as np
-from hc_msgs.msg import HuntCrossleyEstimate, IndenterSample, IndenterTruth
-from numpy.typing import NDArray
+from hc_msgs.msg import IndenterSample, IndenterTruth
 from rclpy._rclpy_pybind11 import RMWError
 from rclpy.serialization import deserialize_message
 
@@ -66,7 +64,7 @@ def stamped_layout(message_type: Any, frame_bytes: int) -> struct.Struct:
     return struct.Struct(layout)
 
 
-class _Encoder:
+class StampedEncoder:
     """Makes the bytes of one type of message; the frame is the same until it is changed."""
 
     def __init__(self, message_type: Any, frame_id: str) -> None:
@@ -80,7 +78,7 @@ class _Encoder:
         self._pack: Callable[..., bytes] = layout.pack
 
 
-class SampleEncoder(_Encoder):
+class SampleEncoder(StampedEncoder):
     """Makes IndenterSample messages."""
 
     def __init__(self, frame_id: str = FRAME_INDENTER_TIP) -> None:
@@ -100,7 +98,7 @@ class SampleEncoder(_Encoder):
         )
 
 
-class TruthEncoder(_Encoder):
+class TruthEncoder(StampedEncoder):
     """Makes IndenterTruth messages."""
 
     def __init__(self, frame_id: str = FRAME_INDENTER_TIP) -> None:
@@ -129,116 +127,6 @@ class TruthEncoder(_Encoder):
             force_n,
             *parameters,
             contact,
-        )
-
-
-class _EstimateLike(Protocol):
-    """What EstimateEncoder reads; hc_estimator.Estimate has it. Units mm, mm/s, N."""
-
-    @property
-    def parameters(self) -> NDArray[np.float64]: ...
-    @property
-    def parameters_std(self) -> NDArray[np.float64]: ...
-    @property
-    def covariance(self) -> NDArray[np.float64]: ...
-    @property
-    def identifiability(self) -> NDArray[np.float64]: ...
-    @property
-    def innovation(self) -> NDArray[np.float64]: ...
-    @property
-    def displacement(self) -> float: ...
-    @property
-    def velocity(self) -> float: ...
-    @property
-    def force_predicted(self) -> float: ...
-    @property
-    def force_reconstructed(self) -> float: ...
-    @property
-    def nis(self) -> float: ...
-    @property
-    def force_noise_std(self) -> float: ...
-    @property
-    def displacement_noise_std(self) -> float: ...
-    @property
-    def channel_delay(self) -> float: ...
-    @property
-    def channel_delay_std(self) -> float: ...
-    @property
-    def contact_position(self) -> float: ...
-    @property
-    def contact_position_std(self) -> float: ...
-    @property
-    def force_zero(self) -> float: ...
-    @property
-    def force_zero_std(self) -> float: ...
-    @property
-    def hypothesis(self) -> int: ...
-    @property
-    def hypothesis_scores(self) -> NDArray[np.float64]: ...
-    @property
-    def contact(self) -> bool: ...
-    @property
-    def change_detected(self) -> bool: ...
-    @property
-    def model_mismatch(self) -> bool: ...
-    @property
-    def rejected(self) -> int: ...
-
-
-class EstimateEncoder(_Encoder):
-    """Makes HuntCrossleyEstimate messages."""
-
-    def __init__(self, frame_id: str = FRAME_INDENTER_TIP) -> None:
-        super().__init__(HuntCrossleyEstimate, frame_id)
-
-    def encode(
-        self,
-        estimate: _EstimateLike,
-        stamp_ns: int,
-        sequence: int,
-        force_measured_n: float,
-        configuration_revision: int,
-        computation_time_s: float,
-        latency_s: float,
-    ) -> bytes:
-        """Return an estimate as a serialised HuntCrossleyEstimate, in SI but for the parameters."""
-        frame = self._frame
-        innovation_displacement, innovation_force = estimate.innovation.tolist()
-        return self._pack(
-            ENCAPSULATION,
-            *divmod(stamp_ns, NANOSECONDS),
-            len(frame),
-            frame,
-            sequence,
-            configuration_revision,
-            *estimate.parameters.tolist(),
-            *estimate.parameters_std.tolist(),
-            *estimate.identifiability.tolist(),
-            estimate.displacement / METRE_IN_MM,
-            estimate.velocity / METRE_IN_MM,
-            force_measured_n,
-            estimate.force_predicted,
-            estimate.force_reconstructed,
-            innovation_displacement / METRE_IN_MM,
-            innovation_force,
-            estimate.nis,
-            estimate.force_noise_std,
-            estimate.displacement_noise_std / METRE_IN_MM,
-            estimate.channel_delay,
-            estimate.channel_delay_std,
-            estimate.contact_position / METRE_IN_MM,
-            estimate.contact_position_std / METRE_IN_MM,
-            estimate.force_zero,
-            estimate.force_zero_std,
-            computation_time_s,
-            latency_s,
-            estimate.contact,
-            estimate.change_detected,
-            estimate.model_mismatch,
-            estimate.rejected,
-            estimate.hypothesis,
-            estimate.covariance.tobytes(),
-            estimate.hypothesis_scores.tobytes(),
         )
 
 

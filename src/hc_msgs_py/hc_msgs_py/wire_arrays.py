@@ -291,7 +291,7 @@ def encode_estimates(
     """Return each of many estimates as a serialised HuntCrossleyEstimate.
 
     Args:
-        series: hc_estimator.EstimateSeries; the names of hc_msgs_py.wire.EstimateEncoder with a
+        series: hc_estimator.EstimateSeries; the names of hc_estimator.Estimate with a
             leading axis.
         samples: of which they are.
         frame_id: frame of the samples.

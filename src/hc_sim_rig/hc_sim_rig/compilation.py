@@ -15,14 +15,14 @@ from hc_msgs_py.entry_points import sources_of
 
 __all__ = ("compiled", "inlined")
 
-# No kernel and no constant of a kernel comes from files with these endings.
+# No kernel and no constant of a kernel comes from the folder ros or files with these endings.
 WITHOUT_KERNELS = ("node", "pictures", "pacing", "records")
 
 
 def kernel_sources() -> Iterator[Path]:
     """Every source file that a kernel here may come from."""
     for path in Path(__file__).parent.rglob("*.py"):
-        if not path.stem.endswith(WITHOUT_KERNELS):
+        if path.parent.name != "ros" and not path.stem.endswith(WITHOUT_KERNELS):
             yield path
     yield from Path(contact.__file__).parent.rglob("*.py")
     yield from sources_of("hc.tissues")

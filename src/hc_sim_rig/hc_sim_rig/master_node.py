@@ -29,7 +29,7 @@ from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
 from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S
 from hc_sim_rig.pacing import DeadlineThread
-from hc_sim_rig.side_options_node import declare_link, declare_settings, link_values
+from hc_sim_rig.ros.side_options import declare_link, declare_settings, link_values
 
 MODEL_EVERY = 20
 """Samples between two messages of the model."""

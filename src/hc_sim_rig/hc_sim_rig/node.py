@@ -24,15 +24,15 @@ from hc_msgs_py.parameters import declare, declare_specified
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_INDENTER
 from hc_sim_rig.drives import Teleoperation
-from hc_sim_rig.options_node import declare_options
-from hc_sim_rig.outputs_node import Outputs
 from hc_sim_rig.pacing import DeadlineThread
-from hc_sim_rig.remote_side_node import RemoteSide
 from hc_sim_rig.rig import Rig
+from hc_sim_rig.ros.options import declare_options
+from hc_sim_rig.ros.outputs import Outputs
+from hc_sim_rig.ros.remote_side import RemoteSide
+from hc_sim_rig.ros.simulated_time import SimulatedTime
 from hc_sim_rig.scenario import load_scenario
 from hc_sim_rig.schema import ScenarioError
 from hc_sim_rig.settings import SETTINGS
-from hc_sim_rig.simulated_time_node import SimulatedTime
 
 SCENARIO_PERIOD_S = 0.05
 """Between two looks at whether another scenario is wanted."""

@@ -27,10 +27,10 @@ from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_sim_rig.bilateral.model_source import ModelSource
 from hc_sim_rig.bilateral.sides import SlaveSample, SlaveSide
 from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S
-from hc_sim_rig.outputs_node import Outputs
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.records import Coupling, Joint, RigSample, Truth
-from hc_sim_rig.side_options_node import SLAVE_FEEDBACK, declare_link, declare_settings, link_values
+from hc_sim_rig.ros.outputs import Outputs
+from hc_sim_rig.ros.side_options import SLAVE_FEEDBACK, declare_link, declare_settings, link_values
 
 ASK_PERIOD_S = 1.0
 """Between two requests to the estimator to look for the surface."""

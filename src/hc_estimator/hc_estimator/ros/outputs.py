@@ -25,9 +25,9 @@ from hc_estimator import Estimate, EstimateSeries, Estimator, __version__
 from hc_estimator.online import contacts
 from hc_estimator.online.latency import LatencyClock
 from hc_estimator.online.vocabulary import LOADED_STATE, Batch, Event, Revision
+from hc_estimator.ros.estimate_messages import EstimateEncoder, fill_contact
 from hc_msgs_py.conversion import (
     Configuration,
-    fill_contact,
     fill_event,
     fill_force,
     message_from_configuration,
@@ -42,7 +42,6 @@ from hc_msgs_py.topics import (
     FRAME_INDENTER_TIP,
     RECONSTRUCTED_WRENCH,
 )
-from hc_msgs_py.wire import EstimateEncoder
 from hc_msgs_py.wire_arrays import (
     ArraysEncoder,
     Samples,
