@@ -237,8 +237,8 @@ def _accuracy(arguments: argparse.Namespace) -> int:
 
 def _bags(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import status_line
-    from hc_logger.bench import bench_bags
     from hc_logger.errors import BagError
+    from hc_logger.ros.bench import bench_bags
 
     try:
         with status_line() as tell:
