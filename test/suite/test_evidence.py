@@ -82,7 +82,7 @@ def test_every_experiment_with_targets_has_a_page_and_a_line_of_the_conclusions(
 def test_a_place_is_filled_in_the_page_that_has_it(tmp_path: Path) -> None:
     document = tmp_path / "page.md"
     document.write_text("no place here\n")
-    single = evidence_of(document) / "one.md"
+    single = (evidence_of(document) / "one").with_suffix(".md")
     single.parent.mkdir(parents=True)
     single.write_text("before\n<!-- page one -->\nold\n<!-- end -->\nafter\n")
     table = "| a | b |\n| --- | --- |\n| 1, 2 |  |"
