@@ -144,10 +144,18 @@ def test_the_accuracy_pages_are_not_older_than_the_filter(name: str) -> None:
     hold(ACCURACY, f"accuracy {name}", markdown_tables(name, experiment)[""])
 
 
+AGAIN = {
+    "teleoperation": lambda: {"teleoperation": markdown_table(run_teleoperation(quick=True))},
+    "impedance": lambda: {"impedance": impedance.text_table(impedance.run_impedance(quick=True))},
+    "effort": lambda: effort.markdown_tables(effort.run_effort(quick=True)),
+}
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-def test_the_teleoperation_page_is_not_older_than_what_it_describes() -> None:
-    hold(TELEOPERATION, "teleoperation", markdown_table(run_teleoperation(quick=True)))
-    hold(TELEOPERATION, "impedance", impedance.text_table(impedance.run_impedance(quick=True)))
-    for name, table in effort.markdown_tables(effort.run_effort(quick=True)).items():
-        hold(TELEOPERATION, name, table)
+@pytest.mark.parametrize("name", AGAIN)
+def test_the_teleoperation_page_is_not_older_than_what_it_describes(name: str) -> None:
+    if not csv_path(TELEOPERATION, name, FIRST_SEED).is_file():
+        pytest.skip(f"one seed is kept by hc bench {name} --document docs/teleoperation.md")
+    for place, table in AGAIN[name]().items():
+        hold(TELEOPERATION, place, table)
