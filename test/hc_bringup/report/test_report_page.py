@@ -78,6 +78,16 @@ def test_words_for_what_cannot_be_seen(make_run: MakeRun) -> None:
     assert "Exponent p cannot be seen from this motion." in words
 
 
+def test_a_law_that_was_not_tested_is_not_called_right(make_run: MakeRun) -> None:
+    """Regression: said of a force that relaxed to half under a ramp, K 0.007 ± 0.015."""
+    data = make_run(seconds=3.0)
+    data.estimates["covariance"][:] = 0.0
+    data.estimates["covariance"][:, 0] = data.estimates["stiffness"] ** 2
+    words = said(data)
+    assert words[0] == "The tissue was touched, but its stiffness is not known."
+    assert "Nothing contradicts the contact law, but this motion hardly tests it." in words
+
+
 def test_words_for_a_tool_in_the_air(make_run: MakeRun) -> None:
     data = make_run(seconds=2.0)
     data.estimates["contact"][:] = False
