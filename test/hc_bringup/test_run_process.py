@@ -56,7 +56,8 @@ def test_the_main_job(command_line) -> None:
     words = ["run", "--scenario", "multisine", "--duration", "6", "--json", "--headless"]
     done = command_line.run(*words, timeout=240)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    # On a busy machine it says what it waits for, and nothing else.
+    assert all(", since " in line for line in done.stderr.splitlines()), done.stderr
     summary = json.loads(done.stdout)
     assert summary["lost"] == 0
     assert summary["estimates"] == summary["samples"] > 5000

@@ -16,7 +16,7 @@ from hc_estimator import PARAMETER_NAMES, Rejection, create_estimator
 from hc_estimator.input.readings import Check, Suspicion, moves, robust_range
 from hc_estimator.input.sanity import check_samples
 from hc_estimator.kinds import DEFAULT_FILTER
-from hc_evaluation.channels import diagnose_channels, evenly_spaced
+from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
 
 FloatArray = NDArray[np.float64]
@@ -31,10 +31,6 @@ DISTURBED_SHARE = 0.05
 SYMBOLS = "KBnp"
 _LONGEST = 20_000
 """Samples that the slow comparison of the channels gets."""
-_GAP_STEPS = 5.0
-"""A step of a channel so many times its usual one is a gap: a line drawn across it looks late."""
-_LEAST_STRETCH_S = 2.0
-"""In a shorter time without a gap no delay can be told."""
 
 
 @dataclass(frozen=True)
@@ -259,44 +255,6 @@ def _fits_worse(before: Estimated | None, after: Estimated | None) -> bool:
     if before is None:
         return False
     return after is None or after.mismatch > before.mismatch + DISTURBED_SHARE
-
-
-def unbroken(
-    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the longest part of a recording in which neither channel has a gap.
-
-    Args:
-        time_s: stamps [s], shape (n,).
-        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
-        force_n: contact force [N], shape (n,); NaN where there is no reading.
-
-    Returns:
-        The three, unchanged where there is no gap.
-
-    Raises:
-        ValueError: if no part is long enough to tell a delay.
-    """
-    begins, ends = [], []
-    for channel in (displacement_mm, force_n):
-        known = np.sort(time_s[np.isfinite(channel) & np.isfinite(time_s)])
-        steps = np.diff(known)
-        if not (steps > 0.0).any():
-            continue
-        gaps = np.flatnonzero(steps > _GAP_STEPS * float(np.median(steps[steps > 0.0])))
-        begins.append(known[gaps])
-        ends.append(known[gaps + 1])
-    if not any(map(len, begins)):
-        return time_s, displacement_mm, force_n
-    gap_begins, gap_ends = np.sort(np.concatenate(begins)), np.sort(np.concatenate(ends))
-    starts = np.concatenate([[np.nanmin(time_s)], gap_ends])
-    stops = np.concatenate([gap_begins, [np.nanmax(time_s)]])
-    # Between the end of one gap and the begin of the next; gaps that overlap leave nothing.
-    longest = int(np.argmax(stops - starts))
-    if stops[longest] - starts[longest] < _LEAST_STRETCH_S:
-        raise ValueError("gaps everywhere")
-    inside = (time_s >= starts[longest]) & (time_s <= stops[longest])
-    return time_s[inside], displacement_mm[inside], force_n[inside]
 
 
 def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 import time
 from collections.abc import Mapping
@@ -13,7 +14,7 @@ from rich.console import Console
 from rich.live import Live
 
 from hc_bringup.explanation import BackgroundExplainer
-from hc_bringup.runner import RunState
+from hc_bringup.runner import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.terminal.keys import Keys
 from hc_bringup.terminal.numbers import engineering
@@ -29,6 +30,8 @@ SYMBOLS: Final = {
     "velocity_exponent": ("p", ""),
 }
 _LINE_PERIOD_S: Final = 1.0
+_WAIT_TOLD_S: Final = 10.0
+"""A start or an end that takes longer is spoken of so often, even where nothing else is shown."""
 _STALE: Final = 3
 """Level of diagnostic_msgs/DiagnosticStatus."""
 
@@ -65,6 +68,7 @@ class Display:
         self._last_line_at = 0.0
         self._page_announced = False
         self._reported: dict[str, str] = {}
+        self._waits_since = self._spoke_at = time.monotonic()
 
     def __enter__(self) -> Display:
         if self._enabled and self._console.is_terminal:
@@ -91,6 +95,7 @@ class Display:
         if self._live is None:
             self._tell_problems(state)
         if not self._enabled:
+            self._tell_waiting(state)
             return
         self._rate.update(state.statistics.estimates)
         if self._live is not None:
@@ -123,6 +128,21 @@ class Display:
                 sys.stderr.write(f"{name}: {problem}\n")
                 sys.stderr.flush()
         self._reported = dict(state.problems)
+
+    def _tell_waiting(self, state: RunState) -> None:
+        """Say what a start or an end waits for, and that the machine is busy where it is."""
+        now = time.monotonic()
+        if state.phase in (RUNNING, DONE):
+            self._waits_since = self._spoke_at = now
+        elif now - self._spoke_at >= _WAIT_TOLD_S:
+            self._spoke_at = now
+            load, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
+            busy = f" (machine busy: load {load:.1f} on {processors} processors)"
+            sys.stderr.write(
+                f"{state.phase}, since {now - self._waits_since:.0f} s"
+                f"{busy if load > processors else ''}\n"
+            )
+            sys.stderr.flush()
 
     def _view(self, state: RunState) -> PanelView:
         statistics = state.statistics

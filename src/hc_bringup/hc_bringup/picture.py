@@ -14,6 +14,7 @@ from numpy.lib.recfunctions import repack_fields
 
 from hc_bringup.run_data import Array, RunData
 from hc_estimator import PARAMETER_NAMES
+from hc_evaluation.channels import GAP_STEPS
 
 _LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
 _MEASURED, _ESTIMATED, _TRUE, _ALARM = "0.6", "tab:blue", "tab:green", "tab:red"
@@ -133,11 +134,21 @@ def _explain_colours(figure: Figure, data: RunData) -> None:
     )
 
 
+def _broken(time: Array, *curves: Array) -> tuple[Array, ...]:
+    """Return times and curves with a NaN in every gap: no line is drawn where nothing was read."""
+    steps = np.diff(time)
+    usual = float(np.median(steps)) if len(steps) else math.nan
+    after = np.flatnonzero(steps > GAP_STEPS * usual) + 1
+    return np.insert(time, after, time[after]), *(
+        np.insert(curve, after, math.nan) for curve in curves
+    )
+
+
 def _curve(axes: Any, time: Array, values: Array, colour: str, width: float) -> None:
     """Draw readings as a line through those that are there."""
     known = np.flatnonzero(np.isfinite(values))
     known = known[:: max(1, len(known) // _MOST_POINTS)]
-    axes.plot(time[known], values[known], color=colour, linewidth=width)
+    axes.plot(*_broken(time[known], values[known]), color=colour, linewidth=width)
 
 
 def _displacement(axes: Any, data: RunData) -> None:
@@ -148,7 +159,7 @@ def _displacement(axes: Any, data: RunData) -> None:
 def _force(axes: Any, data: RunData, part: slice) -> None:
     time = data.time_s[part]
     _curve(axes, data.time_s, data.force_n, _MEASURED, 1.6)
-    axes.plot(time, data.force_predicted_n[part], color=_ESTIMATED, linewidth=0.9)
+    axes.plot(*_broken(time, data.force_predicted_n[part]), color=_ESTIMATED, linewidth=0.9)
     low, high = _lowest(data.force_n), _highest(data.force_n)
     margin = 0.1 * max(high - low, 1e-6)
     _scale(axes, low - margin, high + margin)
@@ -172,15 +183,16 @@ def _consistency(axes: Any, data: RunData) -> None:
     blocks = data.nis[:count].reshape(-1, width)
     known = np.isfinite(blocks)
     mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    axes.plot(data.time_s[:count:width], mean, color=_ESTIMATED, linewidth=1.0)
+    axes.plot(*_broken(data.time_s[:count:width], mean), color=_ESTIMATED, linewidth=1.0)
     axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--")
     _scale(axes, 0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))) if len(mean) else 5.0)
     axes.set_ylabel("NIS, averaged")
 
 
 def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
-    time = data.time_s[part]
-    value, deviation = data.parameters[part, index], data.parameters_std[part, index]
+    time, value, deviation = _broken(
+        data.time_s[part], data.parameters[part, index], data.parameters_std[part, index]
+    )
     axes.fill_between(
         time,
         value - 2.0 * deviation,
@@ -194,7 +206,7 @@ def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
     spread = data.parameters_std[int(_SETTLED_SHARE * len(data.parameters_std)) :, index]
     low, high = _lowest(settled - 3 * spread), _highest(settled + 3 * spread)
     if data.truth is not None:
-        axes.plot(time, data.truth[part, index], color=_TRUE, linestyle="--")
+        axes.plot(*_broken(data.time_s[part], data.truth[part, index]), color=_TRUE, linestyle="--")
         low = min(low, _lowest(data.truth[:, index]))
         high = max(high, _highest(data.truth[:, index]))
     margin = 0.15 * max(high - low, 1e-3 * abs(high), 1e-12)

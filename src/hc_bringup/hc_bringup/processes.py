@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from hc_bringup.plan import NodePlan
 
 STOP_TIMEOUT_S = 10.0
 END_TIMEOUT_S = 3.0
+_WAIT_POLL_S = 0.2
 _TAIL_LINES = 12
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -120,15 +121,27 @@ class NodeProcess:
         if self._process.poll() is None:
             self._process.send_signal(number)
 
-    def stop(self, timeout_s: float = STOP_TIMEOUT_S) -> int:
-        """End the node: SIGINT, then SIGTERM, then SIGKILL; return its exit status."""
+    def stop(
+        self,
+        timeout_s: float = STOP_TIMEOUT_S,
+        *,
+        while_waiting: Callable[[], None] = lambda: None,
+    ) -> int:
+        """End the node: SIGINT, then SIGTERM, then SIGKILL; return its exit status.
+
+        Args:
+            timeout_s: how long to wait before the next harder signal.
+            while_waiting: called about five times a second until it has ended.
+        """
         self.cpu_s()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             self.signal(number)
-            try:
-                return self._process.wait(timeout_s)
-            except subprocess.TimeoutExpired:
-                continue
+            end = time.monotonic() + timeout_s
+            while (left := end - time.monotonic()) > 0.0:
+                try:
+                    return self._process.wait(min(left, _WAIT_POLL_S))
+                except subprocess.TimeoutExpired:
+                    while_waiting()
         return self._process.wait()
 
 

@@ -20,6 +20,8 @@ from hc_bringup.statistics import EstimateStatistics
 from hc_logger.session import INCOMPLETE
 from hc_msgs_py.background import STARTING
 
+RUNNING, DONE = "running", "done"
+"""Phases of a run in which it waits for nobody."""
 POLL_S = 0.1
 START_TIMEOUT_S = 240.0
 """Until a node offers ~/ready: the first start on a machine compiles the estimator."""
@@ -192,7 +194,7 @@ class Runner:
                 )
 
     def _watch(self, monitor: Monitor, state: RunState) -> None:
-        state.phase = "running"
+        state.phase = RUNNING
         start = time.monotonic()
         cpu_before = {p.name: p.cpu_s() for p in self._processes}
         while self._signal is None:
@@ -246,14 +248,15 @@ class Runner:
         self._show(state)
         sources = [p for p in self._processes if p.plan.source]
         for process in sources:
-            self._stop_one(process)
+            self._stop_one(process, state)
+        state.phase = "waiting for the last estimates"
         self._drain(monitor, state)
         for process in self._processes:
             if not process.plan.source:
-                self._stop_one(process)
+                self._stop_one(process, state)
                 monitor.spin(POLL_S)  # what it said last
         state.problems = monitor.problems()
-        state.phase = "done"
+        state.phase = DONE
         self._show(state)
         for process in self._processes:
             if process.exit_status() == INCOMPLETE:
@@ -266,6 +269,7 @@ class Runner:
         asked = time.monotonic()
         while time.monotonic() < end:
             monitor.spin(POLL_S)
+            self._show(state)
             self._count_samples(monitor, state)
             if state.samples is not None and state.statistics.since_restart >= state.samples:
                 return
@@ -278,9 +282,9 @@ class Runner:
             if process.plan.source and "samples" in values:
                 state.samples = int(values["samples"])
 
-    def _stop_one(self, process: NodeProcess) -> None:
-        process.cpu_s()
-        status = process.stop()
+    def _stop_one(self, process: NodeProcess, state: RunState) -> None:
+        state.phase = f"stopping {process.name}"
+        status = process.stop(while_waiting=lambda: self._show(state))
         # One that is just starting again has no handler for the signal yet: it just ends.
         obeyed = not process.ready and -status in (signal.SIGINT, signal.SIGTERM)
         if status not in (0, INCOMPLETE) and not obeyed:

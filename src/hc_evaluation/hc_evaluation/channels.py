@@ -34,6 +34,10 @@ SCREENING_STEPS = 30
 SHORTEST_STEP_S = 1e-7
 MOST_BETWEEN = 20.0
 """Rows made for each row there is: recordings of two days in one file are filled up by no more."""
+GAP_STEPS = 5.0
+"""A step of a channel so many times its usual one is a gap: a line drawn across it looks late."""
+LEAST_STRETCH_S = 2.0
+"""In a shorter time without a gap no delay can be told."""
 CLEAR = 3.0  # a fault beyond so many standard deviations is called one
 
 
@@ -185,6 +189,44 @@ def diagnose_channels(
         residual_rms_n=float(np.sqrt(np.mean(fitted**2))),
         residual_rms_without_n=float(np.sqrt(2.0 * alone.cost / fitted.size)) * noise,
     )
+
+
+def unbroken(
+    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the longest part of a recording in which neither channel has a gap.
+
+    Args:
+        time_s: stamps [s], shape (n,).
+        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
+        force_n: contact force [N], shape (n,); NaN where there is no reading.
+
+    Returns:
+        The three, unchanged where there is no gap.
+
+    Raises:
+        ValueError: if no part is long enough to tell a delay.
+    """
+    begins, ends = [], []
+    for channel in (displacement_mm, force_n):
+        known = np.sort(time_s[np.isfinite(channel) & np.isfinite(time_s)])
+        steps = np.diff(known)
+        if not (steps > 0.0).any():
+            continue
+        gaps = np.flatnonzero(steps > GAP_STEPS * float(np.median(steps[steps > 0.0])))
+        begins.append(known[gaps])
+        ends.append(known[gaps + 1])
+    if not any(map(len, begins)):
+        return time_s, displacement_mm, force_n
+    gap_begins, gap_ends = np.sort(np.concatenate(begins)), np.sort(np.concatenate(ends))
+    starts = np.concatenate([[np.nanmin(time_s)], gap_ends])
+    stops = np.concatenate([gap_begins, [np.nanmax(time_s)]])
+    # Between the end of one gap and the begin of the next; gaps that overlap leave nothing.
+    longest = int(np.argmax(stops - starts))
+    if stops[longest] - starts[longest] < LEAST_STRETCH_S:
+        raise ValueError("gaps everywhere")
+    inside = (time_s >= starts[longest]) & (time_s <= stops[longest])
+    return time_s[inside], displacement_mm[inside], force_n[inside]
 
 
 def evenly_spaced(

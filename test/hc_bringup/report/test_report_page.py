@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import sys
@@ -14,6 +15,7 @@ import pytest
 
 from hc_bringup.cli import main
 from hc_bringup.dashboard.columns import INDEX
+from hc_bringup.picture import draw
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.report.rows import page_rows
 from hc_bringup.report.run_page import run_page
@@ -76,6 +78,16 @@ def test_words_for_what_cannot_be_seen(make_run: MakeRun) -> None:
     assert "Exponent p cannot be seen from this motion." in words
 
 
+def test_a_law_that_was_not_tested_is_not_called_right(make_run: MakeRun) -> None:
+    """Regression: said of a force that relaxed to half under a ramp, K 0.007 ± 0.015."""
+    data = make_run(seconds=3.0)
+    data.estimates["covariance"][:] = 0.0
+    data.estimates["covariance"][:, 0] = data.estimates["stiffness"] ** 2
+    words = said(data)
+    assert words[0] == "The tissue was touched, but its stiffness is not known."
+    assert "Nothing contradicts the contact law, but this motion hardly tests it." in words
+
+
 def test_words_for_a_tool_in_the_air(make_run: MakeRun) -> None:
     data = make_run(seconds=2.0)
     data.estimates["contact"][:] = False
@@ -93,6 +105,44 @@ def test_words_for_a_delay(make_run: MakeRun) -> None:
     assert told
     assert told[0].level is Level.BAD
     assert float(told[0].text.split()[3]) == pytest.approx(30.0, abs=3.0)
+
+
+def without(data: Any, *gaps: tuple[float, float]) -> Any:
+    """A recording whose rows within some times are missing, of all channels."""
+    kept = np.ones(len(data.time_s), bool)
+    for begin, end in gaps:
+        kept &= (data.time_s <= begin) | (data.time_s >= end)
+    return dataclasses.replace(
+        data,
+        time_s=data.time_s[kept],
+        displacement_mm=data.displacement_mm[kept],
+        force_n=data.force_n[kept],
+        estimates=data.estimates[kept],
+        truth=data.truth[kept],
+    )
+
+
+def test_gaps_are_no_delay(make_run: MakeRun) -> None:
+    """Regression: lines across the gaps passed for a force 10.5 ± 1.8 ms late."""
+    data = without(make_run(seconds=8.0), (1.4, 1.55), (2.4, 2.55), (5.7, 5.85), (6.4, 6.55))
+    text = run_page(data, ["hc", "report"])
+    sentences = re.findall(r"<li[^>]*>(.*?)</li>", text)
+    assert "The contact law describes what the sensors say." in sentences
+    assert not any("the displacement" in sentence for sentence in sentences), sentences
+
+
+def test_picture_breaks_where_nothing_was_read(make_run: MakeRun) -> None:
+    figure = draw(without(make_run(seconds=6.0), (2.2, 3.4)))
+    across = 0
+    for axes in figure.axes:
+        for line in axes.lines:
+            time, values = (np.asarray(a, float) for a in line.get_data())
+            if len(time) < 3:
+                continue  # a mark, no curve
+            known = np.isfinite(values[:-1]) & np.isfinite(values[1:])
+            assert np.all(np.diff(time)[known] < 0.2), axes.get_ylabel()
+            across += 1
+    assert across >= 8
 
 
 def test_words_for_losses(make_run: MakeRun) -> None:
@@ -185,6 +235,36 @@ def test_page_in_a_browser(page: Any, make_run: MakeRun, tmp_path: Path) -> None
     # Nothing is drawn where it cannot be: no parameter below zero.
     lows = page.run("return HC.report.parameters.map((p) => p.chart.plot.scales.y.min)")
     assert min(lows) >= 0.0
+
+
+def test_a_gap_breaks_the_curves(page: Any, make_run: MakeRun, tmp_path: Path) -> None:
+    """Regression: the charts drew a straight line over what nobody had measured."""
+    data = without(make_run(seconds=6.0), (2.2, 3.4))
+    data.force_n[np.arange(len(data.force_n)) % 4 != 0] = np.nan  # a slow sensor is no gap
+    path = tmp_path / "gap.html"
+    path.write_text(run_page(data, ["hc", "report"]), encoding="utf-8")
+    page.resize(1300, 1000)
+    page.open(path.as_uri())
+    page.wait_for("HC.report && HC.report.store.count > 100")
+    broken = page.run(
+        "return HC.report.panels.filter((p) => p.chart.plot.data.length && p.range)"
+        ".map((p) => p.chart.plot).map((u) => u.series.slice(1).map((s, i) =>"
+        " HC.timeGaps(u, i + 1, 0, u.data[0].length - 1).map((g) =>"
+        " g.map((x) => u.posToVal(x, 'x', true)))))"
+    )
+    assert len(broken) == 6  # K, B, n, p, force, error
+    for chart in broken[:4]:
+        for curve in chart[:3]:  # the edges of the band and the value
+            assert np.ravel(curve) == pytest.approx([2.2, 3.4], abs=0.1)
+    # Of the curve itself nothing is painted there: only grid and background.
+    inks = page.run(
+        "const u = HC.report.panels[5].chart.plot; const at = (t) => {"
+        " const x = Math.round(u.valToPos(t, 'x', true));"
+        " const d = u.ctx.getImageData(x, u.bbox.top, 1, u.bbox.height).data;"
+        " return new Set(new Uint32Array(d.buffer)).size; };"
+        " return [at(1.93), at(2.61), at(2.73), at(3.13), at(3.81)]"
+    )
+    assert max(inks[1:4]) < min(inks[0], inks[4]), inks
 
 
 def test_command_writes_each_format(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hc_bringup.report.verdict import settled
 from hc_bringup.run_data import RunData, estimated, recorded
 from hc_estimator import Estimator, create_estimator
-from hc_evaluation.channels import evenly_spaced
+from hc_evaluation.channels import evenly_spaced, unbroken
 from hc_evaluation.hold_forward import Frozen, hold_forward_errors, smooth_motion
 from hc_evaluation.metrics import nees
 from hc_logger.recording import Recording
@@ -176,7 +176,8 @@ def _ahead(data: RunData) -> float:
     if np.mean(data.contact) < LEAST_CONTACT_SHARE:
         return math.nan
     try:
-        time_s, displacement, force = evenly_spaced(data.time_s, data.displacement_mm, data.force_n)
+        part = unbroken(data.time_s, data.displacement_mm, data.force_n)
+        time_s, displacement, force = evenly_spaced(*part)
         step = float(np.median(np.diff(time_s)))
         depth, speed = smooth_motion(displacement, 1.0 / step)
         at = np.clip(np.searchsorted(data.time_s, time_s), 0, len(data.time_s) - 1)

@@ -20,7 +20,7 @@ from hc_bringup.report.rows import column_blocks, map_cells, page_contacts, page
 from hc_bringup.report.verdict import Sentence, settled, verdict
 from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import decimals_of, engineering, fixed, with_spread
-from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_spaced
+from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_spaced, unbroken
 from hc_msgs_py.units import METRE_IN_MM
 
 MOST_CONTACT_ROWS: Final = 200
@@ -71,12 +71,9 @@ def _diagnosis(data: RunData) -> tuple[ChannelDiagnosis | None, str]:
     """Return what stands between the channels, or why that cannot be told."""
     used = data.used
     try:
-        return (
-            diagnose_channels(
-                *evenly_spaced(data.time_s[used], data.displacement_mm[used], data.force_n[used])
-            ),
-            "",
-        )
+        # A line drawn across a gap looks late.
+        part = unbroken(data.time_s[used], data.displacement_mm[used], data.force_n[used])
+        return diagnose_channels(*evenly_spaced(*part)), ""
     except ValueError as error:
         return None, str(error)
 

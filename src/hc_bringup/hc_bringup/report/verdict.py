@@ -78,15 +78,18 @@ def settled(data: RunData) -> NDArray[np.bool_]:
     return force_error.settled(data.time_s, data.contact & data.used)
 
 
-def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
+def _force_at_rest(data: RunData) -> tuple[float, float]:
+    """Return the force at DEPTH_MM [N] of the law as it stood last, and its relative variance."""
     last = int(np.flatnonzero(data.contact & data.used)[-1])
     stiffness, _, exponent, _ = data.parameters[last]
-    covariance = data.covariance[last]
-    log_depth = float(np.log(DEPTH_MM))
-    force = float(stiffness * DEPTH_MM**exponent)
-    relative = np.array([1.0 / stiffness, log_depth])
-    variance = relative @ covariance[np.ix_([0, 2], [0, 2])] @ relative
-    if not variance < 0.25:
+    relative = np.array([1.0 / stiffness, float(np.log(DEPTH_MM))])
+    variance = relative @ data.covariance[last][np.ix_([0, 2], [0, 2])] @ relative
+    return float(stiffness * DEPTH_MM**exponent), float(variance)
+
+
+def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
+    force, variance = _force_at_rest(data)
+    if not variance < UNKNOWN**2:
         return [Sentence(Level.BAD, "The tissue was touched, but its stiffness is not known.")]
     spread = 2.0 * force * float(np.sqrt(variance))
     error = (data.force_n - data.force_predicted_n)[settled(data)]
@@ -115,6 +118,9 @@ def _fit(data: RunData) -> list[Sentence]:
     used = data.contact & data.used
     share = float(np.mean(data.model_mismatch[used]))
     if share <= MISMATCH_SHARE:
+        if not _force_at_rest(data)[1] < UNKNOWN**2:
+            text = "Nothing contradicts the contact law, but this motion hardly tests it."
+            return [Sentence(Level.NOTE, text)]
         return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
     text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
     reason = _reason(data)

@@ -266,12 +266,30 @@ HC.isDark = function () {
 };
 HC.toggleTheme = () => HC.setTheme(HC.isDark() ? "light" : "dark");
 
+/* Where a curve is broken, in pixels: between two points further apart than five usual steps of
+   them. A point that is missing among its neighbours breaks nothing: the sensor may be slow. */
+HC.GAP_STEPS = 5;
+HC.timeGaps = function (plot, series, from, to) {
+  const [times, values] = [plot.data[0], plot.data[series]];
+  const known = [];
+  for (let i = from; i <= to; i++) if (values[i] != null) known.push(times[i]);
+  if (known.length < 3) return [];
+  const steps = Float64Array.from({ length: known.length - 1 }, (_, i) => known[i + 1] - known[i]);
+  const longest = HC.GAP_STEPS * steps.slice().sort()[steps.length >> 1];
+  const place = (time) => plot.valToPos(time, "x", true);
+  const gaps = [];
+  steps.forEach((step, i) => {
+    if (step > longest) gaps.push([place(known[i]), place(known[i + 1])]);
+  });
+  return gaps;
+};
+
 /* Series in the house's style. */
 HC.line = (colour, more) => ({
-  stroke: () => HC.palette[colour], width: 1.5, points: { show: false }, spanGaps: true, ...more,
+  stroke: () => HC.palette[colour], width: 1.5, points: { show: false }, gaps: HC.timeGaps, ...more,
 });
 HC.hidden = () => ({
-  stroke: "transparent", width: 0, points: { show: false }, spanGaps: true,
+  stroke: "transparent", width: 0, points: { show: false }, gaps: HC.timeGaps,
 });
 HC.bandFill = (colour, alpha) => () => HC.withAlpha(HC.palette[colour], alpha);
 

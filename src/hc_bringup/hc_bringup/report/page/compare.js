@@ -30,7 +30,7 @@ HC.Comparison = class {
   }
 
   chart(host, name, variants, truth) {
-    // uPlot wants one time axis: all times together, with gaps where a curve has no point.
+    // uPlot wants one time axis: all times together, and nothing where a curve has no point.
     const tables = variants.map((v) => [v.time, v[name].map((x) => (isFinite(x) ? x : null))]);
     if (truth && truth[name]) tables.push([truth.time, truth[name]]);
     const data = uPlot.join(tables);
@@ -38,11 +38,11 @@ HC.Comparison = class {
     const begin = Math.min(...variants.map((v) => v.time[0]));
     const numbers = variants.map((v) => this.labels.indexOf(v.label));
     const series = numbers.map((n) => ({
-      stroke: HC.VARIANTS[n % 8], dash: HC.DASHES[n % 8], width: 1.5, spanGaps: true,
-      points: { show: false },
+      stroke: HC.VARIANTS[n % 8], dash: HC.DASHES[n % 8], width: 1.5, points: { show: false },
+      gaps: HC.timeGaps,
     }));
     if (truth && truth[name]) {
-      series.push(HC.line("ink", { dash: [6, 4], width: 2, spanGaps: true }));
+      series.push(HC.line("ink", { dash: [6, 4], width: 2 }));
     }
     const chart = HC.chart(host, {
       height: 210,

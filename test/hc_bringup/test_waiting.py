@@ -1,0 +1,62 @@
+"""A run without a panel says what its start and its end wait for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hc_bringup import live
+from hc_bringup.live import Display
+from hc_bringup.plan import NodePlan
+from hc_bringup.processes import NodeProcess
+from hc_bringup.runner import RunState
+from hc_bringup.statistics import EstimateStatistics
+
+
+def test_a_headless_run_says_what_it_waits_for(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: on a busy machine a run of 22 s was silent for 40 s more."""
+    clock = [100.0]
+    load = [1.0]
+    monkeypatch.setattr(live.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(live.os, "getloadavg", lambda: (load[0], 0.0, 0.0))
+    monkeypatch.setattr(live.os, "sched_getaffinity", lambda _: {0, 1})
+    display = Display(enabled=False)
+    state = RunState(EstimateStatistics(), 22.0)
+
+    def pass_time(seconds: float, phase: str) -> str:
+        state.phase = phase
+        for _ in range(round(10 * seconds)):
+            clock[0] += 0.1
+            display.show(state)
+        return capsys.readouterr().err
+
+    assert pass_time(9.0, "starting estimator") == ""  # an ordinary start
+    assert pass_time(2.0, "starting estimator") == "starting estimator, since 10 s\n"
+    assert pass_time(22.0, "running") == ""
+    load[0] = 15.0
+    assert pass_time(11.0, "stopping recorder") == (
+        "stopping recorder, since 10 s (machine busy: load 15.0 on 2 processors)\n"
+    )
+    assert "waiting for the last estimates, since 20 s" in pass_time(
+        10.0, "waiting for the last estimates"
+    )
+    assert pass_time(30.0, "done") == ""
+
+
+def test_who_ends_a_node_is_heard_while_it_takes_its_time(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(
+        NodeProcess,
+        "_command_line",
+        lambda _: ["sh", "-c", "trap '' INT; echo up; sleep 0.6; exit 7"],
+    )
+    process = NodeProcess(NodePlan("slow", "none"), tmp_path)
+    while not process.tail():
+        assert process.exit_status() is None
+    shown: list[int | None] = []
+    assert process.stop(5.0, while_waiting=lambda: shown.append(process.exit_status())) == 7
+    assert shown[0] is None
