@@ -25,7 +25,6 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
-    OWN_VARIANCES,
     OWN_WALKS,
     SURFACE,
     VELOCITY,
@@ -97,13 +96,12 @@ def depth_of(row: Any) -> float:
 
 @compiled
 def _forget_rates(row: Any, kept: float) -> None:
-    """Rates return to their start: what is not felt does not say how it goes on."""
+    """Rates come to rest: what is not felt does not say how it goes on."""
     for i in range(OWN, COUNTS[row.index]):
         row.state[i] *= kept
         for j in range(COUNTS[row.index]):
             row.covariance[i, j] *= kept
             row.covariance[j, i] *= kept
-        row.covariance[i, i] += (1.0 - kept * kept) * OWN_VARIANCES[row.index, i - OWN]
 
 
 @compiled
