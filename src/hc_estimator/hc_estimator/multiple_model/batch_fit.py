@@ -113,7 +113,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         return False
     if row.active == 0:
         row.active = 1
-        seed(constant, row, clock, 0.0)
+        seed(constant, row, clock, constant.counts_from)  # a copy of one that waits waits too
         row.score = constant.score
         row.log_likelihood = constant.log_likelihood
     history.fitted = 1

@@ -116,7 +116,8 @@ def start_fresh_motion(settings: Any, rows: Any, motion: Any, noise: float, ahea
     """
     if motion_density.is_settled(motion):
         take_motion(rows[FRESH], motion, noise)
-        predict(rows[FRESH], max(ahead, 0.0), motion_density.jerk_density(settings, motion), False)
+        density = motion_density.jerk_density(settings, motion)
+        predict(rows[FRESH], max(ahead, 0.0), density, False, True)
 
 
 @compiled

@@ -35,6 +35,7 @@ from hc_estimator.multiple_model.levels import UNBENT
 
 TINY = 1e-300
 LARGEST_LOG = 300.0  # of a force; beyond it exp() would not be finite when squared
+RATE_MEMORY = 0.3  # for which a rate goes on where the tissue is not felt [s]
 # Which parameters an update only considers (Schmidt), instead of correcting them.
 HOLD_NOTHING = 0
 HOLD_ALL = 1
@@ -94,7 +95,17 @@ def depth_of(row: Any) -> float:
 
 
 @compiled
-def predict(row: Any, elapsed: float, density: float, goes_on: bool) -> None:
+def _forget_rates(row: Any, kept: float) -> None:
+    """Rates come to rest: what is not felt does not say how it goes on."""
+    for i in range(OWN, COUNTS[row.index]):
+        row.state[i] *= kept
+        for j in range(COUNTS[row.index]):
+            row.covariance[i, j] *= kept
+            row.covariance[j, i] *= kept
+
+
+@compiled
+def predict(row: Any, elapsed: float, density: float, goes_on: bool, away: bool) -> None:
     """Constant acceleration with white jerk; parameters that walk or follow the own states.
 
     Args:
@@ -102,6 +113,7 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool) -> None:
         elapsed: time [s].
         density: of the jerk [mm^2/s^5].
         goes_on: True if the parameters may change, False far from the tissue.
+        away: True if the tissue is not felt.
     """
     state, covariance, m = row.state, row.covariance, row.index
     count = COUNTS[m]
@@ -145,6 +157,8 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool) -> None:
                 covariance[i, target] += rate * covariance[i, source]
         if covariance[OWN + own, OWN + own] > 0.0:
             covariance[OWN + own, OWN + own] += OWN_WALKS[m, own] * elapsed
+    if away and not SURFACE[m]:
+        _forget_rates(row, math.exp(-elapsed / RATE_MEMORY))
     for i in range(4):
         if covariance[FIRST_PARAMETER + i, FIRST_PARAMETER + i] > 0.0:  # else held fixed
             covariance[FIRST_PARAMETER + i, FIRST_PARAMETER + i] += WALKS[m, i] * elapsed

@@ -39,8 +39,10 @@ from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     DEPTH,
     EXPONENT,
+    FITTED,
     FRESH,
     LOG_DAMPING,
+    SURFACE,
     VELOCITY,
     VELOCITY_EXPONENT,
 )
@@ -48,7 +50,7 @@ from hc_estimator.multiple_model.kalman import HOLD_ALL, HOLD_DAMPING, HOLD_NOTH
 from hc_estimator.multiple_model.model_error import raise_model_error
 from hc_estimator.multiple_model.readings import last_displacement, since_displacement
 from hc_estimator.multiple_model.records import KEPT
-from hc_estimator.multiple_model.rows import clear_motion
+from hc_estimator.multiple_model.rows import clear_motion, free_rate
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -251,6 +253,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
     acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
     depth = last_displacement(bank) + ahead * velocity
     variance = bank.sensor_noise[0] + ahead * ahead * square
+    varied = chosen > FITTED and not SURFACE[chosen]
     for m in range(FRESH):
         row, kept = bank.rows[m], maneuver.rows[slot, m]
         row.active = kept.active
@@ -259,6 +262,8 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
         copy_vector(kept.state, row.state)
         copy_matrix(kept.covariance, row.covariance)
         clear_motion(row)
+        if varied:  # then what turned may be the rate, and not the tool
+            free_rate(row)
         row.state[DEPTH] = depth
         row.covariance[DEPTH, DEPTH] = variance
         row.covariance[VELOCITY, DEPTH] = ahead * square

@@ -37,6 +37,7 @@ LARGEST_LOG_RATIO = 3.0
 SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.6, 4.0
 SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT = 0.4, 2.0
 LARGEST_RATE = 20.0  # of an own state that drives a parameter [1/s]
+TURNED_RATE = 1.0  # deviation of a rate of ln K that has turned [1/s]
 LARGEST_SOUND = 1e100  # beyond it a number is no estimate
 
 
@@ -94,6 +95,13 @@ def let_surface_move(row: Any) -> None:
     row.position_deviation = 0.0
     rate = OWN + 1
     row.covariance[rate, rate] = OWN_VARIANCES[row.index, rate - OWN]
+
+
+@compiled
+def free_rate(row: Any) -> None:
+    """Let the rate of ln K go, if the row has one: it may have turned."""
+    if COUNTS[row.index] > OWN and not SURFACE[row.index]:
+        row.covariance[OWN, OWN] = max(row.covariance[OWN, OWN], TURNED_RATE**2)
 
 
 @compiled

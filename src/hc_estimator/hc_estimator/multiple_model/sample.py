@@ -228,6 +228,7 @@ def _predict(settings: Any, bank: Any) -> None:
     anew = clock.restart != 0 or bank.motion_anew != 0
     density = motion_density.jerk_density(settings, bank.motion)
     goes_on = bank.tool.away_time < AWAY_TIME
+    away = bank.tool.away_time > 0.0
     displacement = readings.last_displacement(bank)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
@@ -237,7 +238,7 @@ def _predict(settings: Any, bank: Any) -> None:
             begin_motion(settings, row, displacement)
         else:
             jerk = maneuvers.jerk_density(bank.maneuver, row, clock.period, density)
-            predict(row, clock.elapsed, jerk, goes_on or SURFACE[m])
+            predict(row, clock.elapsed, jerk, goes_on or SURFACE[m], away)
     if anew:
         clock.restart = 1
         bank.motion_anew = 0
