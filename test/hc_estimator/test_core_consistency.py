@@ -275,7 +275,7 @@ def test_least_squares_foretell_no_force_that_their_own_fit_does_not(options, pl
 
 
 def test_least_squares_report_the_likeliest_within_the_law():
-    """n held at its limit takes ln K and B/K along as their covariance says; the fit goes on."""
+    """An n held at its limit takes ln K and B/K along as their covariance says; the fit goes on."""
     estimator = hc.create_estimator("rls", initial_displacement_exponent_std=1.0)
     time = np.arange(2000) / 1000.0
     d = 3.0 + np.sin(3.0 * time)

@@ -85,6 +85,8 @@ class KillReport:
         invalid: estimates with a number that is not finite or a covariance that is none.
         reconfigurations: changes of parameters that the node took.
         viewers: command lines that looked at the run meanwhile, and ended roughly.
+        worst: the kill after which a parameter changed most, the one with the longest absence, and
+            the recorder's that lost most, for whoever looks for the reason.
     """
 
     duration_s: float
@@ -97,6 +99,7 @@ class KillReport:
     invalid: int
     reconfigurations: int
     viewers: int
+    worst: dict[str, dict[str, Any]]
 
     @property
     def passed(self) -> bool:
@@ -175,7 +178,19 @@ def run_kills(
         invalid=invalid,
         reconfigurations=storm.taken,
         viewers=viewers.count,
+        worst=_worst(kills),
     )
+
+
+def _worst(kills: list[Kill]) -> dict[str, dict[str, Any]]:
+    """Return the worst kill by each measure, as plain data."""
+    result = {}
+    for name in ("change", "back_after_s", "lost_s"):
+        known = [kill for kill in kills if getattr(kill, name) == getattr(kill, name)]
+        if known:
+            worst = max(known, key=lambda kill: float(getattr(kill, name)))
+            result[name] = dataclasses.asdict(worst)
+    return result
 
 
 def _plan(config: str, minutes: float, folder: Path, bag: Path) -> RunPlan:
