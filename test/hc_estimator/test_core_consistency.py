@@ -249,50 +249,6 @@ def test_least_squares_is_biased_by_its_linearisation(recording):
     np.testing.assert_allclose(estimator.run(*weak).parameters[-1, [0, 2]], [0.5, 1.6], rtol=0.01)
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"initial_velocity_std": 0.038},
-        {"displacement_noise_std": 1.5e-9},
-        {"force_noise_std": 1e-8, "noise_adaptation": "fixed"},
-        {"force_noise_std": 1e-3, "displacement_noise_std": 0.07},
-        {"forgetting": 0.79, "noise_short_memory": 76_000.0},
-    ],
-    ids=lambda options: next(iter(options)),
-)
-def test_least_squares_foretell_no_force_that_their_own_fit_does_not(options, plant):
-    """Regression: n was cut to its range without the K that goes with it: 4,300 N, 5 measured."""
-    time = np.arange(3000) / 1000.0
-    d, v = plant.motion(time)
-    d, force = plant.noisy(d, plant.force(d, v, *TRUTH), seed=3)
-    estimator = hc.create_estimator("rls", **options)
-    series = estimator.run(time, d, force)
-    told = np.abs([series.force_predicted, series.force_reconstructed])
-    assert np.nanmax(told[:, 100:]) < 20.0 * force.max()
-    exponent = series.parameters[:, 2]
-    assert exponent.min() >= 0.5
-    assert exponent.max() <= 4.0
-
-
-def test_least_squares_report_the_likeliest_within_the_law():
-    """An n held at its limit takes ln K and B/K along as their covariance says; the fit goes on."""
-    estimator = hc.create_estimator("rls", initial_displacement_exponent_std=1.0)
-    time = np.arange(2000) / 1000.0
-    d = 3.0 + np.sin(3.0 * time)
-    series = estimator.run(time, d, 0.01 * d**6)  # steeper than any tissue of the law
-    memory = estimator.state()["memory"]
-    mean, factor = np.array(memory["regression"]), np.array(memory["regression_factor"])
-    assert mean[1] > 4.0
-    covariance = factor @ factor.T
-    held = mean + covariance[:, 1] / covariance[1, 1] * (4.0 - mean[1])
-    if held[2] < 0.0:
-        both = covariance[np.ix_([1, 2], [1, 2])]
-        error = np.array([4.0, 1e-9]) - mean[1:]
-        held = mean + covariance[:, 1:] @ np.linalg.solve(both, error)
-    np.testing.assert_allclose(np.log(series.parameters[-1, 0]), held[0], rtol=1e-6)
-    assert series.parameters[-1, 2] == 4.0
-
-
 def test_gamma_impulses_in_the_proposal_follow_a_drifting_tool():
     """Paper C's point: one-sided process noise in the proposal removes the lag behind impulses."""
     rng = np.random.default_rng(6)

@@ -16,10 +16,6 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import (
-    LARGEST_DISPLACEMENT_EXPONENT,
-    SMALLEST_DISPLACEMENT_EXPONENT,
-)
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.memory import Field
@@ -64,8 +60,6 @@ SCRATCH = (
     Field("regressor", np.float64, (3,)),
     Field("regression_seen", np.float64, (3,)),
     Field("reported_factor", np.float64, (3, 3)),
-    Field("physical", np.float64, (3,)),  # the regression within the law's limits
-    Field("physical_factor", np.float64, (3, 3)),
 )
 
 SMALLEST_RATIO = 1e-9  # of B to K that is reported
@@ -92,74 +86,12 @@ def _start(settings: Any, memory: Any) -> None:
 
 
 @compiled
-def _hold(memory: Any, index: int, limit: float) -> None:
-    """Give one number of the regression a value, and the others what goes with it.
-
-    That is their mean under the condition that it has this value: of all that the data say of the
-    others, the likeliest (Simon, Kalman filtering with state constraints, 2010, section 2.3).
-
-    Args:
-        memory: memory record; `physical` and `physical_factor` are changed.
-        index: which of ln K, n, B/K.
-        limit: its value.
-    """
-    mean, factor = memory.physical, memory.physical_factor
-    variance = 0.0
-    for j in range(3):
-        variance += factor[index, j] * factor[index, j]
-    error = limit - mean[index]
-    for i in range(3):
-        if i == index or variance <= 0.0:
-            continue
-        share = 0.0
-        for j in range(3):
-            share += factor[i, j] * factor[index, j]
-        share /= variance
-        mean[i] += share * error
-        for j in range(3):
-            factor[i, j] -= share * factor[index, j]
-    mean[index] = limit
-    for j in range(3):
-        factor[index, j] = 0.0
-
-
-@compiled
-def _hold_exponent(memory: Any) -> bool:
-    """Hold n at the limit of the law that it is beyond; False if it is within them."""
-    exponent = memory.physical[1]
-    if exponent < SMALLEST_DISPLACEMENT_EXPONENT:
-        _hold(memory, 1, SMALLEST_DISPLACEMENT_EXPONENT)
-    elif exponent > LARGEST_DISPLACEMENT_EXPONENT:
-        _hold(memory, 1, LARGEST_DISPLACEMENT_EXPONENT)
-    else:
-        return False
-    return True
-
-
-@compiled
-def _to_physical(memory: Any) -> None:
-    """Bring the regression within the law's limits, in memory.physical.
-
-    The regression knows none: n and B/K go anywhere where the motion does not tell them from K,
-    and the K that goes with them foretells thousands of newtons once n alone is cut to its range.
-    """
-    copy_vector(memory.regression, memory.physical)
-    copy_matrix(memory.regression_factor, memory.physical_factor)
-    held = _hold_exponent(memory)
-    if memory.physical[2] < SMALLEST_RATIO:
-        _hold(memory, 2, SMALLEST_RATIO)
-        if not held:
-            _hold_exponent(memory)
-
-
-@compiled
 def _to_state(memory: Any) -> None:
     """Write ln K, ln B, n and their covariance where the report reads them (delta method)."""
-    _to_physical(memory)
-    ratio = memory.physical[2]
-    memory.state[3] = memory.physical[0]
-    memory.state[4] = memory.physical[0] + math.log(ratio)
-    memory.state[5] = memory.physical[1]
+    ratio = max(memory.regression[2], SMALLEST_RATIO)
+    memory.state[3] = memory.regression[0]
+    memory.state[4] = memory.regression[0] + math.log(ratio)
+    memory.state[5] = memory.regression[1]
     covariance, factor = memory.covariance, memory.regression_factor
     reported = memory.reported_factor  # of ln K, ln B, n
     for j in range(3):
