@@ -22,6 +22,9 @@ from rich.text import Text
 
 from hc_bringup.commands.run import show_ending
 from hc_bringup.dashboard.columns import COLUMNS, INDEX
+from hc_bringup.live import _load_line
+from hc_bringup.runner import RunState
+from hc_bringup.statistics import EstimateStatistics
 from hc_bringup.terminal.ending import (
     Profile,
     _sentence_of_scan,
@@ -76,6 +79,17 @@ def usual(**fields: Any) -> PanelView:
         "history": history,
     }
     return PanelView(**(values | fields))
+
+
+def test_nothing_is_shown_of_estimates_that_others_hear() -> None:
+    """Regression: `hc bench latency` printed K=- B=- n=- p=-."""
+    view = usual(with_estimates=False, phase="running")
+    text = "\n".join(lines_of(view, 100))
+    assert "estimates go to the subscribers" in text
+    for word in ("± 2 sd", "force", "Hz", "refused", "latency", "no estimate yet"):
+        assert word not in text, word
+    state = RunState(EstimateStatistics(), 65.0, "running", 12.0, {"indenter": 17.4})
+    assert _load_line(state) == "  12.0 of 65 s  of a core: indenter 17 %"
 
 
 @pytest.mark.parametrize("width", [60, 61, 72, 79, 80, 100, 133, 200])

@@ -46,6 +46,7 @@ class Display:
         with_latency: bool = True,
         scenario: str = "",
         with_keys: bool = True,
+        with_estimates: bool = True,
     ) -> None:
         """Prepare the display.
 
@@ -54,7 +55,10 @@ class Display:
             with_latency: False where the stamps are not of the time of publication (a replay).
             scenario: of the rig, for the title.
             with_keys: False where somebody else reads the terminal's keys.
+            with_estimates: False where the run leaves the estimates to others; what they say is
+                then not known here.
         """
+        self._with_estimates = with_estimates
         self._enabled = enabled
         self._with_latency = with_latency
         self._scenario = scenario
@@ -107,7 +111,8 @@ class Display:
         now = time.monotonic()
         if now - self._last_line_at >= _LINE_PERIOD_S:
             self._last_line_at = now
-            sys.stderr.write(_line(state, self._rate, self._with_latency) + "\n")
+            line = _line(state, self._rate, self._with_latency)
+            sys.stderr.write((line if self._with_estimates else _load_line(state)) + "\n")
             sys.stderr.flush()
 
     def _tell_page(self, state: RunState) -> None:
@@ -163,6 +168,7 @@ class Display:
             phase=state.phase,
             elapsed_s=state.elapsed_s,
             duration_s=state.duration_s,
+            with_estimates=self._with_estimates,
             rate_hz=self._rate.hz,
             silent_s=self._rate.silent_s,
             silent_reason=estimator.get("message", "") if stale else "",
@@ -229,6 +235,14 @@ def _figure(value: float, form: str) -> str:
 
 def _lost(statistics: EstimateStatistics) -> str:
     return str(statistics.lost) if statistics.counts else "? (no counter in the samples)"
+
+
+def _load_line(state: RunState) -> str:
+    """Return what is known of a run whose estimates somebody else hears."""
+    if state.phase != "running":
+        return state.phase
+    use = ", ".join(f"{name} {percent:.0f} %" for name, percent in state.cpu_percent.items())
+    return f"{state.elapsed_s:6.1f} of {state.duration_s:.0f} s  of a core: {use}"
 
 
 def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:

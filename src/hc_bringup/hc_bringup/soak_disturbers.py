@@ -23,6 +23,8 @@ from hc_estimator import available_filters, available_state_spaces
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
 RECONFIGURATIONS_PER_S = 20.0
+RESTORE_AGAIN_S = 2.0
+"""A node that is killed meanwhile does not answer."""
 VIEWERS: tuple[tuple[str, ...], ...] = (
     ("topic", "echo", "hc/estimate", "--csv"),
     ("topic", "hz", "hc/estimate"),
@@ -72,8 +74,15 @@ class ParameterStorm:
         self.asked = self.taken = self.refused = 0
         self._generator = random.Random(seed)
         self._first: dict[str, Any] = {}
+        self._restored_at: float | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="soak_parameters")
+
+    @property
+    def settled_s(self) -> float:
+        """For how long the node has said that it has its first settings again; 0: it has not."""
+        restored_at = self._restored_at
+        return 0.0 if self.active or restored_at is None else time.monotonic() - restored_at
 
     def __enter__(self) -> ParameterStorm:
         self._thread.start()
@@ -96,7 +105,7 @@ class ParameterStorm:
             qos_profile=qos_profile_parameters,
         )
         look = node.create_client(GetParameters, f"/{NODE_ESTIMATOR}/get_parameters")
-        due, stormed = time.monotonic(), False
+        due, restore_at = time.monotonic(), 0.0
         while not self._stop.is_set():
             due = max(due + 1.0 / RECONFIGURATIONS_PER_S, time.monotonic())
             if change.service_is_ready() and look.service_is_ready():
@@ -105,11 +114,11 @@ class ParameterStorm:
                         self._remember
                     )
                 elif self.active:
-                    self._ask(change, random_settings(self._generator))
-                    stormed = True
-                elif stormed:
-                    self._ask(change, self._first)
-                    stormed = False
+                    self._ask(change, random_settings(self._generator), self._hear)
+                    self._restored_at, restore_at = None, 0.0
+                elif self._restored_at is None and time.monotonic() >= restore_at:
+                    self._ask(change, self._first, self._hear_restored)
+                    restore_at = time.monotonic() + RESTORE_AGAIN_S
             while (left := due - time.monotonic()) > 0.0:
                 executor.spin_once(timeout_sec=left)
         executor.shutdown()
@@ -120,18 +129,23 @@ class ParameterStorm:
         values = map(parameter_value_to_python, future.result().values)
         self._first = dict(zip(DRAWS, values, strict=True))
 
-    def _ask(self, client: Any, settings: Mapping[str, Any]) -> None:
+    def _ask(self, client: Any, settings: Mapping[str, Any], hear: Callable[[Any], None]) -> None:
         request = SetParametersAtomically.Request(
             parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in settings.items()]
         )
         self.asked += 1
-        client.call_async(request).add_done_callback(self._hear)
+        client.call_async(request).add_done_callback(hear)
 
     def _hear(self, future: Any) -> None:
         if future.result().result.successful:
             self.taken += 1
         else:
             self.refused += 1
+
+    def _hear_restored(self, future: Any) -> None:
+        self._hear(future)
+        if future.result().result.successful and not self.active:
+            self._restored_at = time.monotonic()
 
 
 class Viewers:

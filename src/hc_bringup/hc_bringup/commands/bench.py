@@ -186,7 +186,7 @@ def _latency(arguments: argparse.Namespace) -> int:
         )
     ask_for_realtime(arguments.realtime, None)
     loads = {"idle": (False,), "loaded": (True,), "both": (False, True)}[arguments.machine]
-    with Display(enabled=not arguments.json, with_keys=False) as display:
+    with Display(enabled=not arguments.json, with_keys=False, with_estimates=False) as display:
         cases = bench_latency(
             arguments.duration,
             arguments.rate or RATES_HZ,

@@ -41,7 +41,9 @@ class PanelPainter:
         """Return the panel for a terminal of a width."""
         outer = max(NARROWEST, min(width, WIDEST))
         inner = outer - 4  # border and padding
-        lines = [*self._parameters(view, inner), *_motion(view, inner), *_state(view, inner)]
+        lines = _state(view, inner)
+        if view.with_estimates:
+            lines = [*self._parameters(view, inner), *_motion(view, inner), *lines]
         lines += [Text("")] if view.warnings() else []
         for warning in view.warnings():
             lines += _wrapped(f"▲ {warning}", inner, "bold yellow")
@@ -143,7 +145,7 @@ def _figures(view: PanelView, width: int) -> list[Text]:
     if view.latency_s is not None:
         median, most = view.latency_s
         figures.append(f"latency {engineering(median, 's')}, 99 % {engineering(most, 's')}")
-    lines = [Text(""), *_flow(figures, width)]
+    lines = [Text(""), *_flow(figures, width)] if view.with_estimates else []
     if view.processor:
         use = [f"{name} {percent:.0f} %" for name, percent in view.processor.items()]
         lines += _flow(["core:", *use], width, "dim")

@@ -42,6 +42,7 @@ class PanelView:
         phase: what the run does.
         elapsed_s: since the source was started.
         duration_s: how long it shall last; 0 for no end.
+        with_estimates: whether they are heard here; if not, nothing of them is shown.
         rate_hz: estimates a second.
         silent_s: since the last estimate; NaN before the first one.
         silent_reason: what the estimator says of that.
@@ -77,6 +78,7 @@ class PanelView:
     phase: str
     elapsed_s: float = 0.0
     duration_s: float = 0.0
+    with_estimates: bool = True
     rate_hz: float = 0.0
     silent_s: float = math.nan
     silent_reason: str = ""
@@ -120,6 +122,8 @@ class PanelView:
 
     def state(self) -> tuple[str, str]:
         """Return the state in a few words, and how good it is: good, idle, warn or bad."""
+        if not self.with_estimates:
+            return f"{self.phase}, estimates go to the subscribers", "idle"
         if self.silent:
             reason = self.silent_reason or "no samples come"
             return f"silent for {self.silent_s:.1f} s: {reason}", "bad"
