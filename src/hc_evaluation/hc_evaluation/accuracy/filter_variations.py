@@ -12,6 +12,7 @@ from typing import Any
 # Name of the mechanism, and the settings that switch it off. The first row is the filter itself.
 MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("nothing", {}),
+    ("least squares over remembered points", {"fit_batches": False}),
     ("stiffness that follows a trend", {"follow_stiffness": False}),
     ("layers that vary", {"follow_layers": False}),
     ("surface that moves", {"follow_surface": False}),
