@@ -44,7 +44,8 @@ def test_in_the_air_a_rate_comes_to_rest(m, bank):
     driven = [LOG_STIFFNESS, EXPONENT][: COUNTS[m] - OWN]
     np.testing.assert_allclose(row.state[driven], went, rtol=0.01)
     for i in range(OWN, COUNTS[m]):  # its walk goes on: that of an Ornstein-Uhlenbeck process
-        settled = 0.5 * OWN_WALKS[m, i - OWN] * kalman.RATE_MEMORY
+        left = np.exp(-2.0 / kalman.RATE_MEMORY)
+        settled = left + 0.5 * OWN_WALKS[m, i - OWN] * kalman.RATE_MEMORY * (1.0 - left)
         assert row.covariance[i, i] == pytest.approx(settled, rel=0.02)
 
 

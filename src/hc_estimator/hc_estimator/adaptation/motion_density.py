@@ -191,6 +191,8 @@ def learn(
     """
     if broken:
         restart(motion)
+    elif motion.count > 0 and not time > motion.last_time:
+        return  # a step backwards would turn the parabolas around
     if channel.jumped != 0:
         motion.weighted = min(motion.weighted, 12)
     elapsed = time - motion.last_time

@@ -85,7 +85,8 @@ def _use_pair(settings: Any, bank: Any, time: float) -> int:
     ahead = 0 if delay > 0.0 else 1
     _hold(held, time, clock.measurement[ahead])
     wanted = time - abs(delay)
-    slot = _nearest(held, wanted, clock.elapsed)
+    # After lost readings the time since the last sample says nothing of what is near.
+    slot = _nearest(held, wanted, clock.period if clock.period > 0.0 else clock.elapsed)
     if slot < 0:
         clock.present[ahead] = 0
         partner = wanted
