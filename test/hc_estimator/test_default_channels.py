@@ -117,3 +117,22 @@ def test_the_horse_is_late_in_one_recording_and_not_in_the_other(real):
         samples = real(f"palpation_sine_horse_{name}.csv")
         series = hc.create_estimator("self_tuning_ukf").run(*samples)
         assert series.channel_delay[-1] == pytest.approx(delay, abs=5e-3), name
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.2, 1.0, 5.0])
+@pytest.mark.parametrize("delay", [-0.031, 0.031])
+def test_readings_that_are_lost_do_not_turn_the_time_back(delay, gap, plant):
+    """Regression: after a gap of a second 1e30 N were foretold; the state stood a delay ahead."""
+    time, d, force = late(plant, delay, seconds=16.0)
+    there = (time < 9.0) | (time >= 9.0 + gap)
+    time, d, force = time[there], d[there], force[there]
+    series = hc.create_estimator("self_tuning_ukf").run(time, d, force)
+    again = time > 9.2 + gap
+    assert np.isfinite(series.force_predicted[again]).all()
+    assert np.abs(series.force_predicted[again]).max() < 1.2 * force.max()
+    assert np.nanmax(np.abs(series.force_predicted)) < 6.0 * force.max()
+    settled = time > 9.5 + gap
+    error = series.force_predicted[settled] - force[settled]
+    assert np.sqrt(np.nanmean(error**2)) < 0.06 * force.max()
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.02)
+    assert not series.change_detected.any()

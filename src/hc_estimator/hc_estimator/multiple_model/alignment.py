@@ -85,8 +85,9 @@ def _use_pair(settings: Any, bank: Any, time: float) -> int:
     ahead = 0 if delay > 0.0 else 1
     _hold(held, time, clock.measurement[ahead])
     wanted = time - abs(delay)
-    # After lost readings the time since the last sample says nothing of what is near.
-    slot = _nearest(held, wanted, clock.period if clock.period > 0.0 else clock.elapsed)
+    # After lost readings a force that is held would put the state ahead of the next displacement.
+    near = clock.period if ahead == 1 and clock.period > 0.0 else clock.elapsed
+    slot = _nearest(held, wanted, near)
     if slot < 0:
         clock.present[ahead] = 0
         partner = wanted
