@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_estimator.estimate import Hypothesis
+from hc_estimator.multiple_model.hypotheses import without
 
 STIFFNESS, DAMPING = 0.7, 0.03
 NOISE = np.diag([0.01, 0.05]) ** 2
@@ -19,10 +21,7 @@ PLAIN = {
         "noise_adaptation": "fixed",
         "motion_adaptation": False,
         "coherence_share": 0.0,
-        "follow_stiffness": False,
-        "follow_layers": False,
-        "follow_surface": False,
-        "find_changes": False,
+        "without_hypotheses": without(*tuple(Hypothesis)[1:]),
         "find_maneuvers": False,
         "channel_delay": 0.0,
     },

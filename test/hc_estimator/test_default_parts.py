@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 import hc_estimator as hc
+from hc_estimator.estimate import Hypothesis
 from hc_estimator.multiple_model import batch_fit, grid, history
+from hc_estimator.multiple_model.hypotheses import without
 from hc_estimator.multiple_model.records import POINTS
 
 TISSUE = np.array([0.3, 0.015, 1.7, 1.05])
@@ -334,8 +336,8 @@ def test_the_fit_earns_its_place_where_the_law_does_not_fit(plant):
     force *= 1.0 - 0.15 * np.sin(2.0 * np.pi * 0.4 * time + 1.0)  # what no law of ours does
     d, f = plant.noisy(depth, force, 5)
     errors = {}
-    for fit in (True, False):
-        series = hc.create_estimator("self_tuning_ukf", fit_batches=fit).run(time, d, f)
+    for fit, off in ((True, 0), (False, without(Hypothesis.CONSTANT_FITTED))):
+        series = hc.create_estimator("self_tuning_ukf", without_hypotheses=off).run(time, d, f)
         values = series.parameters[2000:-500]
         ahead = plant.force(depth[2500:], velocity[2500:], *values.T)
         errors[fit] = np.sqrt(np.mean((ahead - force[2500:]) ** 2))

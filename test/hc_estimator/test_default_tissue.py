@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_estimator.estimate import Hypothesis
+from hc_estimator.multiple_model.hypotheses import without
 
 TISSUE = (0.2, 0.009, 1.8, 1.05)
 
@@ -116,7 +118,7 @@ def test_another_tissue_is_called_once_and_found(other, plant):
     np.testing.assert_allclose(series.parameters[time > 7.0, 0], other[0], rtol=0.05)
     np.testing.assert_allclose(series.parameters[-1], other, rtol=0.02)
     assert not series.model_mismatch[-1]
-    never = run(time, *readings, find_changes=False)
+    never = run(time, *readings, without_hypotheses=without(Hypothesis.CHANGED))
     assert not never.change_detected.any()
 
 

@@ -34,7 +34,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 9  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 10  # of Estimator.state(); raised when its meaning changes
 
 
 def _all_specifications() -> dict[str, ParameterSpecification]:
@@ -98,7 +98,9 @@ class Estimator:
         self._filter = filter
         self._state_space = state_space
         self._contact_model = contact_model
-        self._specifications = parameter_specifications(filter, state_space, contact_model)
+        self._specifications = parameter_specifications(
+            filter, state_space, contact_model, internal=parameters
+        )
         values = {s.name: s.default for s in self._specifications}
         values.update(checked_values(self._specifications, parameters))
         self._values: dict[str, ParameterValue] = values
@@ -106,6 +108,11 @@ class Estimator:
         self._settings = np.zeros(1, SETTINGS)
         for name, specification in _ALL_SPECIFICATIONS.items():
             self._settings[name] = specification.encoded(specification.default)
+        every = parameter_specifications(
+            filter, state_space, contact_model, internal=FILTERS[filter].internal
+        )
+        for specification in every:
+            self._settings[specification.name] = specification.encoded(specification.default)
         for name, value in FILTERS[filter].fixed.items():
             self._settings[name] = _ALL_SPECIFICATIONS[name].encoded(value)
         self._settings["state_space"] = STATE_SPACES.index(state_space)

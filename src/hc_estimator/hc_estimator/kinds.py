@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from hc_estimator import screening
 from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
@@ -66,6 +68,7 @@ def parameter_specifications(
     filter: str,
     state_space: str = DEFAULT_STATE_SPACE,
     contact_model: str = DEFAULT_CONTACT_MODEL,
+    internal: Iterable[str] = (),
 ) -> tuple[ParameterSpecification, ...]:
     """The parameters that an estimator of this kind has, with the defaults for this combination.
 
@@ -73,6 +76,7 @@ def parameter_specifications(
         filter: one of `available_filters()`.
         state_space: one of `available_state_spaces(filter)`.
         contact_model: one of `available_contact_models()`.
+        internal: names of those that are for experiments with the filter which are wanted too.
 
     Returns:
         One specification per parameter, in a fixed order.
@@ -106,4 +110,6 @@ def parameter_specifications(
         + contact_registry.SPECIFICATIONS.get(contact_model, ())
         + screening.SPECIFICATIONS
     )
+    hidden = set(entry.internal).difference(internal)
+    specifications = tuple(s for s in specifications if s.name not in hidden)
     return with_defaults(specifications, entry.defaults.get(state_space, {}))

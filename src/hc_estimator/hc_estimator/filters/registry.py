@@ -43,6 +43,7 @@ class FilterEntry:
         state_spaces: state spaces that it combines with.
         contact_models: contact models that it combines with.
         without: parameters of the state space that it does not use.
+        internal: parameters that experiments may give and no user sees.
         memory: fields of its memory where it has one of its own, a record `clock` of
             screening.CLOCK_FIELDS among them; None: that of the plain filters.
         initialise: compiled function that sets its memory before any sample, if it has its own.
@@ -64,6 +65,7 @@ class FilterEntry:
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
     contact_models: tuple[str, ...] = CONTACT_MODELS
     without: tuple[str, ...] = ()
+    internal: tuple[str, ...] = ()
     memory: tuple[Field, ...] | None = None
     initialise: Callable[..., None] | None = None
     set_noise: Callable[..., None] | None = None
@@ -121,6 +123,7 @@ FILTERS: dict[str, FilterEntry] = {
             "displacement_exponent_walk",
             "velocity_exponent_walk",
         ),
+        internal=self_tuning_ukf.INTERNAL,
         memory=self_tuning_ukf.FIELDS,
         initialise=self_tuning_ukf.initialise,
         set_noise=self_tuning_ukf.set_noise,

@@ -16,17 +16,15 @@ from hc_estimator.adaptation.policy import NOISE_ADAPTATION, NOISE_SPECIFICATION
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     alignment,
-    batch_fit,
     beginning,
-    change,
     contact_onset,
+    hypotheses,
     maneuver,
     tempering,
 )
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
 from hc_estimator.screening import ACCEPTED, screen
-from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
     *NOISE_SPECIFICATIONS,
@@ -34,31 +32,20 @@ SPECIFICATIONS = (
     *difference_noise.SPECIFICATIONS,
     *motion_density.SPECIFICATIONS,
     *tempering.SPECIFICATIONS,
-    ParameterSpecification(
-        "follow_stiffness",
-        "bool",
-        True,
-        "Try the hypothesis that stiffness and damping follow a trend: the flank of a lump.",
-        runtime=False,
-    ),
-    ParameterSpecification(
-        "follow_layers",
-        "bool",
-        True,
-        "Try the hypothesis that the exponent follows a trend as well: layers that vary.",
-        runtime=False,
-    ),
-    ParameterSpecification(
-        "follow_surface",
-        "bool",
-        True,
-        "Try the hypothesis that the surface moves: breathing, a curved organ, a wrong zero.",
-        runtime=False,
-    ),
-    *batch_fit.SPECIFICATIONS,
-    *change.SPECIFICATIONS,
+    *hypotheses.SPECIFICATIONS,
     *maneuver.SPECIFICATIONS,
     *alignment.SPECIFICATIONS,
+)
+# For experiments: nobody tunes these, and the accuracy pages say what each is worth.
+INTERNAL = (
+    *(s.name for s in difference_noise.SPECIFICATIONS),
+    *(s.name for s in motion_density.SPECIFICATIONS),
+    *(s.name for s in tempering.SPECIFICATIONS),
+    *(s.name for s in hypotheses.SPECIFICATIONS),
+    *(s.name for s in maneuver.SPECIFICATIONS),
+    "initial_displacement_std",
+    "initial_velocity_std",
+    "initial_acceleration_std",
 )
 FIELDS = BANK
 
@@ -68,7 +55,7 @@ def initialise(settings_array: Any, memory_array: Any) -> None:
     """State of the bank before any sample."""
     settings, bank = settings_array[0], memory_array[0]
     contact_onset.reset(bank)
-    bank.felt = 0
+    bank.contact_readings = 0
     beginning.start(settings, bank)
     alignment.reset(settings, bank)
 

@@ -16,7 +16,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import batch_fit, beginning, sample
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.hypotheses import FITTED
+from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
@@ -186,7 +186,7 @@ def _take_point(settings: Any, bank: Any) -> None:
     finder, rows = bank.delay, bank.rows
     before = finder.grid_count
     full = grids.advance(finder)
-    if finder.grid_count > before and settings.fit_batches != 0 and bank.calibrated != 0:
+    if finder.grid_count > before and is_tried(settings, FITTED) and bank.calibrated != 0:
         clock = bank.tool.contact_clock
         if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):
             beginning.begin_with_zeros(settings, bank)

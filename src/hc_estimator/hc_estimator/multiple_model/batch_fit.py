@@ -29,7 +29,7 @@ from hc_estimator.multiple_model.fit_covariance import (
     take_off_velocity_noise,
     widen,
 )
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
@@ -40,17 +40,6 @@ from hc_estimator.multiple_model.normal_equations import (
 )
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import seed
-from hc_estimator.specification import ParameterSpecification
-
-SPECIFICATIONS = (
-    ParameterSpecification(
-        "fit_batches",
-        "bool",
-        True,
-        "Hold a least-squares fit to the last ten seconds of contact beside the filters.",
-        runtime=False,
-    ),
-)
 
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
@@ -129,7 +118,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
     # Where the tool was seen free, the first touch shows the zeros (`contact_onset`).
     onset = bank.onset
-    if onset.decided != 0 or onset.free != 0 or settings.follow_surface == 0:
+    if onset.decided != 0 or onset.free != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay passes for zeros that are off as long as it is not known itself, and so does what is
     # left of one that was found.

@@ -20,6 +20,8 @@ from hc_estimator.multiple_model.hypotheses import (
     FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
+    WAITS,
+    is_tried,
 )
 from hc_estimator.multiple_model.rows import (
     free_parameters,
@@ -54,12 +56,8 @@ def start(settings: Any, bank: Any) -> None:
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]
         row.index = m
-        row.active = 1
+        row.active = 1 if is_tried(settings, m) and not WAITS[m] else 0
         reset(settings, row, 0.0)
-    bank.rows[FITTED].active = 0
-    bank.rows[2].active = settings.follow_stiffness
-    bank.rows[3].active = settings.follow_layers
-    bank.rows[4].active = settings.follow_surface
     _choose_anew(bank)
     histories.reset(bank.history)
     contact_onset.restart(bank.onset)

@@ -1,7 +1,7 @@
 """Another tissue, or a law that does not fit? A row begun anew competes with the others.
 
 After an alarm of the chosen row the fresh row begins: parameters let go, motion from the
-displacement alone. Its log likelihood ratio to the row that raised the alarm (the veteran) decides,
+displacement alone. Its log likelihood ratio to the row that raised the alarm (the reference) decides,
 with forgetting, and floored, so that its first unsure steps do not count for ever. It is given out
 as soon as it is clearly the likelier, and every other row has raised an alarm too or is as clearly
 beaten: a lump is explained by a row that follows it. Where the rows had not fitted, it must have
@@ -19,20 +19,16 @@ from typing import Any
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import judge as judging
-from hc_estimator.multiple_model.hypotheses import ACCELERATION, FRESH, LOG_DAMPING, LOG_STIFFNESS
+from hc_estimator.multiple_model.hypotheses import (
+    ACCELERATION,
+    FRESH,
+    LOG_DAMPING,
+    LOG_STIFFNESS,
+    is_tried,
+)
 from hc_estimator.multiple_model.kalman import predict
 from hc_estimator.multiple_model.model_error import raise_model_error
 from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
-from hc_estimator.specification import ParameterSpecification
-
-SPECIFICATIONS = (
-    ParameterSpecification(
-        "find_changes",
-        "bool",
-        True,
-        "Let a changed tissue be found; otherwise every alarm is model error.",
-    ),
-)
 
 PROBATION = 2.0  # time in contact over which a fresh row may compete [s]; none before it
 FORGETTING_TIME = 0.5  # of the log likelihood ratios [s]
@@ -75,13 +71,13 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
     change.leads = 0
     change.ratio = 0.0
     change.time = 0.0
-    change.veteran = judge.chosen
-    veteran = rows[judge.chosen]
+    change.reference = judge.chosen
+    reference = rows[judge.chosen]
     prior = prior_deviation(settings, 1) ** 2
     for i in range(4):
-        change.before[i] = veteran.state[LOG_STIFFNESS + i]
-        change.before_variance[i] = veteran.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
-    knows_damping = veteran.covariance[LOG_DAMPING, LOG_DAMPING] <= KNOWN * prior
+        change.before[i] = reference.state[LOG_STIFFNESS + i]
+        change.before_variance[i] = reference.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
+    knows_damping = reference.covariance[LOG_DAMPING, LOG_DAMPING] <= KNOWN * prior
     change.fitted = 1 if change.fitting_time > TRUSTED_AFTER else 0
     change.trusted = 1 if change.fitted != 0 and knows_damping else 0
     for m in range(FRESH):
@@ -91,7 +87,7 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
     fresh = rows[FRESH]
     seed(rows[judge.chosen], fresh, tool.contact_clock, tool.contact_clock)
     fresh.model_error = 0.0
-    fresh.score = veteran.score
+    fresh.score = reference.score
     fresh.contact_time = 0.0
     fresh.active = 1
     free_parameters(settings, fresh, DEVIATIONS)
@@ -100,7 +96,7 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
 @compiled
 def may_test(settings: Any, tool: Any) -> bool:
     """True if an alarm may begin a test."""
-    return bool(settings.find_changes != 0 and tool.contact_clock > PROBATION)
+    return bool(is_tried(settings, FRESH) and tool.contact_clock > PROBATION)
 
 
 @compiled
@@ -225,7 +221,7 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
         return
     change.time += elapsed
     beaten = _others_are_beaten(change, rows, elapsed)
-    change.ratio = rows[change.veteran].change_lead
+    change.ratio = rows[change.reference].change_lead
     over = change.time > PROBATION
     if over and change.leads == 0:  # whatever happens to the rows just now came too late
         end_test(change, rows)

@@ -22,7 +22,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import zero_fit
-from hc_estimator.multiple_model.hypotheses import DEPTH, VELOCITY
+from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 from hc_estimator.multiple_model.records import RAW
 
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
@@ -79,7 +79,7 @@ def restart(onset: Any) -> None:
     onset.looked_back = 0
     onset.free = 0
     onset.in_air = 0
-    onset.felt = 0
+    onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
     onset.count = 0
@@ -155,23 +155,23 @@ def _take(
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
                 onset.shift[1] = level
                 onset.force_deviation = onset.level_deviation
-                onset.felt = 0  # what was taken for a force was this zero
+                onset.force_seen = 0  # what was taken for a force was this zero
                 onset.touched = 0
                 return True
         else:
             onset.highest_level = max(onset.highest_level, onset.mean[1])
     if force < sure:
         onset.contradictions = 0
-        if onset.felt != 0:
+        if onset.force_seen != 0:
             onset.touched = 1
         if onset.in_air == 0:  # else the place where the force left its mean is closer
             onset.free = 1
             onset.free_at = displacement
             onset.free_time = time
         return False
-    if force < SURELY * sure or settings.follow_surface == 0:
+    if force < SURELY * sure or not is_tried(settings, SURFACE_ROW):
         return False
-    onset.felt = 1
+    onset.force_seen = 1
     near = LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
     distance = near
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):

@@ -2,7 +2,8 @@
 
 All share the motion model and the contact law. They differ in what the parameters may do between
 two samples: nothing, walk, follow a rate that is a state of its own, or stay while the surface
-moves. To add one, add a row here and its code to `estimate.Hypothesis`.
+moves. To add one, add a row here, before the last; nothing else names
+the rows by number. What it is reported as is one of `estimate.Hypothesis`, or a new one there.
 
 Every row has the states [d, v, ln K, ln B, n, p, a] and up to two of its own. A state of its own
 drives others at a constant rate; the first may also be the contact position.
@@ -11,10 +12,13 @@ drives others at a constant rate; the first may also be the contact position.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
+from hc_estimator.compilation import compiled
 from hc_estimator.estimate import Hypothesis
+from hc_estimator.specification import ParameterSpecification
 
 # States of a row.
 DEPTH, VELOCITY, LOG_STIFFNESS, LOG_DAMPING, EXPONENT, VELOCITY_EXPONENT, ACCELERATION = range(7)
@@ -30,23 +34,23 @@ class HypothesisRow:
 
     Attributes:
         hypothesis: what is reported when this row is chosen.
-        setting: boolean setting that switches it on; empty for the constant tissue.
         walks: variance that ln K, ln B, n and p gain per second of contact [1/s].
         own: number of states of its own.
         drives: rate at which each own state drives ln K, ln B, n and the first own state.
         own_walks: variance that each own state gains per second.
         own_variances: variance of each own state at the start.
         surface: True if the first own state is the contact position [mm], the second its rate.
+        waits: True if it takes no part until something has begun it: a fit, an alarm.
     """
 
     hypothesis: Hypothesis
-    setting: str
     walks: tuple[float, float, float, float]
     own: int = 0
     drives: tuple[tuple[float, float, float, float], ...] = ()
     own_walks: tuple[float, ...] = ()
     own_variances: tuple[float, ...] = ()
     surface: bool = False
+    waits: bool = False
 
 
 CALM = 3e-10  # keeps the covariance of a constant tissue from vanishing
@@ -57,12 +61,11 @@ CALM = 3e-10  # keeps the covariance of a constant tissue from vanishing
 # that does not are tracked; layers whose exponent varies need the rate of n as well. Breathing
 # (1 mm, 0.25 Hz) changes the surface's velocity by a mm/s in half a second.
 ROWS = (
-    HypothesisRow(Hypothesis.CONSTANT, "", (CALM, CALM, CALM, CALM)),
+    HypothesisRow(Hypothesis.CONSTANT, (CALM, CALM, CALM, CALM)),
     # The same, with parameters of a fit to what was felt; see `batch_fit`.
-    HypothesisRow(Hypothesis.CONSTANT_FITTED, "fit_batches", (CALM, CALM, CALM, CALM)),
+    HypothesisRow(Hypothesis.CONSTANT_FITTED, (CALM, CALM, CALM, CALM), waits=True),
     HypothesisRow(
         Hypothesis.STIFFNESS_TREND,
-        "follow_stiffness",
         (1e-5, 1e-3, 1e-8, 1e-8),
         own=1,
         drives=((1.0, 1.0, 0.0, 0.0),),
@@ -71,7 +74,6 @@ ROWS = (
     ),
     HypothesisRow(
         Hypothesis.ALL_DRIFT,
-        "follow_layers",
         (1e-5, 1e-3, 1e-8, 1e-8),
         own=2,
         drives=((1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
@@ -80,7 +82,6 @@ ROWS = (
     ),
     HypothesisRow(
         Hypothesis.SURFACE_MOVES,
-        "follow_surface",
         (CALM, CALM, CALM, CALM),
         own=2,
         drives=((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
@@ -89,7 +90,7 @@ ROWS = (
         surface=True,
     ),
     # The tissue begun anew; see `change`. Always the last row.
-    HypothesisRow(Hypothesis.CHANGED, "find_changes", (CALM, CALM, CALM, CALM)),
+    HypothesisRow(Hypothesis.CHANGED, (CALM, CALM, CALM, CALM), waits=True),
 )
 FRESH = len(ROWS) - 1
 FITTED = 1
@@ -99,6 +100,31 @@ CODES = np.array([int(row.hypothesis) for row in ROWS])
 COUNTS = np.array([OWN + row.own for row in ROWS])
 WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
+WAITS = np.array([row.waits for row in ROWS])
+SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "without_hypotheses",
+        "int",
+        0,
+        "Hypotheses that are not tried: the sum of 2^row over them. Row 0 always is.",
+        minimum=0,
+        maximum=2 ** len(ROWS) - 1,
+        runtime=False,
+    ),
+)
+
+
+def without(*hypotheses: Hypothesis) -> int:
+    """Value of the setting `without_hypotheses` for rows that are not to be tried."""
+    return sum(2**m for m, row in enumerate(ROWS) if row.hypothesis in hypotheses)
+
+
+@compiled
+def is_tried(settings: Any, m: int) -> bool:
+    """True if a row may take part at all."""
+    return bool(m == 0 or (settings.without_hypotheses >> m) & 1 == 0)
 
 
 def _own_values(name: str, width: int) -> np.ndarray:

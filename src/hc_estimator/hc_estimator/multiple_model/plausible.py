@@ -23,7 +23,7 @@ from hc_estimator.multiple_model.rows import free_parameters, seed
 
 LARGEST_FACTOR = 2.5  # of the largest force felt
 NOISE = 10.0  # deviations of the force sensor that are added to it
-FELT_TIME = 0.1  # in contact before it means anything [s]
+KNOWN_AFTER = 0.1  # in contact before it means anything [s]
 NOWHERE = 1e9  # [mm]
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p of a row brought down
 
@@ -63,18 +63,18 @@ def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) 
         force_noise: variance of the force sensor [N^2].
     """
     largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(force_noise)
-    felt = tool.contact_clock > FELT_TIME
+    looked_long = tool.contact_clock > KNOWN_AFTER
     possible = -1
     for m in range(rows.shape[0]):
         row = rows[m]
         if row.active == 0:
             continue
         row.predicted_force = force_of_row(settings, row, 0.0)
-        if _is_possible(row, tool, felt, largest) and (possible < 0 or m == chosen):
+        if _is_possible(row, tool, looked_long, largest) and (possible < 0 or m == chosen):
             possible = m
     for m in range(rows.shape[0]):
         row = rows[m]
-        if row.active == 0 or _is_possible(row, tool, felt, largest):
+        if row.active == 0 or _is_possible(row, tool, looked_long, largest):
             continue
         if possible >= 0:
             seed(rows[possible], row, tool.contact_clock, tool.contact_clock)
@@ -84,9 +84,11 @@ def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) 
 
 
 @compiled
-def _is_possible(row: Any, tool: Any, felt: bool, largest: float) -> bool:
+def _is_possible(row: Any, tool: Any, looked_long: bool, largest: float) -> bool:
     """False if the row expects far more than was felt at a depth and a speed that are not new."""
-    if not felt or row.state[DEPTH] > tool.deepest or abs(row.state[VELOCITY]) > tool.fastest:
+    if not looked_long:
+        return True
+    if row.state[DEPTH] > tool.deepest or abs(row.state[VELOCITY]) > tool.fastest:
         return True
     return bool(abs(row.predicted_force) <= largest)
 

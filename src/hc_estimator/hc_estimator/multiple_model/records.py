@@ -101,7 +101,7 @@ JUDGE = record_type(
 CHANGE = record_type(
     (
         Field("testing", np.int64, (), 0, 1),
-        Field("veteran", np.int64, (), 0, ROW_COUNT - 1),  # row whose alarm began the test
+        Field("reference", np.int64, (), 0, ROW_COUNT - 1),  # row whose alarm began the test
         Field("ratio", np.float64, ()),  # log likelihood ratio of the fresh row to that one
         Field("time", np.float64, ()),  # in contact since the alarm [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
@@ -286,7 +286,7 @@ ONSET = record_type(
         Field("free_at", np.float64),  # displacement there, the last one [mm]
         Field("free_time", np.float64),  # [s]
         Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
-        Field("felt", np.int64, (), 0, 1),  # 1 once there was a force
+        Field("force_seen", np.int64, (), 0, 1),  # 1 once there was a force
         Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
         # The window in which the force stays the same:
@@ -336,7 +336,7 @@ BANK: tuple[Field, ...] = (
     Field("clock", record_type(CLOCK_FIELDS)),
     Field("calibrated", np.int64, (), 0, 1),  # 1 once the sensors' noise is known
     Field("guessed", np.int64, (), 0, 1),  # 1 once a contact has set the first guess of K
-    Field("felt", np.int64, (), 0, 3),  # readings in a row with a force, up to three
+    Field("contact_readings", np.int64, (), 0, 3),  # readings in a row with a force, up to three
     Field("motion_anew", np.int64, (), 0, 1),  # 1 if the motion starts anew at the next sample
     Field("sensor_noise", np.float64, (2,), 0.0),  # variances in use [mm^2], [N^2]
     Field("noise", NOISE, (2,)),

@@ -21,6 +21,7 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_STIFFNESS,
     OWN,
     SURFACE,
+    SURFACE_ROW,
     VELOCITY,
 )
 from hc_estimator.multiple_model.kalman import depth_of, log_speed_of
@@ -45,7 +46,6 @@ CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
-SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 
 
 @compiled
@@ -104,7 +104,9 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     out[HYPOTHESIS] = float(CODES[row.index])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
-            out[HYPOTHESIS_SCORES + CODES[m]] = math.sqrt(max(bank.rows[m].score, 0.0))
+            score = math.sqrt(max(bank.rows[m].score, 0.0))
+            best = out[HYPOTHESIS_SCORES + CODES[m]]  # of the rows that are reported alike
+            out[HYPOTHESIS_SCORES + CODES[m]] = score if math.isnan(best) else min(score, best)
 
 
 @compiled

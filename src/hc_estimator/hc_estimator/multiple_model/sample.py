@@ -66,7 +66,7 @@ UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
 FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
 WILD = 100.0  # ln K beyond which a row is limited even after a refused force
-FELT = 3  # readings in a row that say there is a force
+CONTACT_READINGS = 3  # readings in a row that say there is a force
 SURE = 5.0  # a force beyond so many standard deviations is one
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
@@ -259,12 +259,12 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
     sure = SURE * math.sqrt(bank.sensor_noise[1])
     if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
         return
-    felt = clock.measurement[1] >= sure
-    if bank.felt < FELT:
-        bank.felt = bank.felt + 1 if felt else 0
-    if not felt and (depth < FREE_DEPTH or bank.felt == FELT):
+    pressed = clock.measurement[1] >= sure
+    if bank.contact_readings < CONTACT_READINGS:
+        bank.contact_readings = bank.contact_readings + 1 if pressed else 0
+    if not pressed and (depth < FREE_DEPTH or bank.contact_readings == CONTACT_READINGS):
         return
-    if felt:  # until calibrated each sample says it anew, for no force is used
+    if pressed:  # until calibrated each sample says it anew, for no force is used
         bank.guessed = bank.calibrated
     if settings.initial_stiffness_log_std == 0.0:
         return
@@ -272,7 +272,7 @@ def _guess_stiffness(settings: Any, bank: Any) -> None:
     for m in range(bank.rows.shape[0]):
         state = bank.rows[m].state
         shift = log_force - state[EXPONENT] * math.log(depth) - state[LOG_STIFFNESS]
-        if not felt and shift > 0.0:
+        if not pressed and shift > 0.0:
             continue
         state[LOG_STIFFNESS] += shift
         if settings.initial_damping_log_std > 0.0:
@@ -345,9 +345,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     # A row that expects no force where there is one must not stop what would refute it.
-    felt = clock.present[1] != 0 and clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
-    touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or felt)
-    touching = touching or (SURFACE[chosen.index] and felt)
+    pressed = clock.present[1] != 0 and clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
+    touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
+    touching = touching or (SURFACE[chosen.index] and pressed)
     if touching:
         tool.away_time = 0.0
         elapsed = clock.elapsed if clock.restart == 0 else clock.period

@@ -9,14 +9,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from hc_estimator.estimate import Hypothesis
+from hc_estimator.multiple_model.hypotheses import without
+
+
+def _without(hypothesis: Hypothesis) -> Mapping[str, Any]:
+    return {"without_hypotheses": without(hypothesis)}
+
+
 # Name of the mechanism, and the settings that switch it off. The first row is the filter itself.
 MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("nothing", {}),
-    ("least squares over remembered points", {"fit_batches": False}),
-    ("stiffness that follows a trend", {"follow_stiffness": False}),
-    ("layers that vary", {"follow_layers": False}),
-    ("surface that moves", {"follow_surface": False}),
-    ("changes of the tissue", {"find_changes": False}),
+    ("least squares over remembered points", _without(Hypothesis.CONSTANT_FITTED)),
+    ("stiffness that follows a trend", _without(Hypothesis.STIFFNESS_TREND)),
+    ("layers that vary", _without(Hypothesis.ALL_DRIFT)),
+    ("surface that moves", _without(Hypothesis.SURFACE_MOVES)),
+    ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
     ("delay of the channels", {"channel_delay": 0.0}),
     ("motion adaptation", {"motion_adaptation": False}),
