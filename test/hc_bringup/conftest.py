@@ -28,6 +28,11 @@ SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
 HC = [sys.executable, "-m", "hc_bringup"]
 
 
+def is_node(process: Path) -> bool:
+    """True if a process of hc_bringup.standby has become the node: nobody sends it a line more."""
+    return os.readlink(process / "fd" / "0") == os.devnull
+
+
 class CommandLine(Processes):
     """Runs hc as a process in one ROS domain."""
 
@@ -60,10 +65,11 @@ class CommandLine(Processes):
             try:
                 command = (folder / "cmdline").read_bytes()
                 environment = (folder / "environ").read_bytes()
+                waits = b"hc_bringup.standby\0" in command and not is_node(folder)
             except OSError:
                 continue
             mine = f"ROS_DOMAIN_ID={domain_id}\0".encode() in environment
-            if mine and f"{module}\0".encode() in command:
+            if mine and f"{module}\0".encode() in command and not waits:
                 return int(folder.name)
         return None
 

@@ -13,14 +13,14 @@ from hc_bringup.runner import RunState
 from hc_bringup.soak_kills import PERIOD_S, SETTLED_S, KillReport
 from hc_bringup.statistics import EstimateStatistics
 
+PIDS = {"estimator": 1, "recorder": 2, "indenter": 3}
+
 
 @pytest.fixture
 def killed(monkeypatch):
     """Processes that would have been killed; time goes by as `state.elapsed_s` says."""
     pids = []
     monkeypatch.setattr(os, "kill", lambda pid, _number: pids.append(pid))
-    names = {"estimator": 1, "recorder": 2, "indenter": 3}
-    monkeypatch.setattr(soak_kills, "node_processes", lambda: names)
     return pids
 
 
@@ -43,7 +43,7 @@ def at(state, elapsed_s, monkeypatch):
 
 def test_nobody_is_killed_before_the_estimator_has_settled(killed, monkeypatch):
     """Regression: a change of settings that was still under way was taken for the kill's."""
-    state = RunState(EstimateStatistics(), 600.0, "running")
+    state = RunState(EstimateStatistics(), 600.0, "running", pids=dict(PIDS))
     killer = soak_kills._Killer()
     at(state, PERIOD_S + 1.0, monkeypatch)
     killer.look(state, SETTLED_S)
@@ -61,7 +61,7 @@ def test_nobody_is_killed_before_the_estimator_has_settled(killed, monkeypatch):
 
 
 def test_the_first_estimate_after_a_kill_is_held_against_the_last_before(killed, monkeypatch):
-    state = RunState(EstimateStatistics(), 600.0, "running")
+    state = RunState(EstimateStatistics(), 600.0, "running", pids=dict(PIDS))
     killer = soak_kills._Killer()
     at(state, 20.0, monkeypatch)
     estimate(state, 0)

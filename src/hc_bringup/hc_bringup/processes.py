@@ -3,12 +3,15 @@
 A child gets SIGHUP when the runner dies however it dies (PR_SET_PDEATHSIG), so that not even a
 SIGKILL of the runner leaves a node behind. The nodes close what they write and end, and keep what
 they keep for a restart, because nobody asked for that end (hc_msgs_py.node_main).
+
+A node that is started again when it dies can have a successor that waits (hc_bringup.standby).
 """
 
 from __future__ import annotations
 
 import ctypes
 import functools
+import json
 import os
 import signal
 import subprocess
@@ -49,14 +52,19 @@ class NodeProcess:
         self._folder = folder
         self._output_path = folder / f"{plan.name}.log"
         self._cpu_s = 0.0
+        self._successor: subprocess.Popen[bytes] | None = None
         self.ready = False
-        self._start()
+        self._process = self._started_as_usual()
 
-    def _start(self) -> None:
+    def _started_as_usual(self) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", self.plan.module, *self._arguments()]
+        return self._started(command, None if self.plan.terminal else subprocess.DEVNULL)
+
+    def _started(self, command: list[str], stdin: int | None) -> subprocess.Popen[bytes]:
         with self._output_path.open("ab") as output:
-            self._process = subprocess.Popen(
-                self._command_line(),
-                stdin=None if self.plan.terminal else subprocess.DEVNULL,
+            return subprocess.Popen(
+                command,
+                stdin=stdin,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C reaches the runner only, which passes it on
@@ -64,7 +72,7 @@ class NodeProcess:
                 env={**os.environ, "PYTHONUNBUFFERED": "1", "ROS_LOG_DIR": str(self._folder)},
             )
 
-    def _command_line(self) -> list[str]:
+    def _arguments(self) -> list[str]:
         files: list[Path] = list(self.plan.parameter_files)
         if self.plan.parameters:
             overrides = self._folder / f"{self.plan.name}.parameters.yaml"
@@ -72,8 +80,7 @@ class NodeProcess:
                 yaml.safe_dump({self.plan.name: {"ros__parameters": dict(self.plan.parameters)}})
             )
             files.append(overrides)
-        arguments = [sys.executable, "-m", self.plan.module]
-        arguments += ["--ros-args", "-r", f"__node:={self.plan.name}"]
+        arguments = ["--ros-args", "-r", f"__node:={self.plan.name}"]
         for file in files:
             arguments += ["--params-file", str(file)]
         return arguments
@@ -92,10 +99,36 @@ class NodeProcess:
         """Return the exit status, negative for a signal, or None while it runs."""
         return self._process.poll()
 
+    def stand_by(self) -> None:
+        """Let a successor wait, if the node is one that is started again and has none."""
+        if self.plan.respawn and not self.plan.terminal and self._successor is None:
+            command = [sys.executable, "-m", "hc_bringup.standby", self.plan.module]
+            self._successor = self._started(command, subprocess.PIPE)
+
+    def dismiss(self) -> None:
+        """End the successor that waits, if there is one."""
+        if self._successor is not None:
+            self._successor.kill()  # it holds nothing
+            self._successor.communicate()
+            self._successor = None
+
     def respawn(self) -> None:
-        """Start the node again after it died."""
+        """Start the node again after it died: the successor that waits, if there is one."""
         self.ready = False
-        self._start()
+        self._process = self._succeeded() or self._started_as_usual()
+
+    def _succeeded(self) -> subprocess.Popen[bytes] | None:
+        successor, self._successor = self._successor, None
+        if successor is None or successor.stdin is None:
+            return None
+        try:
+            with successor.stdin as line:
+                line.write(json.dumps(self._arguments()).encode() + b"\n")
+        except OSError:  # it has died, or is ending
+            successor.kill()
+            successor.wait()
+            return None
+        return successor
 
     def cpu_s(self) -> float:
         """Return the processor time used so far; the last known one after its end."""
@@ -162,6 +195,8 @@ def end_all(
         asked: whether the user wants this end; if not, nodes keep what they keep for a restart.
         timeout_s: how long to wait before the next harder signal.
     """
+    for process in processes:
+        process.dismiss()
     first = signal.SIGINT if asked else signal.SIGHUP
     for number in (first, signal.SIGTERM, signal.SIGKILL):
         for process in processes:

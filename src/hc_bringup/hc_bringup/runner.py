@@ -49,6 +49,7 @@ class RunState:
         page: address of the live page with its token, once it is served.
         requests: what was asked for by keys; the runner takes them out.
         answer: what became of the last of them.
+        pids: process of each node that runs, by name.
     """
 
     statistics: EstimateStatistics
@@ -65,6 +66,7 @@ class RunState:
     page: str = ""
     requests: list[str] = field(default_factory=list)
     answer: str = ""
+    pids: dict[str, int] = field(default_factory=dict)
 
 
 class Runner:
@@ -201,6 +203,7 @@ class Runner:
             monitor.spin(POLL_S)
             self._revive(monitor, state)
             state.elapsed_s = time.monotonic() - start
+            state.pids = {p.name: p.pid for p in self._processes if p.exit_status() is None}
             for process in self._processes:
                 used = process.cpu_s() - cpu_before[process.name]
                 state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
@@ -217,8 +220,10 @@ class Runner:
                 return
 
     def _revive(self, monitor: Monitor, state: RunState) -> None:
-        """Let a node that was started again take part as soon as it can."""
+        """Let a node that was started again take part as soon as it can, and a successor wait."""
         for process in self._processes:
+            if process.ready:
+                process.stand_by()
             if process.ready or not monitor.is_there(process.name):
                 continue
             if monitor.missing(process.name) is None:
@@ -246,6 +251,8 @@ class Runner:
     def _stop(self, monitor: Monitor, state: RunState) -> None:
         state.phase = "stopping"
         self._show(state)
+        for process in self._processes:
+            process.dismiss()
         sources = [p for p in self._processes if p.plan.source]
         for process in sources:
             self._stop_one(process, state)

@@ -103,7 +103,7 @@ def run_soak(
             def look(state: RunState) -> None:
                 storm.active = state.phase == "running"
                 if storm.active:
-                    resources.look(state.elapsed_s)
+                    resources.look(state.pids, state.elapsed_s)
                     viewers.look(state.elapsed_s)
                 show(state)
 

@@ -26,7 +26,6 @@ from hc_bringup.plan import RunPlan, load_plan
 from hc_bringup.runner import Runner, RunState
 from hc_bringup.soak import PARAMETERS, count_invalid, endless
 from hc_bringup.soak_disturbers import ParameterStorm, Viewers
-from hc_bringup.soak_resources import node_processes
 from hc_bringup.statistics import EstimateStatistics
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
@@ -244,7 +243,7 @@ class _Killer:
         if late or settled_s < SETTLED_S or state.elapsed_s > state.duration_s - PERIOD_S / 2:
             return
         name = VICTIMS[len(self.kills) % len(VICTIMS)]
-        pid = node_processes().get(name)
+        pid = state.pids.get(name)
         if pid is None:
             return  # it is just starting again
         kill = Kill(name, time.time_ns(), state.statistics.parameters())

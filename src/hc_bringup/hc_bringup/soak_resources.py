@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ SETTLED_SHARE = 0.2
 
 
 class Resources:
-    """Looks once a second at the child processes that have a node name."""
+    """Looks once a second at the processes of the nodes."""
 
     def __init__(self) -> None:
         self._next_s = 0.0
@@ -23,12 +23,12 @@ class Resources:
         self._descriptors: dict[str, list[float]] = {}
         self._threads: dict[str, list[float]] = {}
 
-    def look(self, elapsed_s: float) -> None:
-        """Look, if a second has gone by since the last time."""
+    def look(self, pids: Mapping[str, int], elapsed_s: float) -> None:
+        """Look at the processes by name, if a second has gone by since the last time."""
         if elapsed_s < self._next_s:
             return
         self._next_s = elapsed_s + 1.0
-        for name, pid in node_processes().items():
+        for name, pid in pids.items():
             folder = Path(f"/proc/{pid}")
             try:
                 seen = (_megabytes(folder), _descriptors(folder), _threads(folder))
@@ -72,25 +72,6 @@ class Resources:
                 figure(time_s[settled], np.array(values)[settled]) if enough else float("nan")
             )
         return result
-
-
-def node_processes() -> dict[str, int]:
-    """Return process ids of this process's children by the node name in their command line."""
-    result = {}
-    for task in Path("/proc/self/task").iterdir():
-        try:
-            children = (task / "children").read_text().split()
-        except OSError:
-            continue  # the thread has ended meanwhile
-        for child in children:
-            try:
-                command = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
-            except OSError:
-                continue  # the process has
-            names = [a.removeprefix("__node:=") for a in command if a.startswith("__node:=")]
-            if names:
-                result[names[0]] = int(child)
-    return result
 
 
 def _difference(_time_s: NDArray[np.float64], values: NDArray[np.float64]) -> float:

@@ -23,7 +23,7 @@ from hc_estimator.online.suspicion_watch import SuspicionWatch
 from hc_estimator.online.vocabulary import Cause, EventKind
 from hc_estimator.ros.channel import QosOverrideError, SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
-from hc_estimator.ros.compilation import Compilation
+from hc_estimator.ros.compilation import Compilation, compile_all
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import (
     Input,
@@ -343,6 +343,11 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
             self._keeper.keep_last(self._session, self._settings.values["state.autosave_period"])
         except OSError as error:
             self.get_logger().error(f"state cannot be kept: {error}")
+
+
+def prepare() -> None:
+    """Load what a node of this process will need (hc_bringup.standby)."""
+    compile_all()
 
 
 def main() -> int:

@@ -278,6 +278,11 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._diagnostics.publish_last()
 
 
+def prepare() -> None:
+    """Load what a node of this process will need (hc_bringup.standby)."""
+    Rig("multisine").warm_up()
+
+
 def main() -> int:
     """Run the node; returns the exit status."""
     return run_node(IndenterNode)

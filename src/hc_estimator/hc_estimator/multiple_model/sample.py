@@ -345,7 +345,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     # A row that expects no force where there is one must not stop what would refute it.
-    pressed = clock.present[1] != 0 and clock.measurement[1] > SURE * math.sqrt(bank.sensor_noise[1])
+    pressed = clock.present[1] != 0 and clock.measurement[1] > SURE * math.sqrt(
+        bank.sensor_noise[1]
+    )
     touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
     touching = touching or (SURFACE[chosen.index] and pressed)
     if touching:

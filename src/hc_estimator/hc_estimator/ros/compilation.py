@@ -42,5 +42,11 @@ class Compilation(BackgroundWork):
         return True
 
 
+def compile_all() -> None:
+    """Compile all filters here and now, or load them from the cache."""
+    for name in available_filters():
+        _compile(name)
+
+
 def _compile(name: str) -> None:
     create_estimator(name).warm_up()

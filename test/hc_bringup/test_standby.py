@@ -1,0 +1,127 @@
+"""A successor that waits becomes the node that died; it never outlives what it waits for."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from hc_bringup.plan import NodePlan
+from hc_bringup.processes import NodeProcess, end_all
+
+NODE = """
+import sys, time
+from pathlib import Path
+
+def prepare():
+    Path("prepared").touch()
+
+def main():
+    print("node", *sys.argv[1:], repr(sys.stdin.readline()), flush=True)
+    while True:
+        time.sleep(0.1)
+
+if __name__ == "__main__":
+    sys.exit(main())
+"""
+
+
+@pytest.fixture(autouse=True)
+def node_module(tmp_path, monkeypatch):
+    (tmp_path / "a_node_of_ours.py").write_text(textwrap.dedent(NODE))
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def process(tmp_path):
+    plan = NodePlan("a", "a_node_of_ours", parameters={"x": 1}, respawn=True)
+    process = NodeProcess(plan, tmp_path)
+    yield process
+    end_all([process], asked=True)
+
+
+def wait_for(condition, what):
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline, what
+        time.sleep(0.02)
+
+
+def lines(process):
+    return process.tail().splitlines()
+
+
+def kill(process):
+    process.signal(signal.SIGKILL)
+    wait_for(lambda: process.exit_status() is not None, "it still lives")
+
+
+def children():
+    """Processes of ours."""
+    return {
+        int(child)
+        for task in Path("/proc/self/task").iterdir()
+        for child in (task / "children").read_text().split()
+    }
+
+
+def test_the_successor_becomes_the_node_with_its_arguments(process, tmp_path):
+    wait_for(lambda: lines(process), "no node")
+    process.stand_by()
+    (successor,) = children() - {process.pid}
+    wait_for((tmp_path / "prepared").exists, "not prepared")
+    process.stand_by()  # there is one
+    assert children() == {process.pid, successor}
+    kill(process)
+    process.respawn()
+    assert process.pid == successor
+    wait_for(lambda: len(lines(process)) == 2, "no second node")
+    first, second = lines(process)
+    assert first == second
+    assert first.startswith("node --ros-args -r __node:=a --params-file ")
+    assert first.endswith("''")  # nothing on standard input
+    assert process.stop() == -signal.SIGINT
+
+
+def test_a_successor_that_is_dead_is_no_loss(process):
+    wait_for(lambda: lines(process), "no node")
+    process.stand_by()
+    (successor,) = children() - {process.pid}
+    os.kill(successor, signal.SIGKILL)
+    time.sleep(0.2)
+    kill(process)
+    process.respawn()
+    wait_for(lambda: len(lines(process)) == 2, "no second node")
+    assert children() == {process.pid}
+
+
+def test_a_successor_ends_with_the_run(process, tmp_path):
+    wait_for(lambda: lines(process), "no node")
+    process.stand_by()
+    wait_for((tmp_path / "prepared").exists, "not prepared")
+    end_all([process], asked=True)
+    assert children() == set()
+    assert len(lines(process)) == 1  # it ended without a word
+
+
+def test_a_successor_ends_when_whoever_waits_for_it_has_ended(tmp_path):
+    waiting = subprocess.Popen(
+        [sys.executable, "-m", "hc_bringup.standby", "a_node_of_ours"],
+        stdin=subprocess.PIPE,
+        cwd=tmp_path,
+    )
+    wait_for((tmp_path / "prepared").exists, "not prepared")
+    waiting.stdin.close()
+    assert waiting.wait(10) == 0
+
+
+def test_who_is_not_started_again_has_no_successor(tmp_path):
+    process = NodeProcess(NodePlan("a", "a_node_of_ours"), tmp_path)
+    process.stand_by()
+    assert children() == {process.pid}
+    end_all([process], asked=True)
