@@ -263,3 +263,16 @@ def test_what_cannot_be_verified_is_one_line(make_bag: Any, tmp_path: Path) -> N
     samples(tmp_path / "samples.csv")
     with pytest.raises(BagError, match="is a CSV file"):
         verify(read_recording(tmp_path / "samples.csv"))
+
+
+def test_a_bag_of_another_version_says_so_in_one_line() -> None:
+    """A setting that the filter has no more: nothing is compared, and the reason is named."""
+    recording = read_recording(Path(__file__).resolve().parents[2] / "bags" / "example")
+    for configuration in recording.configurations:
+        configuration.parameters["an_old_setting"] = 1.0
+    report = verify(recording)
+    assert report.compared == 0
+    (note,) = report.notes
+    assert "another version of the suite" in note
+    assert note.endswith("had an_old_setting: only that one can repeat it")
+    assert "\n" not in note

@@ -17,7 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator import Estimator, __version__, create_estimator
+from hc_estimator import (
+    Estimator,
+    __version__,
+    create_estimator,
+    parameter_specifications,
+)
 from hc_estimator.online.handover import hand_over
 from hc_estimator.online.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
@@ -190,6 +195,12 @@ def _configured(
     """Return the estimator as it is once a revision is in force, or None and why not."""
     parameters = _parameters(configuration)
     try:
+        unknown = _unknown(configuration, parameters)
+        if unknown:
+            return None, (
+                f"revision {configuration.revision} is of another version of the suite, whose filter "
+                f"{configuration.filter} had {', '.join(unknown)}: only that one can repeat it"
+            )
         if configuration.cause == Cause.STATE_LOADED:
             return _restored(configuration, parameters)
         if configuration.cause in FRESH:
@@ -227,6 +238,13 @@ def _parameters(configuration: RecordedConfiguration) -> dict[str, Any]:
     """Return the estimator's own parameters, without the input's zeros and a loaded state."""
     others = (FORCE_ZERO, POSITION_ZERO, LOADED_STATE)
     return {n: v for n, v in configuration.parameters.items() if n not in others}
+
+
+def _unknown(configuration: RecordedConfiguration, parameters: dict[str, Any]) -> list[str]:
+    """Return the recorded parameters that no filter of this kind has any more."""
+    kind = _kind(configuration)
+    known = {s.name for s in parameter_specifications(*kind, internal=parameters)}
+    return sorted(set(parameters) - known)
 
 
 def _created(configuration: RecordedConfiguration, parameters: dict[str, Any]) -> Estimator:
