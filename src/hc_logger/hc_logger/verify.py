@@ -198,8 +198,8 @@ def _configured(
         unknown = _unknown(configuration, parameters)
         if unknown:
             return None, (
-                f"revision {configuration.revision} is of another version of the suite, whose filter "
-                f"{configuration.filter} had {', '.join(unknown)}: only that one can repeat it"
+                f"revision {configuration.revision} is of another version of the suite, whose "
+                f"filter {configuration.filter} had {', '.join(unknown)}: only that one can repeat it"
             )
         if configuration.cause == Cause.STATE_LOADED:
             return _restored(configuration, parameters)
