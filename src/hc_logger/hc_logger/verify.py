@@ -199,7 +199,7 @@ def _configured(
         if unknown:
             return None, (
                 f"revision {configuration.revision} is of another version of the suite, whose "
-                f"filter {configuration.filter} had {', '.join(unknown)}: only that one can repeat it"
+                f"{configuration.filter} had {', '.join(unknown)}: only that one can repeat it"
             )
         if configuration.cause == Cause.STATE_LOADED:
             return _restored(configuration, parameters)

@@ -1,14 +1,14 @@
 """Another tissue, or a law that does not fit? A row begun anew competes with the others.
 
 After an alarm of the chosen row the fresh row begins: parameters let go, motion from the
-displacement alone. Its log likelihood ratio to the reference (the row that raised the alarm) is what
-decides, with forgetting, and floored, so that its first unsure steps do not count for ever. It is
-given out as soon as it is clearly the likelier, and every other row has raised an alarm too or is as
-clearly beaten: a lump is explained by a row that follows it. Where the rows had not fitted, it must have
-predicted better as well. Where they had fitted for long, that is a
-change at once (`SEEN_LATE` samples after the alarm, by which a noise that jumped is seen);
-otherwise at the end of the probation, for a law that does not fit makes each fresh row better for a
-part of a period and no better over a whole one.
+displacement alone. Its log likelihood ratio to the reference (the row that raised the alarm) is
+what decides, with forgetting, and floored, so that its first unsure steps do not count for ever.
+It is given out as soon as it is clearly the likelier, and every other row has raised an alarm too
+or is as clearly beaten: a lump is explained by a row that follows it. Where the rows had not
+fitted, it must have predicted better as well. Where they had fitted for long, that is a change at
+once (`SEEN_LATE` samples after the alarm, by which a noise that jumped is seen); otherwise at the
+end of the probation, for a law that does not fit makes each fresh row better for a part of a
+period and no better over a whole one.
 """
 
 from __future__ import annotations
