@@ -57,8 +57,12 @@ class NodeProcess:
         self._process = self._started_as_usual()
 
     def _started_as_usual(self) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", self.plan.module, *self._arguments()]
-        return self._started(command, None if self.plan.terminal else subprocess.DEVNULL)
+        return self._started(
+            self._command_line(), None if self.plan.terminal else subprocess.DEVNULL
+        )
+
+    def _command_line(self) -> list[str]:
+        return [sys.executable, "-m", self.plan.module, *self._arguments()]
 
     def _started(self, command: list[str], stdin: int | None) -> subprocess.Popen[bytes]:
         with self._output_path.open("ab") as output:
