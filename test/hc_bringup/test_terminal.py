@@ -165,10 +165,9 @@ def test_the_last_panel_shows_the_rate_of_the_run_and_not_of_its_end(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Regression: a run that waited for its last estimates left 0 Hz on the screen."""
-    display = Display(enabled=True, with_keys=False)
     now = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
-    display.__enter__()
+    display = Display(enabled=True, with_keys=False)
     state = RunState(EstimateStatistics(), 10.0, "running")
     for _ in range(30):
         now[0] += 0.1
