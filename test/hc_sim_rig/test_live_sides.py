@@ -52,7 +52,14 @@ def test_a_datagram_comes_back_as_it_went() -> None:
         ({"force_n": math.inf}, "motion"),
         ({"model": (1.0, math.nan, 1.0, 1.0, 0.0)}, "model"),
         ({"model": (-1.0, 0.0, 1.0, 1.0, 0.0)}, "model"),
-        ({"model": (1e6, 0.0, 1.0, 1.0, 0.0)}, "model"),
+        ({"model": (21.0, 0.0, 1.0, 1.0, 0.0)}, "model's K is 21, not within 0.0001 to 20"),
+        ({"model": (1.0, 6.0, 1.0, 1.0, 0.0)}, "model's B is 6"),
+        ({"model": (1.0, 0.0, 5.0, 1.0, 0.0)}, "model's n is 5"),
+        ({"model": (1.0, 0.0, 1.0, 0.1, 0.0)}, "model's p is 0.1"),
+        ({"model": (1.0, 0.0, 1.0, 1.0, math.inf)}, "model's surface"),
+        ({"model": (math.nan,) * 5}, "sure of no model"),
+        ({"deviations": (0.1, -0.1, 0.1, 0.1)}, "standard deviation"),
+        ({"relative_std": math.nan}, "standard deviation"),
         ({"side": 9}, "side"),
         ({"method": 4}, "method 4"),
         ({"wave": math.inf}, "waves"),
@@ -244,6 +251,21 @@ def test_the_hand_feels_the_model_and_no_update_jumps(links: tuple[UdpLink, UdpL
     press = run["hand"] > 1.0
     assert np.median(np.abs(run["force"] - law)[late][press[late]]) < 0.15
     assert run["tank"].min() > -0.05
+
+
+def test_bounds_of_the_rendering_hold_at_a_device_that_is_scaled(
+    links: tuple[UdpLink, UdpLink],
+) -> None:
+    """A device whose millimetre is ten of the tool feels ten times the slope and damping."""
+    links[1].send(a_datagram(model=(20.0, 0.0, 1.0, 1.0, 0.0)), 0)
+    side = MasterSide(Bilateral(), links[0], scale=10.0)
+    felt = [
+        side.step(k * MS, 10.0 * at_device, 0.0).force_n
+        for k, at_device in enumerate(np.linspace(-0.1, 0.5, 6000))
+    ]
+    slope = np.diff(felt) / (0.6 / 5999)
+    assert felt[-1] == pytest.approx(10.0 * 0.5, rel=0.05)
+    assert slope.max() < 20.0  # 10 N/mm, and what damping adds at the surface
 
 
 def test_the_live_sides_are_the_simulation(links: tuple[UdpLink, UdpLink]) -> None:

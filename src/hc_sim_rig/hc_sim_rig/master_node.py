@@ -99,7 +99,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         task = recorded_task(Path(motion), rate_hz) if motion else palpation_task(rate_hz)
         self._hand = SimulatedHand(settings, task, seed) if self._device == "simulated" else None
         self._link = declare_link(self, "master", seed)
-        self._side = MasterSide(settings, self._link)
+        self._side = MasterSide(settings, self._link, self._scale)
         self._side.warm_up()
         self._pose: tuple[float, float, float] | None = None  # position, lateral, when it came
         self._poses = self._samples = self._before = self._silent_samples = 0

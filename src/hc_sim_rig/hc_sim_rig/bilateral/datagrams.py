@@ -12,8 +12,10 @@ import struct
 from typing import Final, NamedTuple
 
 from hc_sim_rig.bilateral.layout import (
+    HIGHEST,
     LARGEST_IMPEDANCE,
     LEAST_IMPEDANCE,
+    LOWEST,
     METHODS,
     MODEL_SIZE,
 )
@@ -123,9 +125,14 @@ def decode(data: bytes) -> Datagram:
     ):
         raise ValueError("the waves are out of range or no number")
     model = tuple(numbers[7 : 7 + MODEL_SIZE])
-    if not all(map(math.isnan, model)) and not _possible(model):
-        raise ValueError("the model is out of range or no number")
     deviations = tuple(numbers[7 + MODEL_SIZE : 11 + MODEL_SIZE])
+    if all(map(math.isnan, model)):
+        if sure:
+            raise ValueError("is sure of no model")
+    else:
+        _check_model(model)
+        if any(deviation < 0.0 for deviation in deviations) or not numbers[-1] >= 0.0:
+            raise ValueError("a standard deviation of the model is negative or no number")
     return Datagram(
         side,
         sequence,
@@ -147,12 +154,14 @@ def decode(data: bytes) -> Datagram:
     )
 
 
-def _possible(model: tuple[float, ...]) -> bool:
-    stiffness, damping, exponent, velocity_exponent, surface = model
-    return (
-        0.0 < stiffness <= 100.0
-        and 0.0 <= damping <= 100.0
-        and 0.2 <= exponent <= 6.0
-        and 0.1 <= velocity_exponent <= 4.0
-        and abs(surface) <= LARGEST_MM
-    )
+def _check_model(model: tuple[float, ...]) -> None:
+    """Refuse a model that no estimate that counts can be.
+
+    Raises:
+        ValueError: names the parameter.
+    """
+    for name, value, least, most in zip("KBnp", model, LOWEST, HIGHEST, strict=False):
+        if not least <= value <= most:
+            raise ValueError(f"the model's {name} is {value:g}, not within {least:g} to {most:g}")
+    if not abs(model[-1]) <= LARGEST_MM:
+        raise ValueError(f"the model's surface is at {model[-1]:g} mm")

@@ -68,9 +68,21 @@ class SlaveSample(NamedTuple):
 class MasterSide:
     """Renders the force at the hand and sends the hand's motion."""
 
-    def __init__(self, settings: Bilateral, link: UdpLink) -> None:
-        """Begin without a model."""
-        self._constants = settings.constants()
+    def __init__(self, settings: Bilateral, link: UdpLink, scale: float = 1.0) -> None:
+        """Begin without a model.
+
+        Args:
+            settings: of the teleoperation.
+            link: to the slave.
+            scale: motion of the slave over that of the device. The bounds of what is rendered are
+                meant at the device, all else is in the slave's millimetres.
+        """
+        constants = settings.constants()
+        self._constants = constants._replace(
+            largest_stiffness=constants.largest_stiffness / scale,
+            largest_damping=constants.largest_damping / scale,
+            controller_damping=constants.controller_damping / scale,
+        )
         self._step_ns = 1e9 / settings.rate_hz
         self._method = layout.METHODS.index(settings.feedback.method)
         self._waves = WaveArrivals(link, layout.BACKWARD)

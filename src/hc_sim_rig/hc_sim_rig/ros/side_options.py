@@ -25,6 +25,7 @@ MASTER_FEEDBACK = (
     "wave_impedance",
     "update_rate_n_per_s",
     "update_time_s",
+    "largest_stiffness",
     "largest_damping",
     "controller_damping",
     "tank_mj",
