@@ -98,12 +98,17 @@ class MasterSide:
         hand_force(0.0, self._arrived, False, 1, self._constants, memory)
         move_hand(0.0, 0.0, 0.0, 0.0, self._constants, y)
 
-    def forget_motion(self) -> None:
-        """The hand is not seen and gets no force: when it is seen again, it is as at first contact.
+    def rest(self, now_ns: int) -> None:
+        """One sample without a hand: it gets no force, and is as at first contact when seen again.
 
         It may be deep in the rendered tissue by then, without having done the work: the surface
-        begins under it anew, and what the spring held is given up.
+        begins under it anew, and what the spring held is given up, as are waves that came.
+
+        Args:
+            now_ns: by this side's clock.
         """
+        self._link.receive(now_ns)
+        self._waves.forget()
         self._begun = False
         for place in (
             layout.MEMORY_FORCE_BEFORE,
