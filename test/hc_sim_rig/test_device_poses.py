@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+
 from hc_sim_rig.bilateral.device_poses import DevicePoses
 
 

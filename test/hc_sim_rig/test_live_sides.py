@@ -181,28 +181,85 @@ def test_added_delay_loss_and_overtaking(links: tuple[UdpLink, UdpLink]) -> None
 
 
 def test_strangers_and_nonsense_are_refused(links: tuple[UdpLink, UdpLink]) -> None:
-    master = links[0]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.bind(("127.0.0.2", 0))
-        stranger.sendto(a_datagram(side=SLAVE).encode(), (HERE, master.port))
+    master, slave = links
+    port = slave.port
+    slave.close()
+    for place in (("127.0.0.2", port), (HERE, 0)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.bind(place)
+            stranger.sendto(a_datagram(side=SLAVE).encode(), (HERE, master.port))
+            came = stranger.getsockname()
+        master.receive(0)
+        assert f"comes from {came[0]}:{came[1]}, not from {HERE}:{port}" in master.why_refused
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as neighbour:
-        neighbour.bind((HERE, 0))
+        neighbour.bind((HERE, port))
         for data in (b"", b"x" * SIZE, b"y" * 5000, a_datagram(side=MASTER).encode()):
             neighbour.sendto(data, (HERE, master.port))
     master.receive(0)
-    assert master.refused == 5
+    assert master.refused == 6
     assert master.newest is None
     assert "two masters" in master.why_refused
 
 
-def test_another_side_that_starts_again_is_followed(links: tuple[UdpLink, UdpLink]) -> None:
+@pytest.mark.parametrize("set_ms", [0, 3_600_000, -3_600_000])
+def test_another_side_that_starts_again_is_followed(
+    links: tuple[UdpLink, UdpLink], set_ms: int
+) -> None:
+    """Numbers begin anew, and its clock may have been set; what its former life sent is dropped."""
     master, slave = links
     exchange(links, 100)
-    slave.sent = 0  # as a new process
-    exchange(links, 20, begin=500)
+    late = a_datagram(life=slave._life, sequence=5000, sent_ns=10**18).encode()
+    port = slave.port
+    slave.close()
+    again = UdpLink(SLAVE, HERE, port, HERE, master.port, Added(), 1)
+    for k in range(500, 520):
+        master.receive(k * MS)
+        master.send(a_datagram(), k * MS)
+        again.receive((k + set_ms) * MS)
+        again.send(a_datagram(position_mm=float(k)), (k + set_ms) * MS)
+        again._put(late)
     assert master.newest is not None
     assert master.newest.position_mm == 518.0
-    assert master.lost == 0
+    assert (master.lost, master.restarts) == (0, 1)
+    assert master.silence_s(520 * MS) < 0.002
+    assert master.clock.offset_ns == pytest.approx(set_ms * MS, abs=2 * MS)
+    again.close()
+
+
+@pytest.mark.parametrize("set_ms", [3_600_000, -3_600_000])
+def test_a_clock_that_is_set_makes_nobody_deaf_or_dumb(set_ms: int) -> None:
+    """Of this side: what is held back leaves in time, and silence is noticed."""
+    steady = [0]
+    first = UdpLink(MASTER, HERE, 0, HERE, 1, Added(), 1)
+    second = UdpLink(SLAVE, HERE, 0, HERE, first.port, Added(), 1)
+    port = first.port
+    first.close()
+    delayed = Added(delay_s=0.02)
+    first = UdpLink(MASTER, HERE, port, HERE, second.port, delayed, 1, lambda: steady[0])
+    for k in range(200):
+        steady[0] = k * MS
+        here = (k + (set_ms if k >= 100 else 0)) * MS
+        first.receive(here)
+        first.send(a_datagram(position_mm=float(k)), here)
+        if k < 150:
+            second.receive(k * MS)
+            second.send(a_datagram(), k * MS)
+    second.receive(200 * MS)
+    assert second.newest is not None
+    assert second.newest.position_mm == 179.0
+    assert first.silence_s(here) == pytest.approx(0.05, abs=0.003)
+    assert first.clock.steps == 1
+    assert first.clock.offset_ns == pytest.approx(-set_ms * MS, abs=15 * MS)
+    first.close()
+    second.close()
+
+
+def test_numbers_do_not_begin_anew_after_49_days(links: tuple[UdpLink, UdpLink]) -> None:
+    master, slave = links
+    slave.sent = 2**32 - 10
+    exchange(links, 100)
+    assert master.newest is not None
+    assert master.newest.position_mm == 98.0
 
 
 def test_a_link_that_cannot_be_is_one_line() -> None:
@@ -371,4 +428,4 @@ def test_a_motion_that_is_none_is_named(tmp_path: Path, text: str, word: str) ->
 def test_struct_size_is_what_the_page_says() -> None:
     page = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
     assert f"{SIZE} bytes" in page
-    assert struct.calcsize("<4sBBHIqqq4d3d5d4dd") == SIZE
+    assert struct.calcsize("<4sBBHIQqqq4d3d5d4dd") == SIZE

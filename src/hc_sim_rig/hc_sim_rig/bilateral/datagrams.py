@@ -1,7 +1,7 @@
 """What master and slave send each other: one datagram of fixed size a sample, and its meaning.
 
 Both directions have the same layout (little-endian): a word that tells the program and version,
-who sends, a sequence number, three times for the clock exchange, then numbers in mm, mm/s and N.
+who sends, which life of it, a sequence number, three times for the clock exchange, then numbers in mm, mm/s and N.
 Whatever is not such a datagram is refused with the reason; nothing that arrives is ever executed.
 """
 
@@ -20,10 +20,10 @@ from hc_sim_rig.bilateral.layout import (
     MODEL_SIZE,
 )
 
-WORD: Final = b"hct2"
+WORD: Final = b"hct3"
 MASTER: Final = 0
 SLAVE: Final = 1
-_LAYOUT: Final = struct.Struct(f"<4sBBHIqqq4d3d{MODEL_SIZE}d4dd")
+_LAYOUT: Final = struct.Struct(f"<4sBBHIQqqq4d3d{MODEL_SIZE}d4dd")
 SIZE: Final = _LAYOUT.size
 NEVER: Final = -1
 """Echo of somebody who has heard nothing yet."""
@@ -38,7 +38,7 @@ class Datagram(NamedTuple):
 
     Attributes:
         side: MASTER or SLAVE, who sends.
-        sequence: counts the datagrams of this side.
+        sequence: counts the datagrams of this side's life.
         sent_ns: when it left, by the sender's clock.
         echo_ns: `sent_ns` of the newest datagram that the sender has got, NEVER before one.
         heard_ns: when that one arrived, by the sender's clock.
@@ -54,6 +54,7 @@ class Datagram(NamedTuple):
         wave: integral of the waves that this side has sent.
         wave_energy_mj: integral of half their square.
         wave_impedance: of the waves [N s/mm]; the master's counts.
+        life: of the side: another number each time that it is started.
     """
 
     side: int
@@ -73,6 +74,7 @@ class Datagram(NamedTuple):
     wave: float = 0.0
     wave_energy_mj: float = 0.0
     wave_impedance: float = LEAST_IMPEDANCE
+    life: int = 0
 
     def encode(self) -> bytes:
         """Return the bytes that are sent."""
@@ -81,7 +83,8 @@ class Datagram(NamedTuple):
             self.side,
             self.sure,
             self.method,
-            self.sequence & 0xFFFFFFFF,
+            self.life,
+            self.sequence,
             self.sent_ns,
             self.echo_ns,
             self.heard_ns,
@@ -106,7 +109,7 @@ def decode(data: bytes) -> Datagram:
     """
     if len(data) != SIZE:
         raise ValueError(f"{len(data)} bytes, not {SIZE}")
-    word, side, sure, method, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
+    word, side, sure, method, life, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
     if word != WORD:
         raise ValueError(f"begins with {word!r}, not {WORD!r}")
     if side not in (MASTER, SLAVE):
@@ -151,6 +154,7 @@ def decode(data: bytes) -> Datagram:
         wave,
         energy,
         impedance,
+        life,
     )
 
 
