@@ -360,14 +360,37 @@ def test_only_estimates_that_are_known_become_the_model() -> None:
     assert source.current.model[4] == 1.5
     assert not source.current.sure
     parameters, good = np.array(TISSUE[:4]), np.diag([1e-6] * 4)
-    source.take(parameters, good, 0.1, 3.0, 0.01)
+    source.take(parameters, good, 0.1, 3.0, 0.01, 7.0)
     assert source.current.sure
     assert source.current.model == (*TISSUE[:4], 0.1)
-    source.take(2.0 * parameters, np.eye(4), 0.1, 3.0, 0.01)  # nobody knows: the last one stays
+    source.take(
+        2.0 * parameters, np.eye(4), 0.1, 3.0, 0.01, 7.0
+    )  # nobody knows: the last one stays
     assert not source.current.sure
     assert source.current.model == (*TISSUE[:4], 0.1)
-    source.take(parameters * np.nan, good, 0.1, 3.0, 0.01)
+    source.take(parameters * np.nan, good, 0.1, 3.0, 0.01, 7.0)
     assert not source.current.sure
+
+
+def test_of_an_estimate_that_grows_old_nobody_is_sure(links: tuple[UdpLink, UdpLink]) -> None:
+    """An estimator that died left the slave stiff, and everybody sure, for good."""
+    source, hard = ModelSource(), np.array((1.0, *TISSUE[1:4]))
+    assert source.age_s(1.0) == math.inf
+    arm = SlaveArm(impedance="adaptive")
+    slave = SlaveSide(Bilateral(slave=arm), links[1], -1.0, 1)
+    for k in range(4000):
+        if k < 2000:
+            source.take(hard, np.diag([1e-6] * 4), 0.1, 3.0, 0.01, k * 1e-3)
+        known = source.at(k * 1e-3)
+        assert known.sure == (k <= 2499)
+        assert known.model[0] == 1.0  # the last one that counted goes on being felt
+        stiffness = slave.step(k * MS, known).stiffness
+        links[0].receive(k * MS)
+        if k == 2000:
+            assert stiffness > 4.0
+    assert stiffness == pytest.approx(arm.stiffness_low)
+    assert links[0].newest is not None
+    assert not links[0].newest.sure
 
 
 # The controller that adapts; its bounds: test_bilateral_guarantees.py.

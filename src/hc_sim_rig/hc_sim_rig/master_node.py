@@ -240,6 +240,8 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 return Status(Level.WARN, f"{told}: no force meanwhile", values)
         if self._link.silence_s(now_ns) > SILENCE_S:
             return Status(Level.WARN, "nothing comes from the slave", values)
+        if newest is not None and not newest.sure:
+            return Status(Level.OK, "renders the last model that counted, if any", values)
         return Status(Level.OK, "renders", values)
 
     def finished(self) -> bool:

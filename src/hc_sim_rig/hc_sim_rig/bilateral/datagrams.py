@@ -1,8 +1,9 @@
 """What master and slave send each other: one datagram of fixed size a sample, and its meaning.
 
 Both directions have the same layout (little-endian): a word that tells the program and version,
-who sends, which life of it, a sequence number, three times for the clock exchange, then numbers in mm, mm/s and N.
-Whatever is not such a datagram is refused with the reason; nothing that arrives is ever executed.
+who sends, which life of it, a sequence number, three times for the clock exchange, then numbers in
+mm, mm/s and N. Whatever is not such a datagram is refused with the reason; nothing that arrives is
+ever executed.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from hc_sim_rig.bilateral.playout import Playout
 MOST_AT_ONCE = 1000
 """Datagrams that are read at one sample; more wait."""
 SET_NS = 1_000_000_000
-"""A step of the own clock that the steady one does not make; the exchanges find the smaller ones."""
+"""By so much more than the steady clock the own one was set; the exchanges find smaller steps."""
 FORMER_LIVES = 1000
 """Of the other side, whose datagrams may still come: late, or twice."""
 
@@ -198,7 +198,8 @@ class UdpLink:
         return now_ns if self._steady_ns is None else self._steady_ns()
 
     def _whom(self) -> str:
-        return f"{self._peer[0]}:{self._peer[1]}"
+        host, port = self._peer[:2]
+        return f"{host!s}:{port}"
 
     def _refuse(self, reason: str) -> None:
         self.refused += 1
