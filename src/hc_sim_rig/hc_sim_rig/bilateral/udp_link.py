@@ -91,6 +91,7 @@ class UdpLink:
         # Numbers, clocks and ports begin anew with a process; this tells one life from another.
         self._life = random.SystemRandom().getrandbits(32)
         self._former: deque[int] = deque(maxlen=FORMER_LIVES)
+        self._whom = f"{peer}:{peer_port}"
         self._steady_ns = steady_ns
         self._ahead_ns: int | None = None  # of the own clock before the steady one
         self.sent = self.unsent = self.received = self.overtaken = self.refused = 0
@@ -152,7 +153,7 @@ class UdpLink:
             except ConnectionError:  # the other side is not there: its host says so
                 continue
             if source[:2] != self._peer[:2]:
-                self._refuse(f"comes from {source[0]}:{source[1]}, not from {self._whom()}")
+                self._refuse(f"comes from {source[0]}:{source[1]}, not from {self._whom}")
                 continue
             try:
                 self._take(decode(data), now_ns)
@@ -196,10 +197,6 @@ class UdpLink:
 
     def _steady(self, now_ns: int) -> int:
         return now_ns if self._steady_ns is None else self._steady_ns()
-
-    def _whom(self) -> str:
-        host, port = self._peer[:2]
-        return f"{host!s}:{port}"
 
     def _refuse(self, reason: str) -> None:
         self.refused += 1
