@@ -68,9 +68,21 @@ class SlaveSample(NamedTuple):
 class MasterSide:
     """Renders the force at the hand and sends the hand's motion."""
 
-    def __init__(self, settings: Bilateral, link: UdpLink) -> None:
-        """Begin without a model."""
-        self._constants = settings.constants()
+    def __init__(self, settings: Bilateral, link: UdpLink, scale: float = 1.0) -> None:
+        """Begin without a model.
+
+        Args:
+            settings: of the teleoperation.
+            link: to the slave.
+            scale: motion of the slave over that of the device. The bounds of what is rendered are
+                meant at the device, all else is in the slave's millimetres.
+        """
+        constants = settings.constants()
+        self._constants = constants._replace(
+            largest_stiffness=constants.largest_stiffness / scale,
+            largest_damping=constants.largest_damping / scale,
+            controller_damping=constants.controller_damping / scale,
+        )
         self._step_ns = 1e9 / settings.rate_hz
         self._method = layout.METHODS.index(settings.feedback.method)
         self._waves = WaveArrivals(link, layout.BACKWARD)
@@ -86,12 +98,17 @@ class MasterSide:
         hand_force(0.0, self._arrived, False, 1, self._constants, memory)
         move_hand(0.0, 0.0, 0.0, 0.0, self._constants, y)
 
-    def forget_motion(self) -> None:
-        """The hand is not seen and gets no force: when it is seen again, it is as at first contact.
+    def rest(self, now_ns: int) -> None:
+        """One sample without a hand: it gets no force, and is as at first contact when seen again.
 
         It may be deep in the rendered tissue by then, without having done the work: the surface
-        begins under it anew, and what the spring held is given up.
+        begins under it anew, and what the spring held is given up, as are waves that came.
+
+        Args:
+            now_ns: by this side's clock.
         """
+        self._link.receive(now_ns)
+        self._waves.forget()
         self._begun = False
         for place in (
             layout.MEMORY_FORCE_BEFORE,
