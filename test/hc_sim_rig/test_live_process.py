@@ -189,10 +189,14 @@ def read_forces(bag: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [1000, 4000])
 def test_a_haptic_device_of_crtk_is_served_at_1_khz(
-    start: Start, ros_domain: int, tmp_path: Path
+    start: Start, ros_domain: int, tmp_path: Path, rate_hz: int
 ) -> None:
-    """A fake device publishes measured_cp a thousand times a second and gets servo_cf as often."""
+    """A fake device publishes measured_cp at its rate and gets a thousand servo_cf a second.
+
+    By stamps and by the device's own samples: how long they take is the machine's business.
+    """
     ports = free_ports()
     master = start(
         ros_domain,
@@ -200,18 +204,26 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
         *("-p", "device.kind:=crtk", "-p", f"link.port:={ports[0]}"),
         *("-p", f"link.peer_port:={ports[1]}"),
     )
-    device = start(ros_domain, str(HERE / "fake_device.py"), "6", str(ports[0]), str(ports[1]))
-    told, errors = device.communicate(timeout=120)
+    words = (str(rate_hz), "5", str(ports[0]), str(ports[1]))
+    device = start(ros_domain, str(HERE / "fake_device.py"), *words)
+    told, errors = device.communicate(timeout=240)
     assert device.returncode == 0, errors
     found = json.loads(told)
-    assert found["poses"] > 5000
-    assert found["forces"] > 4000
-    assert found["force_before_n"] == 0.0
-    # 0.4 N/mm for 3 mm, pushing out of the tissue: along +z
-    assert found["force_pressed_n"] == pytest.approx(1.2, abs=0.1)
+    assert found["off_the_grid_ms"] < 1e-3  # one force for each millisecond, none left out ...
+    assert found["forces"] > 0.5 * found["forces_wanted"]  # ... but by the device's own queue
+    # 0.4 N/mm for 3 mm, pushing out of the tissue: along +z. A force that a busy machine held too
+    # long overdraws the tank, and is paid back by the damper, at 20 mm/s.
+    damper_n = 0.03 * 20.0 * 1.1 if float(found["master"]["lowest_tank_mj"]) < 0.0 else 0.0
+    assert found["force_above_n"] <= damper_n
+    assert 1.18 < found["force_largest_n"] <= 1.2 + damper_n + 1e-9
     assert found["force_after_silence_n"] == 0.0
+    status = found["master"]
+    assert "the haptic device says nothing" in status["message"]
+    assert int(status["poses"]) > 0.2 * found["poses"]
+    for reason in ("no_number", "out_of_range", "jump"):
+        assert int(status[f"poses_refused_{reason}"]) == 0
     master.send_signal(signal.SIGINT)
-    assert master.wait(timeout=20) == 0
+    assert master.wait(timeout=60) == 0
 
 
 def test_nodes_say_in_one_line_what_cannot_be(start: Start, ros_domain: int) -> None:
