@@ -13,12 +13,13 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from hc_msgs.msg import HuntCrossleyEstimate
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
 from hc_msgs_py.middleware import set_defaults
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
-from hc_msgs_py.topics import DIAGNOSTICS, MASTER_MEASURED_CP, MASTER_SERVO_CF
+from hc_msgs_py.topics import DIAGNOSTICS, MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF
 from hc_msgs_py.units import nanoseconds_from_stamp, set_stamp
 from hc_sim_rig.bilateral.datagrams import SLAVE, Datagram
 from hc_sim_rig.bilateral.udp_link import Added, Clocks, UdpLink
@@ -44,9 +45,13 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node("device")
     poses = node.create_publisher(PoseStamped, MASTER_MEASURED_CP, SAMPLE_QOS)
-    forces: list[tuple[float, bytes]] = []  # where the device was when it came
+    forces: list[bytes] = []
+    above: list[float] = []  # forces where the master saw the device above the tissue
     status: dict[str, str] = {}
-    depth = OUT_MM
+
+    def on_model(message: HuntCrossleyEstimate) -> None:
+        if message.displacement <= 0.0:
+            above.append(abs(message.force_reconstructed))
 
     def on_status(message: DiagnosticArray) -> None:
         for one in message.status:
@@ -57,10 +62,11 @@ def main() -> None:
     node.create_subscription(
         WrenchStamped,
         MASTER_SERVO_CF,
-        lambda data: forces.append((depth, bytes(data))),
+        lambda data: forces.append(bytes(data)),
         SAMPLE_QOS,
         raw=True,
     )
+    node.create_subscription(HuntCrossleyEstimate, MASTER_MODEL, on_model, SAMPLE_QOS)
     node.create_subscription(DiagnosticArray, DIAGNOSTICS, on_status, DIAGNOSTICS_QOS)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -73,7 +79,6 @@ def main() -> None:
     message = PoseStamped()
 
     def act(index: int, stamp_ns: int) -> bool:
-        nonlocal depth
         now = time.time_ns()
         link.receive(now)
         depth = depth_at((index / rate) % press_s)
@@ -92,10 +97,10 @@ def main() -> None:
     end = time.monotonic() + 60.0
     while "says nothing" not in status.get("message", "") and time.monotonic() < end:
         executor.spin_once(timeout_sec=0.05)
-    rows = [(at, deserialize_message(data, WrenchStamped)) for at, data in felt]
-    stamps = np.array([nanoseconds_from_stamp(row.header.stamp) for _, row in rows])
+    rows = [deserialize_message(data, WrenchStamped) for data in felt]
+    stamps = np.array([nanoseconds_from_stamp(row.header.stamp) for row in rows])
     periods = np.diff(stamps) / 1e6
-    last = deserialize_message(forces[-1][1], WrenchStamped)
+    last = deserialize_message(forces[-1], WrenchStamped)
     print(  # noqa: T201
         json.dumps(
             {
@@ -103,8 +108,8 @@ def main() -> None:
                 "forces": len(rows),
                 "forces_wanted": round((stamps[-1] - stamps[0]) / 1e6) + 1,
                 "off_the_grid_ms": float(np.abs(periods - np.round(periods)).max()),
-                "force_above_n": max(abs(row.wrench.force.z) for at, row in rows if at == OUT_MM),
-                "force_largest_n": max(row.wrench.force.z for _, row in rows),
+                "force_above_n": max(above),
+                "force_largest_n": max(row.wrench.force.z for row in rows),
                 "force_after_silence_n": last.wrench.force.z,
                 "master": status,
             }
