@@ -44,7 +44,8 @@ def main() -> None:
     set_defaults()
     rclpy.init()
     node = rclpy.create_node("device")
-    poses = node.create_publisher(PoseStamped, MASTER_MEASURED_CP, SAMPLE_QOS)
+    # As drivers do it: reliable, and a queue.
+    poses = node.create_publisher(PoseStamped, MASTER_MEASURED_CP, 10)
     forces: list[bytes] = []
     above: list[float] = []  # forces where the master saw the device above the tissue
     status: dict[str, str] = {}
@@ -63,7 +64,7 @@ def main() -> None:
         WrenchStamped,
         MASTER_SERVO_CF,
         lambda data: forces.append(bytes(data)),
-        SAMPLE_QOS,
+        2000,
         raw=True,
     )
     node.create_subscription(HuntCrossleyEstimate, MASTER_MODEL, on_model, SAMPLE_QOS)

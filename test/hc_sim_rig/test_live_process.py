@@ -219,7 +219,7 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
     assert found["force_after_silence_n"] == 0.0
     status = found["master"]
     assert "the haptic device says nothing" in status["message"]
-    assert int(status["poses"]) > 0.2 * found["poses"]
+    assert int(status["poses"]) > 1000  # the newest counts, what it overtook does not
     for reason in ("no_number", "out_of_range", "jump"):
         assert int(status[f"poses_refused_{reason}"]) == 0
     master.send_signal(signal.SIGINT)

@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.qos import NEWEST_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
@@ -103,16 +103,16 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._samples = self._before = self._silent_samples = self._refused_before = 0
         self._force_n = self._largest_update_n = self._lowest_tank_mj = 0.0
         self._newest: MasterSample | None = None
-        self._force = self.create_publisher(WrenchStamped, MASTER_SERVO_CF, SAMPLE_QOS)
-        self._model = self.create_publisher(HuntCrossleyEstimate, MASTER_MODEL, SAMPLE_QOS)
+        self._force = self.create_publisher(WrenchStamped, MASTER_SERVO_CF, SERVO_QOS)
+        self._model = self.create_publisher(HuntCrossleyEstimate, MASTER_MODEL, SERVO_QOS)
         self._wrench, self._pose_message = WrenchStamped(), PoseStamped()
         self._model_message = HuntCrossleyEstimate()
         for message in (self._wrench, self._pose_message, self._model_message):
             message.header.frame_id = "master"
         if self._hand is None:
-            self.create_subscription(PoseStamped, MASTER_MEASURED_CP, self._on_pose, SAMPLE_QOS)
+            self.create_subscription(PoseStamped, MASTER_MEASURED_CP, self._on_pose, NEWEST_QOS)
         else:
-            self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SAMPLE_QOS)
+            self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SERVO_QOS)
         self._sampler = DeadlineThread(rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, list)
