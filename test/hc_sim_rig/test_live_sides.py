@@ -381,11 +381,15 @@ def test_the_slave_stays_when_nothing_comes_and_follows_no_jump(
 ) -> None:
     master, slave_link = links
     slave = SlaveSide(Bilateral(), slave_link, -5.0, 1)
-    places = []
+    places, sideways = [], [0.0]
     for k in range(3000):
         if k < 1000:  # a command that is 20 mm away at once
-            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 0.0, 0.0), k * MS)
-        places.append(slave.step(k * MS, SlaveModel()).true_position_mm)
+            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 40.0, 0.0), k * MS)
+        read = slave.step(k * MS, SlaveModel())
+        places.append(read.true_position_mm)
+        sideways.append(read.lateral_mm)
+    assert np.abs(np.diff(sideways)).max() <= 0.5 + 1e-9
+    assert sideways[-1] == 40.0
     steps = np.abs(np.diff(places))
     assert steps.max() < 1.2  # 500 mm/s, and what a step of the velocity overshoots
     assert places[999] == pytest.approx(-25.0, abs=0.1)

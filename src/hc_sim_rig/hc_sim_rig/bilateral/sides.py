@@ -309,10 +309,10 @@ class SlaveSide:
             self._constants = constants = constants._replace(
                 method=float(newest.method), wave_impedance=newest.wave_impedance
             )
-        self._lateral = newest.lateral_mm
+        longest = FASTEST_COMMAND_MM_S * constants.step
+        self._lateral += min(max(newest.lateral_mm - self._lateral, -longest), longest)
         if self.aligned and newest.method == layout.WAVE_VARIABLES:
             return 0.0, link.playout.lead(newest.sent_ns, now_ns, self._step_ns)
-        longest = FASTEST_COMMAND_MM_S * constants.step
         change = newest.position_mm - self._command
         self._command += min(max(change, -longest), longest)
         if abs(change) > longest:
