@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+import random
 import signal
 import socket
 import subprocess
+import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from rclpy.serialization import deserialize_message
 
 from hc_logger.reader import BagReader
 from hc_msgs_py.node_processes import Processes
+from hc_sim_rig.bilateral.datagrams import MASTER, Datagram
 from hc_sim_rig.bilateral.parts import Bilateral
 from hc_sim_rig.bilateral.sides import MasterSide, SlaveSide
 from hc_sim_rig.bilateral.udp_link import Added, UdpLink
@@ -186,6 +189,85 @@ def read_forces(bag: Path) -> dict[str, np.ndarray]:
             stamp = message.header.stamp
             rows[recorded.topic].append((stamp.sec + 1e-9 * stamp.nanosec, message.force))
     return {topic: np.array(found).T for topic, found in rows.items()}
+
+
+@pytest.mark.slow
+def test_a_side_that_is_killed_comes_back_through_garbage_with_its_clock_set_back(
+    start: Start, ros_domain: int, tmp_path: Path
+) -> None:
+    """The tool's node is killed and started again with its clock an hour behind; then the hand's.
+
+    All the while strangers send what they like to both ports.
+    """
+    here, there = free_ports()
+    shim, offset = clock_shim(tmp_path, 0.0)
+    own_clock = {"LD_PRELOAD": str(shim), "HC_TEST_CLOCK": str(offset)}
+    ports = {"master": (here, there), "slave": (there, here)}
+
+    def node(name: str, *more: str, **environment: str) -> subprocess.Popen:
+        own, others = ports[name]
+        words = (f"link.port:={own}", f"link.peer_port:={others}", *more)
+        options = [word for setting in words for word in ("-p", setting)]
+        module = f"hc_sim_rig.{name}_node"
+        named = ("-m", module, "--ros-args", "-r", f"__node:={name}", *options)
+        return start(ros_domain, *named, **environment)
+
+    def observe() -> tuple[dict[str, float], float]:
+        told, errors = start(ros_domain, str(HERE / "live_observer.py"), "8").communicate(
+            timeout=150
+        )
+        found = json.loads(told)
+        status = {key: float(value) for key, value in found["status"].items() if number(value)}
+        assert status, errors
+        return status, found["force_n"]
+
+    method = "feedback.method:=direct"
+    with strangers(here, there):
+        slave, master = node("slave", **own_clock), node("master", method)
+        status, force = observe()
+        assert status["link_restarts"] == 0
+        assert force > 0.2
+        slave.kill()
+        slave.wait(timeout=20)
+        offset.write_bytes(round(-3600e9).to_bytes(8, "little", signed=True))
+        slave = node("slave", **own_clock)
+        status, force = observe()
+        assert status["link_restarts"] == 1
+        assert status["link_age_ms"] < 5000.0
+        assert abs(status["clock_offset_ms"] + 3.6e6) <= status["clock_offset_bound_ms"]
+        assert status["link_refused"] > 100
+        assert force > 0.1
+        master.kill()
+        master.wait(timeout=20)
+        master = node("master", method)
+        status, force = observe()
+        assert status["link_age_ms"] < 5000.0
+        assert force > 0.1
+    for process in (slave, master):
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60) == 0
+
+
+@contextmanager
+def strangers(*ports: int) -> Iterator[None]:
+    """Somebody who sends nonsense, and datagrams that look well, to ports of this machine."""
+    stop = threading.Event()
+    dice = random.Random(1)
+    good = Datagram(MASTER, 10**6, 0, 0, 0, 50.0, 0.0, 0.0, 5.0).encode()
+
+    def send() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as source:
+            while not stop.wait(0.001):
+                data = dice.choice((good, dice.randbytes(dice.randrange(300)), good[:-1], b""))
+                source.sendto(data, ("127.0.0.1", dice.choice(ports)))
+
+    thread = threading.Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
 
 @pytest.mark.slow
