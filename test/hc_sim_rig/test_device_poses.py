@@ -25,7 +25,7 @@ def test_a_pose_that_cannot_be_of_a_hand_is_counted_and_named(
 ) -> None:
     poses = DevicePoses(2.0)
     poses.take(1.0, 0.0, 0.0)
-    assert poses.where(0.0) == (2.0, 0.0)
+    assert poses.where(0.0) == (2.0, 0.0, 0.0)
     poses.take(*place, 0.001)
     assert poses.where(0.001) is None
     assert not poses.heard(0.001)
@@ -34,7 +34,7 @@ def test_a_pose_that_cannot_be_of_a_hand_is_counted_and_named(
     # It goes on from where the device then is: after a jump from there.
     there = place if reason == "jump" else (1.0, 0.0)
     poses.take(*there, 0.002)
-    assert poses.where(0.002) == (2.0 * there[0], 2.0 * there[1])
+    assert poses.where(0.002) == (2.0 * there[0], 2.0 * there[1], 0.002)
     assert poses.accepted == 2
 
 
@@ -52,10 +52,10 @@ def test_a_break_is_seen_although_good_poses_came_since() -> None:
     for at, position in ((0.00025, math.nan), (0.0005, 1.0), (0.00075, 1.0)):
         poses.take(position, 0.0, at)
     assert poses.where(0.001) is None
-    assert poses.where(0.001) == (1.0, 0.0)
+    assert poses.where(0.001) == (1.0, 0.0, 0.00075)
     poses.take(3.0, 0.0, 0.2)  # silent for long, and the sampler slept as well
     assert poses.where(0.2) is None
-    assert poses.where(0.2) == (3.0, 0.0)
+    assert poses.where(0.2) == (3.0, 0.0, 0.2 - 0.00075)
 
 
 def test_a_stall_and_the_bunch_after_it_are_no_jump() -> None:

@@ -22,7 +22,7 @@ from hc_sim_rig.bilateral.model_source import ModelSource, SlaveModel
 from hc_sim_rig.bilateral.sides import MasterSide, SlaveSide
 from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
-from hc_sim_rig.bilateral.udp_link import Added, LinkError, UdpLink
+from hc_sim_rig.bilateral.udp_link import Added, Clocks, LinkError, UdpLink
 from hc_sim_rig.schema import ScenarioError
 
 MS = 1_000_000
@@ -229,16 +229,17 @@ def test_another_side_that_starts_again_is_followed(
 @pytest.mark.parametrize("set_ms", [3_600_000, -3_600_000])
 def test_a_clock_that_is_set_makes_nobody_deaf_or_dumb(set_ms: int) -> None:
     """Of this side: what is held back leaves in time, and silence is noticed."""
-    steady = [0]
+    steady, system = [0], [0]
+    clocks = Clocks(lambda: system[0], lambda: steady[0])
     first = UdpLink(MASTER, HERE, 0, HERE, 1, Added(), 1)
     second = UdpLink(SLAVE, HERE, 0, HERE, first.port, Added(), 1)
     port = first.port
     first.close()
     delayed = Added(delay_s=0.02)
-    first = UdpLink(MASTER, HERE, port, HERE, second.port, delayed, 1, lambda: steady[0])
+    first = UdpLink(MASTER, HERE, port, HERE, second.port, delayed, 1, clocks)
     for k in range(200):
         steady[0] = k * MS
-        here = (k + (set_ms if k >= 100 else 0)) * MS
+        here = system[0] = (k + (set_ms if k >= 100 else 0)) * MS
         first.receive(here)
         first.send(a_datagram(position_mm=float(k)), here)
         if k < 150:
@@ -252,6 +253,30 @@ def test_a_clock_that_is_set_makes_nobody_deaf_or_dumb(set_ms: int) -> None:
     assert first.clock.offset_ns == pytest.approx(-set_ms * MS, abs=15 * MS)
     first.close()
     second.close()
+
+
+def test_a_side_that_is_held_up_takes_nobodys_clock_for_set() -> None:
+    """Its time is read, it has to wait, and what comes meanwhile came later than that time."""
+    system = [0]
+    clocks = Clocks(lambda: system[0], lambda: system[0])
+    first = UdpLink(MASTER, HERE, 0, HERE, 1, Added(), 1)
+    second = UdpLink(SLAVE, HERE, 0, HERE, first.port, Added(), 1, clocks)
+    port = first.port
+    first.close()
+    first = UdpLink(MASTER, HERE, port, HERE, second.port, Added(), 1, clocks)
+    dice = random.Random(1)
+    for k in range(2000):
+        system[0] = k * MS
+        first.receive(k * MS)
+        first.send(a_datagram(), k * MS)
+        read_ns = (k - (dice.randrange(1, 40) if dice.random() < 0.05 else 0)) * MS
+        second.receive(read_ns)
+        second.send(a_datagram(), read_ns)
+    for link in (first, second):
+        assert link.clock.steps == 0
+        assert link.clock.exchanges > 1900
+        assert abs(link.clock.offset_ns) <= link.clock.bound_ns(2000 * MS)
+        link.close()
 
 
 def test_numbers_do_not_begin_anew_after_49_days(links: tuple[UdpLink, UdpLink]) -> None:
@@ -325,6 +350,22 @@ def test_bounds_of_the_rendering_hold_at_a_device_that_is_scaled(
     assert slope.max() < 20.0  # 10 N/mm, and what damping adds at the surface
 
 
+@pytest.mark.parametrize("every_ms", [1, 10, 40])
+def test_readings_that_come_late_look_like_no_speed(
+    links: tuple[UdpLink, UdpLink], every_ms: int
+) -> None:
+    """A device that tells seldom, or a node that was held up; 20 mm/s made 3.5 N of 1.2 before."""
+    side = MasterSide(Bilateral(), links[0])
+    speeds = []
+    for k in range(600):
+        read = k - k % every_ms
+        new = k % every_ms == 0
+        sample = side.step(k * MS, 0.02 * read, 0.0, every_ms * 1e-3 if new else 0.0)
+        speeds.append(sample.velocity_mm_s)
+    assert max(speeds) <= 20.0 * (1.0 + 1e-6)
+    assert speeds[-1] == pytest.approx(20.0, rel=0.01)
+
+
 def test_the_live_sides_are_the_simulation(links: tuple[UdpLink, UdpLink]) -> None:
     """No delay, force as it comes: as the offline loop, up to its sample of delay and its dice."""
     settings = Bilateral(feedback=Feedback(method="direct"))
@@ -340,11 +381,15 @@ def test_the_slave_stays_when_nothing_comes_and_follows_no_jump(
 ) -> None:
     master, slave_link = links
     slave = SlaveSide(Bilateral(), slave_link, -5.0, 1)
-    places = []
+    places, sideways = [], [0.0]
     for k in range(3000):
         if k < 1000:  # a command that is 20 mm away at once
-            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 0.0, 0.0), k * MS)
-        places.append(slave.step(k * MS, SlaveModel()).true_position_mm)
+            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 40.0, 0.0), k * MS)
+        read = slave.step(k * MS, SlaveModel())
+        places.append(read.true_position_mm)
+        sideways.append(read.lateral_mm)
+    assert np.abs(np.diff(sideways)).max() <= 0.5 + 1e-9
+    assert sideways[-1] == 40.0
     steps = np.abs(np.diff(places))
     assert steps.max() < 1.2  # 500 mm/s, and what a step of the velocity overshoots
     assert places[999] == pytest.approx(-25.0, abs=0.1)

@@ -19,10 +19,10 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.qos import NEWEST_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
-from hc_msgs_py.units import METRE_IN_MM, set_stamp
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
 from hc_sim_rig.bilateral.device_poses import DevicePoses
 from hc_sim_rig.bilateral.sides import MasterSample, MasterSide
 from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
@@ -101,18 +101,18 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._side.warm_up()
         self._poses = DevicePoses(self._scale)
         self._samples = self._before = self._silent_samples = self._refused_before = 0
-        self._largest_update_n = self._lowest_tank_mj = 0.0
+        self._force_n = self._largest_update_n = self._lowest_tank_mj = 0.0
         self._newest: MasterSample | None = None
-        self._force = self.create_publisher(WrenchStamped, MASTER_SERVO_CF, SAMPLE_QOS)
-        self._model = self.create_publisher(HuntCrossleyEstimate, MASTER_MODEL, SAMPLE_QOS)
+        self._force = self.create_publisher(WrenchStamped, MASTER_SERVO_CF, SERVO_QOS)
+        self._model = self.create_publisher(HuntCrossleyEstimate, MASTER_MODEL, SERVO_QOS)
         self._wrench, self._pose_message = WrenchStamped(), PoseStamped()
         self._model_message = HuntCrossleyEstimate()
         for message in (self._wrench, self._pose_message, self._model_message):
             message.header.frame_id = "master"
         if self._hand is None:
-            self.create_subscription(PoseStamped, MASTER_MEASURED_CP, self._on_pose, SAMPLE_QOS)
+            self.create_subscription(PoseStamped, MASTER_MEASURED_CP, self._on_pose, NEWEST_QOS)
         else:
-            self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SAMPLE_QOS)
+            self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SERVO_QOS)
         self._sampler = DeadlineThread(rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, list)
@@ -133,12 +133,14 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         point = message.pose.position
         place = (point.x, point.y, point.z)
         position_mm = self._sign * METRE_IN_MM * place[self._axis]
-        self._poses.take(position_mm, METRE_IN_MM * place[self._lateral_axis], time.monotonic())
+        lateral_mm = METRE_IN_MM * place[self._lateral_axis]
+        stamp_s = 1e-9 * nanoseconds_from_stamp(message.header.stamp)
+        self._poses.take(position_mm, lateral_mm, time.monotonic(), stamp_s)
 
-    def _where(self) -> tuple[float, float] | None:
-        """Position and lateral position of the hand [mm]; None while nobody tells."""
+    def _where(self) -> tuple[float, float, float | None] | None:
+        """Position and lateral position of the hand [mm], and since when; None: nobody tells."""
         if self._hand is not None:
-            return self._hand.reading_mm(), self._hand.lateral_mm
+            return self._hand.reading_mm(), self._hand.lateral_mm, None
         return self._poses.where(time.monotonic())
 
     def _act(self, _index: int, stamp_ns: int) -> bool:
@@ -154,9 +156,10 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self._newest = sample
             self._largest_update_n = max(self._largest_update_n, abs(sample.update_n))
             self._lowest_tank_mj = min(self._lowest_tank_mj, sample.tank_mj)
+        self._force_n = force_n
         self._publish_force(stamp_ns, force_n)
         if self._hand is not None and where is not None:
-            self._publish_pose(stamp_ns, *where)
+            self._publish_pose(stamp_ns, *where[:2])
             self._hand.move(force_n)
         if self._samples % MODEL_EVERY == 0 and self._newest is not None:
             self._publish_model(stamp_ns, self._newest)
@@ -225,8 +228,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         newest = self._link.newest
         if newest is not None:
             values |= {"model_sure": newest.sure, "model_relative_std": newest.relative_std}
-        if self._newest is not None:
-            values["force_n"] = self._newest.force_n
+        values["force_n"] = self._force_n
         if not self._sampler.started:
             return Status(Level.OK, "waits for ~/run", values)
         if self._hand is None:

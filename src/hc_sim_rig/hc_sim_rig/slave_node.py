@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import ESTIMATE_QOS, SAMPLE_QOS
+from hc_msgs_py.qos import ESTIMATE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, NODE_SLAVE, SLAVE_SETPOINT_CP
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
@@ -85,7 +85,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._side.warm_up()
         self._models = ModelSource()
         self._outputs = Outputs(self, with_sensors=self._has_sensor, with_truth=True)
-        self._setpoint = self.create_publisher(PoseStamped, SLAVE_SETPOINT_CP, SAMPLE_QOS)
+        self._setpoint = self.create_publisher(PoseStamped, SLAVE_SETPOINT_CP, SERVO_QOS)
         self._setpoint_wanted = False
         self._pose = PoseStamped()
         self._pose.header.frame_id = "stage"

@@ -95,7 +95,7 @@ class MasterSide:
     def warm_up(self) -> None:
         """Compile; leaves no trace."""
         memory, y = self._memory.copy(), np.zeros(layout.Y_SIZE)
-        hand_force(0.0, self._arrived, False, 1, self._constants, memory)
+        hand_force(0.0, 0.001, self._arrived, False, 1, self._constants, memory)
         move_hand(0.0, 0.0, 0.0, 0.0, self._constants, y)
 
     def rest(self, now_ns: int) -> None:
@@ -118,13 +118,16 @@ class MasterSide:
         ):
             self._memory[place] = 0.0
 
-    def step(self, now_ns: int, position_mm: float, lateral_mm: float) -> MasterSample:
+    def step(
+        self, now_ns: int, position_mm: float, lateral_mm: float, elapsed_s: float | None = None
+    ) -> MasterSample:
         """One sample: take what came, render, send.
 
         Args:
             now_ns: by this side's clock.
             position_mm: reading of the hand.
             lateral_mm: of the hand.
+            elapsed_s: time since the reading before; 0 if it is the same one, None: a sample.
         """
         link, memory, arrived = self._link, self._memory, self._arrived
         if not self._begun:
@@ -144,7 +147,10 @@ class MasterSide:
                 arrived[layout.SENT_KNOWN] = 1.0
                 arrived[layout.SENT_MODEL : layout.SENT_MODEL + layout.MODEL_SIZE] = newest.model
         constants = self._constants
-        force, velocity, update = hand_force(position_mm, arrived, heard, lead, constants, memory)
+        elapsed = constants.step if elapsed_s is None else elapsed_s
+        force, velocity, update = hand_force(
+            position_mm, elapsed, arrived, heard, lead, constants, memory
+        )
         link.send(
             Datagram(
                 MASTER,
@@ -303,10 +309,10 @@ class SlaveSide:
             self._constants = constants = constants._replace(
                 method=float(newest.method), wave_impedance=newest.wave_impedance
             )
-        self._lateral = newest.lateral_mm
+        longest = FASTEST_COMMAND_MM_S * constants.step
+        self._lateral += min(max(newest.lateral_mm - self._lateral, -longest), longest)
         if self.aligned and newest.method == layout.WAVE_VARIABLES:
             return 0.0, link.playout.lead(newest.sent_ns, now_ns, self._step_ns)
-        longest = FASTEST_COMMAND_MM_S * constants.step
         change = newest.position_mm - self._command
         self._command += min(max(change, -longest), longest)
         if abs(change) > longest:

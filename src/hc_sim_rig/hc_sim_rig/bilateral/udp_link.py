@@ -35,6 +35,13 @@ class Added(NamedTuple):
     loss: float = 0.0
 
 
+class Clocks(NamedTuple):
+    """Clocks of this host [ns]: one that may be set, and one that nobody sets."""
+
+    system: Callable[[], int]
+    steady: Callable[[], int]
+
+
 class LinkError(ValueError):
     """Why a link cannot be, in one line."""
 
@@ -62,7 +69,7 @@ class UdpLink:
         peer_port: int,
         added: Added,
         seed: int,
-        steady_ns: Callable[[], int] | None = None,
+        clocks: Clocks | None = None,
     ) -> None:
         """Open the socket.
 
@@ -74,8 +81,8 @@ class UdpLink:
             peer_port: of the other side; what comes from elsewhere is refused.
             added: to what is sent.
             seed: of what is added.
-            steady_ns: a clock that nobody sets, for silence and for what is held back; None: the
-                times that are given are of such a clock.
+            clocks: for what a datagram's arrival, silence and what is held back go by; None: all
+                is at the times that are given.
 
         Raises:
             LinkError: an address cannot be, or the port is in use.
@@ -92,7 +99,7 @@ class UdpLink:
         self._life = random.SystemRandom().getrandbits(32)
         self._former: deque[int] = deque(maxlen=FORMER_LIVES)
         self._whom = f"{peer}:{peer_port}"
-        self._steady_ns = steady_ns
+        self._clocks = clocks
         self._ahead_ns: int | None = None  # of the own clock before the steady one
         self.sent = self.unsent = self.received = self.overtaken = self.refused = 0
         self.why_refused = ""
@@ -155,8 +162,10 @@ class UdpLink:
             if source[:2] != self._peer[:2]:
                 self._refuse(f"comes from {source[0]}:{source[1]}, not from {self._whom}")
                 continue
+            # A time of before the arrival would break the bound of the clock's offset.
+            came_ns = now_ns if self._clocks is None else self._clocks.system()
             try:
-                self._take(decode(data), now_ns)
+                self._take(decode(data), came_ns)
             except ValueError as error:
                 self._refuse(str(error))
 
@@ -196,7 +205,7 @@ class UdpLink:
             self.unsent += 1
 
     def _steady(self, now_ns: int) -> int:
-        return now_ns if self._steady_ns is None else self._steady_ns()
+        return now_ns if self._clocks is None else self._clocks.steady()
 
     def _refuse(self, reason: str) -> None:
         self.refused += 1

@@ -11,7 +11,7 @@ from rclpy.node import Node
 
 from hc_msgs_py.parameters import declare, declare_specified
 from hc_sim_rig.bilateral.parts import Bilateral
-from hc_sim_rig.bilateral.udp_link import Added, UdpLink
+from hc_sim_rig.bilateral.udp_link import Added, Clocks, UdpLink
 from hc_sim_rig.schema import specification_of
 
 PORTS = {"master": 47111, "slave": 47112}
@@ -103,8 +103,8 @@ def declare_link(node: Node, side: str, seed: int) -> UdpLink:
     jitter = own("added_jitter", 0.0, "standard deviation of the added delay", **added)
     loss = own("added_loss", 0.0, "share of what is sent that is dropped", minimum=0.0, maximum=1.0)
     number = 0 if side == "master" else 1
-    added_here = Added(delay, jitter, loss)
-    return UdpLink(number, bind, here, peer, there, added_here, seed, time.monotonic_ns)
+    added_here, clocks = Added(delay, jitter, loss), Clocks(time.time_ns, time.monotonic_ns)
+    return UdpLink(number, bind, here, peer, there, added_here, seed, clocks)
 
 
 def link_values(link: UdpLink, now_ns: int) -> dict[str, Any]:
