@@ -214,8 +214,11 @@ class _Fit:
         return self._solve(valley, 1, MOST_STEPS)
 
     def _solve(self, start: FloatArray, thin: int, most_steps: int) -> OptimizeResult:
+        def residual(x: FloatArray) -> FloatArray:
+            return self._residual(x, thin)
+
         return least_squares(
-            lambda x: self._residual(x, thin),
+            residual,
             np.clip(start, self._lower + 1e-6, self._upper - 1e-6),
             bounds=(self._lower, self._upper),
             x_scale=self._scale,
@@ -250,8 +253,13 @@ class _Fit:
 
     def rms_without(self, start: FloatArray) -> float:
         """Return what the law alone leaves of the force [N]."""
+
+        def residual(x: FloatArray) -> FloatArray:
+            whole: FloatArray = np.concatenate((x, [0.0, 0.0, 0.0]))
+            return self._misfit(whole) / self.noise_n
+
         alone = least_squares(
-            lambda x: self._misfit(np.concatenate((x, [0.0, 0.0, 0.0]))) / self.noise_n,
+            residual,
             start,
             bounds=(self._lower[:4], self._upper[:4]),
             x_scale=self._scale[:4],

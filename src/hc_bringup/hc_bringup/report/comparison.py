@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_bringup.report.verdict import settled
+from hc_bringup.force_error import settled
 from hc_bringup.run_data import RunData, estimated, recorded
 from hc_estimator import Estimator, create_estimator
 from hc_evaluation.channels import evenly_spaced, unbroken
@@ -53,6 +53,9 @@ class Variant:
 class Scores:
     """What a variant achieved on a recording; NaN where it cannot be told.
 
+    Errors and honesty of all variants of a recording are over the same samples, whatever each of
+    them refused or took for free motion (`common_samples`).
+
     Attributes:
         force_rms_n: error of the force one step ahead, after the first second of contact.
         ahead_rms_n: the same half a second ahead, with the parameters held.
@@ -62,7 +65,7 @@ class Scores:
         inside: share of the time in which the true K was within 3 stated deviations.
         mismatch: share of the contact in which the law did not fit.
         changes: changes of the tissue detected.
-        refused: samples not used.
+        refused: share of the samples that were not used.
         microseconds: a step, in a batch; NaN for recorded estimates.
     """
 
@@ -74,7 +77,7 @@ class Scores:
     inside: float
     mismatch: float
     changes: int
-    refused: int
+    refused: float
     microseconds: float
 
 
@@ -106,18 +109,50 @@ def compare(
     table: list[list[Entry]] = []
     number = len(recordings) * len(variants)
     for i, recording in enumerate(recordings):
-        row = []
+        row: list[tuple[Variant, RunData, float]] = []
         for j, variant in enumerate(variants):
             note(i * len(variants) + j, number, f"{recording.path.name}, {variant.label}")
-            entry = _entry(recording, variant)
-            if entry is not None:
-                row.append(entry)
-        table.append(row)
+            made = _made(recording, variant)
+            if made is not None:
+                row.append((variant, *made))
+        chosen = common_samples([data for _, data, _ in row])
+        table.append(
+            [
+                Entry(variant, data, scores(data, cost, mine))
+                for (variant, data, cost), mine in zip(row, chosen, strict=True)
+            ]
+        )
     note(number, number, "")
     return table
 
 
-def _entry(recording: Recording, variant: Variant) -> Entry | None:
+def common_samples(runs: Sequence[RunData]) -> list[NDArray[np.bool_]]:
+    """Return for each run which of its samples count: those that most runs used in contact.
+
+    A variant that refuses what it cannot explain, or takes it for free motion, is not to look
+    better for that than one that used it. Runs may hold different samples of one recording; those
+    whose times they share are one.
+
+    Args:
+        runs: of one recording.
+
+    Returns:
+        A mask of each run's samples, shape (samples of that run,).
+    """
+    if not runs:
+        return []
+    times = np.unique(np.concatenate([run.time_s for run in runs]))
+    there, votes = np.zeros(len(times), int), np.zeros(len(times), int)
+    for run in runs:
+        at = np.searchsorted(times, run.time_s)
+        np.add.at(there, at, 1)
+        np.add.at(votes, at[run.contact & run.used], 1)
+    counted = settled(times, (there >= len(runs)) & (2 * votes > len(runs)))
+    return [counted[np.searchsorted(times, run.time_s)] for run in runs]
+
+
+def _made(recording: Recording, variant: Variant) -> tuple[RunData, float] | None:
+    """Return the run of a variant and what a step took [us]."""
     if not variant.filter:
         data = recorded(recording)
         seconds = math.nan
@@ -129,12 +164,11 @@ def _entry(recording: Recording, variant: Variant) -> Entry | None:
         seconds = time.thread_time() - start
     if data is None:
         return None
-    return Entry(variant, data, scores(data, 1e6 * seconds / len(data.time_s)))
+    return data, 1e6 * seconds / len(data.time_s)
 
 
-def scores(data: RunData, microseconds: float) -> Scores:
-    """Judge a run; see Scores."""
-    chosen = settled(data)
+def scores(data: RunData, microseconds: float, chosen: NDArray[np.bool_]) -> Scores:
+    """Judge a run by the samples that were chosen; see Scores."""
     error = (data.force_n - data.force_predicted_n)[chosen]
     parameter_errors, mean_nees, inside = _against_truth(data, chosen)
     touching = data.contact & data.used
@@ -147,7 +181,7 @@ def scores(data: RunData, microseconds: float) -> Scores:
         inside=inside,
         mismatch=_mean(data.model_mismatch[touching].astype(float)),
         changes=int(np.count_nonzero(data.change_detected)),
-        refused=int(np.count_nonzero(~data.used)),
+        refused=float(np.mean(~data.used)),
         microseconds=microseconds,
     )
 

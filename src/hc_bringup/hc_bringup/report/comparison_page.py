@@ -57,6 +57,7 @@ FIGURES: Final[tuple[Figure, ...]] = (
     ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.2f}", _distance(2.0)),
     ("", "K within 3 sd", lambda s: s.inside, _percent, lambda v: -v),
     ("", "says that the law does not fit", lambda s: s.mismatch, _percent, _no_contest),
+    ("", "samples refused", lambda s: s.refused or math.nan, _percent, _no_contest),
     ("cost", "a step [us]", lambda s: s.microseconds, lambda v: f"{float(f'{v:.2g}'):g}", _same),
 )
 
@@ -116,7 +117,9 @@ def _header(table: Sequence[Sequence[Entry]]) -> str:
         f'<main class="report"><section class="panel full variants"><h2>Shown</h2>{boxes}'
         f"{true}</section>"
         '<p class="hint">Drag over a chart to look closer; double-click for the whole. Bands are '
-        "left out here: hc report shows them.</p>"
+        "left out here: hc report shows them. Errors and honesty of all are over the same samples: "
+        "those that most of them used in contact, without the first second. Errors of the "
+        "parameters and NEES need a recording that knows the truth.</p>"
     )
 
 
