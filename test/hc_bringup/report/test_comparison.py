@@ -182,3 +182,25 @@ def test_command(
         error = capsys.readouterr().err
         assert says in error
         assert error.count("\n") == 1
+
+
+def test_a_filter_is_not_praised_for_what_it_does_not_estimate(make_run: MakeRun) -> None:
+    """Regression: `rls`, which holds p, was the closest to it, and the most honest."""
+    data = make_run(seconds=6.0)
+    data.estimates["velocity_exponent_std"][:] = 0.0
+    variance = data.estimates["covariance"].reshape(-1, 16)
+    variance[20:, 15] = 0.0
+    got = judged(data, 1.0)
+    assert math.isnan(got.nees)
+    assert np.isnan(got.parameter_errors).tolist() == [False, False, False, True]
+
+
+def test_columns_stand_below_their_own_headline(make_run: MakeRun) -> None:
+    """Regression: without a truth the NIS was an error of the force."""
+    data = make_run(seconds=3.0, truth=None)
+    entry = Entry(Variant("ukf", "ukf", {}), data, judged(data, 1.0))
+    head = (
+        comparison_page([[entry, entry]], ["hc"]).partition("<thead>")[2].partition("</thead>")[0]
+    )
+    assert "error of" not in head
+    assert '<th colspan="2">force error</th><th colspan="3">honesty</th>' in head

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
 import shlex
 from collections.abc import Callable, Sequence
@@ -57,7 +58,7 @@ FIGURES: Final[tuple[Figure, ...]] = (
     ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.2f}", _distance(2.0)),
     ("", "K within 3 sd", lambda s: s.inside, _percent, lambda v: -v),
     ("", "says that the law does not fit", lambda s: s.mismatch, _percent, _no_contest),
-    ("", "samples refused", lambda s: s.refused or math.nan, _percent, _no_contest),
+    ("", "samples refused", lambda s: s.refused, _percent, _no_contest),
     ("cost", "a step [us]", lambda s: s.microseconds, lambda v: f"{float(f'{v:.2g}'):g}", _same),
 )
 
@@ -146,12 +147,15 @@ def _table(entries: Sequence[Entry]) -> str:
     shown = [
         figure for figure in FIGURES if any(math.isfinite(figure[2](e.scores)) for e in entries)
     ]
-    groups: list[tuple[str, int]] = []
-    for figure in shown:
-        if figure[0] or not groups:
-            groups.append((figure[0], 1))
-        else:
-            groups[-1] = (groups[-1][0], groups[-1][1] + 1)
+    group_of: dict[str, str] = {}
+    group = ""
+    for figure in FIGURES:
+        group = figure[0] or group
+        group_of[figure[1]] = group
+    groups = [
+        (name, len(list(members)))
+        for name, members in itertools.groupby(shown, lambda figure: group_of[figure[1]])
+    ]
     head = "<tr><th></th>" + "".join(
         f'<th colspan="{span}">{html.escape(name)}</th>' for name, span in groups
     )
