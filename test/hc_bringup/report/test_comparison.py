@@ -117,6 +117,7 @@ def test_winners_have_the_best_figures(make_run: MakeRun) -> None:
     assert "good foretells the force best, half a second ahead." in words
     assert "good is closest to the true K." in words
     assert "bad is the quickest." in words
+    assert any(line.startswith("None is honest") for line in winners(entries[:1] * 2))
     # Never reporting a misfit is no merit.
     judge = next(figure for figure in FIGURES if "does not fit" in figure[1])[4]
     assert math.isnan(judge(0.0))

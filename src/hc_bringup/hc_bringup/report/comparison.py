@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.force_error import settled
-from hc_bringup.run_data import RunData, estimated, recorded
+from hc_bringup.run_data import RunData, of_series, recorded
 from hc_estimator import Estimator, create_estimator
 from hc_evaluation.channels import evenly_spaced, unbroken
 from hc_evaluation.hold_forward import Frozen, hold_forward_errors, smooth_motion
@@ -163,8 +163,9 @@ def _made(recording: Recording, variant: Variant) -> tuple[RunData, float] | Non
         estimator = variant.make()
         estimator.warm_up()
         start = time.thread_time()
-        data = estimated(recording, estimator)
+        series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
         seconds = time.thread_time() - start
+        data = of_series(recording, estimator, series)
     if data is None:
         return None
     return data, 1e6 * seconds / len(data.time_s)

@@ -18,6 +18,8 @@ from hc_bringup.report.page import encode_numbers, items, render
 from hc_bringup.report.rows import page_rows
 
 MOST_POINTS: Final = 1500
+HONEST: Final = 3.0
+"""So many times its ideal, or the ideal so many times it, a NEES may be."""
 CURVES: Final = (*PARAMETERS, *(f"{name}_std" for name in PARAMETERS))
 
 Figure = tuple[
@@ -95,8 +97,12 @@ def winners(entries: Sequence[Entry]) -> list[str]:
         found = [(value, label) for value, label in found if math.isfinite(value)]
         if len(found) > 1:
             judge = _distance(ideal) if ideal is not None else _same
-            _, label = min(found, key=lambda pair: judge(pair[0]))
-            sentences.append(f"{label} {what}.")
+            value, label = min(found, key=lambda pair: judge(pair[0]))
+            if ideal is not None and judge(value) > math.log(HONEST):
+                text = f"NEES {value:.0f} at best, of {label}"
+                sentences.append(f"None is honest about K, B, n and p: {text}.")
+            else:
+                sentences.append(f"{label} {what}.")
     return sentences
 
 
