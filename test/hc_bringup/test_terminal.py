@@ -180,6 +180,18 @@ def test_the_last_panel_shows_the_rate_of_the_run_and_not_of_its_end(
     assert 900.0 < display._rate.hz < 1100.0
 
 
+def test_why_a_sensor_is_silent_is_said_to_the_end() -> None:
+    """Regression: at 100 columns the second sensor was cut off."""
+    reason = (
+        "no usable sample for 1.8 s: nobody publishes /ft_sensor/wrench; nobody publishes /pose"
+    )
+    for width in (60, 100):
+        lines = lines_of(usual(silent_s=2.4, silent_reason=reason), width)
+        assert {len(line) for line in lines} == {width}
+        joined = " ".join(" ".join(line.strip("│ ").split()) for line in lines)
+        assert reason in joined
+
+
 @given(st.floats(1e-9, 1e6), st.integers(2, 4))
 def test_engineering_units_keep_the_value(value: float, digits: int) -> None:
     number, unit = engineering(value, "N", digits).split(" ")

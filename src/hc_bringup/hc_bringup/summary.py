@@ -103,8 +103,11 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     delay, deviation = summary["channel_delay"], summary["channel_delay_std"]
     if not (math.isfinite(delay) and math.isfinite(deviation)):
         return []
+    told = f"{1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"
+    if abs(delay) <= 2.0 * deviation:
+        return [f"no delay between force and displacement is to be seen: {told}"]
     late = "force" if delay >= 0.0 else "displacement"
-    return [f"the {late} is late by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"]
+    return [f"the {late} is late by {told}"]
 
 
 def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
