@@ -27,7 +27,7 @@ def lossy(recording, rate, gaps_s, seed):
     return time[there], d[there], force[there]
 
 
-GAPS_S = pytest.mark.parametrize("gaps_s", [(0.06, 0.2), (0.2, 0.49)], ids=["short", "long"])
+GAPS_S = pytest.mark.parametrize("gaps_s", [(0.025, 0.2), (0.2, 0.49)], ids=["short", "long"])
 
 
 @GAPS_S
@@ -38,7 +38,7 @@ def test_gaps_leave_the_tissue_alone(filter_name, gaps_s, recording):
         series = hc.create_estimator(filter_name).run(time, d, force)
         late = time > 4.0
         error = np.abs(series.parameters[late, 0] / TRUTH[0] - 1.0)
-        assert error.max() < 0.02
+        assert error.max() < 0.03
         assert not series.change_detected[late].any()
         assert np.all(error < 5.0 * series.parameters_std[late, 0] / TRUTH[0])
 
@@ -76,3 +76,18 @@ def test_a_sensor_that_turns_slow_is_followed_again(recording):
     time, d, force = recording(20.0)
     lost = (time > 5.0) & (np.arange(time.size) % 50 != 0)
     assert velocity_error(time, d, force, lost) < 0.2
+
+
+@pytest.mark.parametrize("gap_s", [0.015, 0.03])
+@pytest.mark.parametrize("delay_s", [-0.03, 0.03])
+def test_a_delay_is_found_though_readings_are_lost_all_the_time(delay_s, gap_s, recording):
+    """Regression: its windows of 0.7 s began anew at each gap of 15 ms; K was up to 73 % off."""
+    time, d, force = recording(20.0)
+    shift = round(abs(delay_s) * 1000.0)
+    first, last = slice(shift, None), slice(None, -shift)
+    d, force = (d[first], force[last]) if delay_s > 0.0 else (d[last], force[first])
+    time = time[first]
+    there = time % 0.5 > gap_s
+    series = hc.create_estimator("self_tuning_ukf").run(time[there], d[there], force[there])
+    assert series.channel_delay[-1] == pytest.approx(delay_s, abs=0.002)
+    assert series.parameters[-1, 0] == pytest.approx(TRUTH[0], rel=0.02)

@@ -29,7 +29,7 @@ OUTLIER = 4
 OUT_OF_RANGE = 5
 NUMERICAL = 6
 
-SHORTEST_GAP = 0.05  # without any reading; less is bridged [s]
+SHORTEST_GAP = 0.02  # without any reading; less is bridged [s]
 GAP_PERIODS = 5.0  # and so many of the usual periods
 PERIOD_SHARE = 0.1  # of the latest period in the usual one
 PERIOD_GROWTH = 2.0  # over the usual one, at most: gaps are no periods
@@ -58,7 +58,7 @@ SPECIFICATIONS = (
         "float",
         0.5,
         "After a longer time without a displacement the motion starts anew; the parameters stay. "
-        "So it does after 0.05 s without any reading, if that is five of the usual periods.",
+        "So it does after 0.02 s without any reading, if that is five of the usual periods.",
         minimum=1e-3,
         maximum=3600.0,
         unit="s",

@@ -60,7 +60,8 @@ def use(settings: Any, bank: Any, time: float) -> int:
     clock, held = bank.clock, bank.held
     if clock.restart != 0:
         held.first = held.count
-        grids.restart(bank.delay)
+        if clock.elapsed == 0.0:  # a start, or a clock that was set back: no gap
+            grids.restart(bank.delay)
     for i in range(2):
         if clock.present[i] != 0:
             clock.measurement[i] -= bank.onset.zero[i]

@@ -19,6 +19,7 @@ HALF_WIDTH = 0.015  # of the local parabola [s]
 # (a share of the half width) rounding of the stamps would decide, and with it the origin of time.
 SLACK = 1e-3
 EDGE = 1.0 + SLACK
+WIDER = 2.0  # times as wide where readings were lost
 FEWEST_READINGS = 7  # in it
 LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
 LARGEST = 0.064  # delay that is looked for [s]
@@ -27,7 +28,7 @@ WINDOW = 0.5  # [s]
 
 @compiled
 def restart(finder: Any) -> None:
-    """Begin a new window after a gap; what earlier windows said stays."""
+    """Forget the readings of the present window; what earlier windows said stays."""
     for i in range(2):
         finder.raw_count[i] = 0
     finder.grid_count = 0
@@ -132,8 +133,30 @@ def velocity_variance(finder: Any, noise: float) -> float:
 
 
 @compiled
+def _add_point(finder: Any, centre: float, half: float) -> bool:
+    """Add the point of a time to the grid; False if readings are few in either channel."""
+    slot = finder.grid_count % GRID
+    if not _parabola(finder, 0, centre, half):
+        return False
+    for i in range(3):
+        finder.grid[slot, i] = finder.parabola[i]
+    finder.grid[slot, 4] = finder.parabola[3]
+    finder.grid[slot, 6] = finder.parabola[4]
+    if not _parabola(finder, 1, centre, half):
+        return False
+    finder.grid[slot, 3] = finder.parabola[0]
+    finder.grid[slot, 5] = finder.parabola[3]
+    finder.grid_count += 1
+    finder.grid_next += finder.grid_step
+    return True
+
+
+@compiled
 def advance(finder: Any) -> bool:
-    """Add the points of the grid that the readings allow by now; True if a window is full."""
+    """Add the points of the grid that the readings allow by now; True if a window is full.
+
+    Where readings were lost, a parabola is wider; where that does not do, a window begins anew.
+    """
     if min(finder.raw_count[0], finder.raw_count[1]) < 2 * FEWEST_READINGS:
         return False
     slowest = max(_period(finder, 0), _period(finder, 1))
@@ -148,21 +171,12 @@ def advance(finder: Any) -> bool:
     if finder.grid_next > newest + SLACK * half:
         return False
     centre = finder.grid_next
-    finder.grid_next += finder.grid_step
-    if not _parabola(finder, 0, centre, half):
-        finder.grid_count = 0
-        return False
-    slot = finder.grid_count % GRID
-    for i in range(3):
-        finder.grid[slot, i] = finder.parabola[i]
-    finder.grid[slot, 4] = finder.parabola[3]
-    finder.grid[slot, 6] = finder.parabola[4]
-    if not _parabola(finder, 1, centre, half):
-        finder.grid_count = 0
-        return False
-    finder.grid[slot, 3] = finder.parabola[0]
-    finder.grid[slot, 5] = finder.parabola[3]
-    finder.grid_count += 1
+    if not _add_point(finder, centre, half):
+        if finder.grid_count > 0 and centre > newest - (WIDER - 1.0) * half:
+            return False  # the readings beyond the gap are still to come
+        if finder.grid_count == 0 or not _add_point(finder, centre, WIDER * half):
+            finder.grid_count = 0
+            return False
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)
     finder.neighbours = smoothing.neighbours(finder.grid_step, finder.grid_width)
     margin = reach + finder.neighbours + 1
