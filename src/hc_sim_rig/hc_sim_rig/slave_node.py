@@ -31,7 +31,13 @@ from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.records import Coupling, Joint, RigSample, Truth
 from hc_sim_rig.ros.estimator_zeros import EstimatorZeros
 from hc_sim_rig.ros.outputs import Outputs
-from hc_sim_rig.ros.side_options import SLAVE_FEEDBACK, declare_link, declare_settings, link_values
+from hc_sim_rig.ros.side_options import (
+    SLAVE_FEEDBACK,
+    RefusalWatch,
+    declare_link,
+    declare_settings,
+    link_values,
+)
 
 USED_EVERY = 10
 """Estimates between two that become the model: the model is renewed at a hundredth of a second."""
@@ -100,7 +106,10 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._sampler = DeadlineThread(self._rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._outputs.missing)
-        self._diagnostics = DiagnosticsPublisher(self, "slave arm", self._status)
+        refusals = RefusalWatch(self._link)
+        self._diagnostics = DiagnosticsPublisher(
+            self, "slave arm", lambda: refusals.told(self._status())
+        )
         if not start_paused:
             self._start()
 
