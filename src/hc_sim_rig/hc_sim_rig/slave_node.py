@@ -96,7 +96,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._pose = PoseStamped()
         self._pose.header.frame_id = "stage"
         self._rate_hz = settings.rate_hz
-        self._zeros = EstimatorZeros(self, find_surface)
+        self._zeros = EstimatorZeros(self, find_surface, self._is_free)
         self._calculated_n: float | None = None if self._has_sensor else 0.0
         self._estimates = self._usable = self._used = self._before = 0
         self._estimate_ns = self._stamp_ns = 0
@@ -124,6 +124,11 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         response.success = bool(request.data)
         response.message = "runs" if request.data else "the slave follows the master"
         return response
+
+    def _is_free(self) -> bool:
+        """Whether the tool is above the last surface that is known, if one is."""
+        surface_mm, sample = self._models.current.model[-1], self._newest
+        return sample is None or math.isnan(surface_mm) or sample.position_mm < surface_mm
 
     def _on_estimate(self, message: Any) -> None:
         """An estimate: before the surface is known a force, then a model."""
@@ -236,6 +241,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "estimates_used": self._used,
             "estimate_age_ms": 1e3 * age_s,
             "estimators_begun": self._zeros.lives,
+            "surface_searched": self._zeros.searching,
             "surface_found": self._zeros.zero_mm is not None,
             "model_sure": known.sure,
             "model_relative_std": known.relative_std,
