@@ -87,7 +87,9 @@ def zeros(node: StandInNode) -> EstimatorZeros:
     return made
 
 
-def test_the_surface_is_asked_for_until_it_is_looked_for_and_found(node: StandInNode) -> None:
+def test_the_surface_is_asked_for_until_it_is_looked_for_and_found(
+    node: StandInNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
     zeros = EstimatorZeros(node, find_surface=True, is_free=lambda: node.free)  # type: ignore[arg-type]
     node.report(EstimatorEvent.TARED, 1)  # of before this slave: nobody knows where it was then
     zeros.begin()
@@ -99,8 +101,11 @@ def test_the_surface_is_asked_for_until_it_is_looked_for_and_found(node: StandIn
     assert not node.asked
     node.free = True
     node.tick()
-    node.tick()  # no answer so far
-    assert [name for name, _ in node.asked] == ["find_surface"] * 2
+    node.tick()  # no answer so far: two questions would be two searches
+    assert [name for name, _ in node.asked] == ["find_surface"]
+    monkeypatch.setattr(estimator_zeros, "PATIENCE_S", 0.0)
+    node.tick()
+    assert len(node.asked) == 2
     node.answer("find_surface", success=False)  # it presses
     node.tick()
     node.answer("find_surface", success=True)

@@ -17,9 +17,10 @@ from hc_msgs_py.topics import CONFIGURATION, EVENTS, NODE_ESTIMATOR
 
 LOOK_PERIOD_S = 0.1
 ASK_PERIOD_S = 1.0
-"""Between two requests that were not answered, or refused."""
+"""Between two requests."""
 PATIENCE_S = 10.0
-"""For so long a tool is waited for that is never free; what the slave knows may be wrong."""
+"""For so long an answer is waited for (asked twice, a busy estimator searches twice), and a tool
+that is never free (what the slave knows may be wrong)."""
 ZERO = "input.position.zero"
 
 
@@ -46,7 +47,7 @@ class EstimatorZeros:
         self._is_free = is_free
         self._asked_s, self._wait_s = -math.inf, 0.0
         self._find_surface = find_surface
-        self._begun = self.searching = self._fresh = False
+        self._begun = self.searching = self._fresh = self._waits_for_answer = False
         self._revision = self.lives = 0
         self.found = not find_surface
         self.zero_mm: float | None = None
@@ -68,7 +69,9 @@ class EstimatorZeros:
 
     def _ask(self) -> None:
         """Ask the estimator for what is not known, until it says so."""
-        if not self._begun or time.monotonic() < self._asked_s + ASK_PERIOD_S:
+        now_s = time.monotonic()
+        period_s = PATIENCE_S if self._waits_for_answer else ASK_PERIOD_S
+        if not self._begun or now_s < self._asked_s + period_s:
             return
         if not self.found:
             ready = not self.searching and self._surface_client.service_is_ready()
@@ -76,14 +79,15 @@ class EstimatorZeros:
                 self._wait_s += LOOK_PERIOD_S
             if ready and (self._is_free() or self._wait_s > PATIENCE_S):
                 self._wait_s = 0.0
-                self._asked_s = time.monotonic()
+                self._asked_s, self._waits_for_answer = now_s, True
                 future = self._surface_client.call_async(Trigger.Request())
                 future.add_done_callback(self._on_asked)
         elif self.zero_mm is None:
-            self._asked_s = time.monotonic()
+            self._asked_s = now_s
             self._ask_zero()
 
     def _on_asked(self, future: Any) -> None:
+        self._waits_for_answer = False
         self.searching = bool(future.result().success)
 
     def _ask_zero(self) -> None:
@@ -119,7 +123,7 @@ class EstimatorZeros:
             if not again:
                 self.lives += 1
                 self.found, self.searching = not self._find_surface, False
-                self._asked_s = -math.inf
+                self._asked_s, self._waits_for_answer = -math.inf, False
         self._renew(message.revision)
 
     def _renew(self, revision: int) -> None:
