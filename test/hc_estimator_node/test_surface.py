@@ -107,3 +107,20 @@ def test_a_search_that_begins_while_the_tool_sinks_in_takes_the_next_approach():
     )
     assert found is not None
     assert found.displacement_mm == pytest.approx(6.2, abs=0.05)
+
+
+@pytest.mark.parametrize("phase", np.linspace(0.0, 0.95, 20))
+def test_a_search_that_begins_in_a_palpation_takes_the_next_approach(phase):
+    """Near a turn the force stood still for a moment, and the swing then passed for its noise."""
+    time = np.arange(0.0, 8.0, 1e-3)
+    swing = 2.3 + 1.2 * np.sin(2.0 * np.pi * (time + phase))
+    press = 1.5 - 3.5 * np.cos(2.0 * np.pi * (time - 5.0) / 1.5)
+    lift = np.clip((time - 3.0) / 0.5, 0.0, 1.0)
+    displacement = np.where(time < 5.0, (1.0 - lift) * swing - 2.0 * lift, press)
+    generator = np.random.default_rng(1)
+    force = 0.25 * np.maximum(displacement, 0.0) ** 1.6
+    force += FORCE_ZERO + 0.01 * generator.standard_normal(time.size)
+    found = find_surface(displacement, force)
+    assert found is not None
+    assert found.displacement_mm == pytest.approx(0.0, abs=0.1)
+    assert found.force_n == pytest.approx(FORCE_ZERO, abs=0.01)

@@ -11,6 +11,7 @@ import pytest
 from hc_msgs.msg import EstimatorConfiguration, EstimatorEvent
 
 from hc_msgs_py.topics import CONFIGURATION, EVENTS
+from hc_sim_rig.ros import estimator_zeros
 from hc_sim_rig.ros.estimator_zeros import EstimatorZeros
 
 
@@ -21,7 +22,7 @@ class StandInNode:
         self.heard: dict[str, Callable[[Any], None]] = {}
         self.tick: Callable[[], None] = lambda: None
         self.asked: list[tuple[str, Future]] = []
-        self.ready = True
+        self.ready = self.free = True
 
     def create_client(self, _kind: Any, name: str) -> Any:
         def call(_request: Any) -> Future:
@@ -60,14 +61,15 @@ LOADED = EstimatorConfiguration.STATE_LOADED
 
 
 @pytest.fixture
-def node() -> StandInNode:
+def node(monkeypatch: pytest.MonkeyPatch) -> StandInNode:
+    monkeypatch.setattr(estimator_zeros, "ASK_PERIOD_S", 0.0)
     return StandInNode()
 
 
 @pytest.fixture
 def zeros(node: StandInNode) -> EstimatorZeros:
     """Of an estimator whose surface was found: zero 1.5 mm, revision 2."""
-    made = EstimatorZeros(node, find_surface=True)  # type: ignore[arg-type]
+    made = EstimatorZeros(node, find_surface=True, is_free=lambda: node.free)  # type: ignore[arg-type]
     node.tick()
     assert not node.asked  # the tool does not move yet
     made.begin()
@@ -85,17 +87,25 @@ def zeros(node: StandInNode) -> EstimatorZeros:
     return made
 
 
-def test_the_surface_is_asked_for_until_it_is_looked_for_and_found(node: StandInNode) -> None:
-    zeros = EstimatorZeros(node, find_surface=True)  # type: ignore[arg-type]
+def test_the_surface_is_asked_for_until_it_is_looked_for_and_found(
+    node: StandInNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    zeros = EstimatorZeros(node, find_surface=True, is_free=lambda: node.free)  # type: ignore[arg-type]
     node.report(EstimatorEvent.TARED, 1)  # of before this slave: nobody knows where it was then
     zeros.begin()
     node.ready = False
     node.tick()
     assert not node.asked
-    node.ready = True
+    node.ready, node.free = True, False  # the tool presses
     node.tick()
-    node.tick()  # no answer so far
-    assert [name for name, _ in node.asked] == ["find_surface"] * 2
+    assert not node.asked
+    node.free = True
+    node.tick()
+    node.tick()  # no answer so far: two questions would be two searches
+    assert [name for name, _ in node.asked] == ["find_surface"]
+    monkeypatch.setattr(estimator_zeros, "PATIENCE_S", 0.0)
+    node.tick()
+    assert len(node.asked) == 2
     node.answer("find_surface", success=False)  # it presses
     node.tick()
     node.answer("find_surface", success=True)
@@ -106,6 +116,16 @@ def test_the_surface_is_asked_for_until_it_is_looked_for_and_found(node: StandIn
     node.tick()
     node.answer("find_surface", success=True)
     assert zeros.zero_mm is None
+
+
+def test_a_tool_that_is_never_free_is_not_waited_for_for_ever(node: StandInNode) -> None:
+    EstimatorZeros(node, find_surface=True, is_free=lambda: False).begin()  # type: ignore[arg-type]
+    for _ in range(99):
+        node.tick()
+    assert not node.asked
+    for _ in range(3):
+        node.tick()
+    assert [name for name, _ in node.asked] == ["find_surface"]
 
 
 def test_estimates_of_the_configuration_with_this_zero_count(
@@ -153,7 +173,7 @@ def test_an_estimator_that_goes_on_from_its_kept_state_has_its_zeros(
 
 def test_zeros_that_are_given_are_taken_as_they_are(node: StandInNode) -> None:
     """Not as 0: the estimator's configuration may have another."""
-    zeros = EstimatorZeros(node, find_surface=False)  # type: ignore[arg-type]
+    zeros = EstimatorZeros(node, find_surface=False, is_free=lambda: node.free)  # type: ignore[arg-type]
     zeros.begin()
     node.configure(1, STARTED)
     node.answer_zero(-2.0)

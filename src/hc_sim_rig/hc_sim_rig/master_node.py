@@ -29,7 +29,12 @@ from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
 from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S
 from hc_sim_rig.pacing import DeadlineThread
-from hc_sim_rig.ros.side_options import declare_link, declare_settings, link_values
+from hc_sim_rig.ros.side_options import (
+    RefusalWatch,
+    declare_link,
+    declare_settings,
+    link_values,
+)
 
 MODEL_EVERY = 20
 """Samples between two messages of the model."""
@@ -116,7 +121,10 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._sampler = DeadlineThread(rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, list)
-        self._diagnostics = DiagnosticsPublisher(self, f"{self._device} device", self._status)
+        refusals = RefusalWatch(self._link)
+        self._diagnostics = DiagnosticsPublisher(
+            self, f"{self._device} device", lambda: refusals.told(self._status())
+        )
         if not start_paused:
             self._sampler.start()
 

@@ -31,7 +31,13 @@ from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.records import Coupling, Joint, RigSample, Truth
 from hc_sim_rig.ros.estimator_zeros import EstimatorZeros
 from hc_sim_rig.ros.outputs import Outputs
-from hc_sim_rig.ros.side_options import SLAVE_FEEDBACK, declare_link, declare_settings, link_values
+from hc_sim_rig.ros.side_options import (
+    SLAVE_FEEDBACK,
+    RefusalWatch,
+    declare_link,
+    declare_settings,
+    link_values,
+)
 
 USED_EVERY = 10
 """Estimates between two that become the model: the model is renewed at a hundredth of a second."""
@@ -90,7 +96,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._pose = PoseStamped()
         self._pose.header.frame_id = "stage"
         self._rate_hz = settings.rate_hz
-        self._zeros = EstimatorZeros(self, find_surface)
+        self._zeros = EstimatorZeros(self, find_surface, self._is_free)
         self._calculated_n: float | None = None if self._has_sensor else 0.0
         self._estimates = self._usable = self._used = self._before = 0
         self._estimate_ns = self._stamp_ns = 0
@@ -100,7 +106,10 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._sampler = DeadlineThread(self._rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._outputs.missing)
-        self._diagnostics = DiagnosticsPublisher(self, "slave arm", self._status)
+        refusals = RefusalWatch(self._link)
+        self._diagnostics = DiagnosticsPublisher(
+            self, "slave arm", lambda: refusals.told(self._status())
+        )
         if not start_paused:
             self._start()
 
@@ -115,6 +124,11 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         response.success = bool(request.data)
         response.message = "runs" if request.data else "the slave follows the master"
         return response
+
+    def _is_free(self) -> bool:
+        """Whether the tool is above the last surface that is known, if one is."""
+        surface_mm, sample = self._models.current.model[-1], self._newest
+        return sample is None or math.isnan(surface_mm) or sample.position_mm < surface_mm
 
     def _on_estimate(self, message: Any) -> None:
         """An estimate: before the surface is known a force, then a model."""
@@ -227,6 +241,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "estimates_used": self._used,
             "estimate_age_ms": 1e3 * age_s,
             "estimators_begun": self._zeros.lives,
+            "surface_searched": self._zeros.searching,
             "surface_found": self._zeros.zero_mm is not None,
             "model_sure": known.sure,
             "model_relative_std": known.relative_std,

@@ -24,6 +24,8 @@ CLEAR = 5.0
 """A force beyond so many times its noise is contact, if it stays there."""
 LARGEST_TERM = 3.0
 """A reading further off than so many times the noise counts as that."""
+LARGEST_GROWTH = 3.0
+"""Noise that becomes so many times what it was is a tool that moves in contact, not free motion."""
 CONFIRMATIONS = 5
 ENOUGH = 100.0
 """Force in units of its noise up to which the approach is fitted: shallow, so that one n fits."""
@@ -61,7 +63,7 @@ class SurfaceFinder:
     def _start_over(self) -> None:
         self._free = 0
         self._zero = 0.0
-        self._variance = 0.0
+        self._variance = self._first_variance = 0.0
         self._above = 0
         self._below = 0
         self._approach.clear()
@@ -114,7 +116,7 @@ class SurfaceFinder:
             return
         self._free = FREE_SAMPLES
         self._zero = float(np.mean(force))
-        self._variance = float(np.var(force))
+        self._variance = self._first_variance = float(np.var(force))
 
     def _take_free(self, force_n: float) -> None:
         if self._above:
@@ -128,6 +130,8 @@ class SurfaceFinder:
         force_n = self._zero + before
         self._zero += weight * before
         self._variance += weight * (before * (force_n - self._zero) - self._variance)
+        if self._variance > LARGEST_GROWTH**2 * self._first_variance:
+            self._start_over()
 
     def _fit(self, deviation: float) -> TareResult:
         displacement, force = np.array(self._approach).T

@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.parameters import declare, declare_specified
 from hc_sim_rig.bilateral.parts import Bilateral
 from hc_sim_rig.bilateral.udp_link import Added, Clocks, UdpLink
@@ -105,6 +106,22 @@ def declare_link(node: Node, side: str, seed: int) -> UdpLink:
     number = 0 if side == "master" else 1
     added_here, clocks = Added(delay, jitter, loss), Clocks(time.time_ns, time.monotonic_ns)
     return UdpLink(number, bind, here, peer, there, added_here, seed, clocks)
+
+
+class RefusalWatch:
+    """Says in a status that datagrams were refused since the one before, and why."""
+
+    def __init__(self, link: UdpLink) -> None:
+        """Watch a link."""
+        self._link, self._before = link, 0
+
+    def told(self, status: Status) -> Status:
+        """Return a status with what there is to say of refusals, a warning at least."""
+        new, self._before = self._link.refused - self._before, self._link.refused
+        if not new:
+            return status
+        message = f"{status.message}; {new} datagrams refused: {self._link.why_refused}"
+        return Status(max(status.level, Level.WARN), message, status.values)
 
 
 def link_values(link: UdpLink, now_ns: int) -> dict[str, Any]:
