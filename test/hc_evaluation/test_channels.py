@@ -99,7 +99,7 @@ def test_the_default_filter_takes_no_small_delay_from_a_few_windows(seed):
     assert np.all(series.channel_delay == 0.0)
 
 
-@pytest.mark.parametrize("scenario", ["indentation", "relaxation", "lump"])
+@pytest.mark.parametrize("scenario", ["indentation", "relaxation", "lump", "teleoperation"])
 def test_slow_presses_and_tissue_that_relaxes_or_varies_are_no_fault_of_the_channels(scenario):
     """Regression: "26.5 ± 1.4 ms late", "100.0 ± 19.9 ms late", a contact position off."""
     series = Rig(load_scenario(scenario)).run(20.0)
