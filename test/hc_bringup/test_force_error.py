@@ -29,6 +29,7 @@ def live_figures(recording, series):
         statistics.add(
             SimpleNamespace(
                 sequence=i,
+                configuration_revision=1,
                 header=SimpleNamespace(stamp=stamp),
                 latency=1e-3,
                 rejected=int(estimate.rejected),

@@ -20,7 +20,7 @@ def estimate(sequence: int, **fields: Any) -> Any:
     values |= {f"{name}_identifiability": 0.5 for name in PARAMETERS}
     flags = {"contact": True, "change_detected": False, "model_mismatch": False, "rejected": 0}
     numbers = {"latency": 1e-3, "innovation_force": 0.0, "displacement": 0.0, "force_measured": 0.0}
-    numbers |= {"force_predicted": 0.0}
+    numbers |= {"force_predicted": 0.0, "configuration_revision": 1}
     numbers |= {"channel_delay": 0.002, "channel_delay_std": 0.0001}
     stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
     header = SimpleNamespace(stamp=stamp)

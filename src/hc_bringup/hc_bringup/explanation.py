@@ -43,20 +43,31 @@ HOLD_S: Final = 0.4
 
 
 class RecentMotion:
-    """The last seconds of a stream, thinned, for `explain`."""
+    """The last seconds of a stream, thinned, for `explain`.
+
+    Attributes:
+        revision: of the configuration with which they were read.
+    """
 
     def __init__(self, span_s: float = SPAN_S) -> None:
         self._span_s, self._step_s = span_s, span_s / MOST_SAMPLES
         self._rows: deque[tuple[float, float, float]] = deque()
+        self.revision = 0
 
     def copy(self) -> RecentMotion:
         """Return what is remembered now, for another thread to explain."""
         same = RecentMotion(self._span_s)
-        same._rows = deque(self._rows)
+        same._rows, same.revision = deque(self._rows), self.revision
         return same
 
-    def add(self, time_s: float, depth_mm: float, force_n: float) -> None:
-        """Take in one sample, in the order of time; too early ones are left out."""
+    def add(self, time_s: float, depth_mm: float, force_n: float, revision: int = 0) -> None:
+        """Take in one sample, in the order of time; too early ones are left out.
+
+        What was read with other zeros, or by another filter, says nothing of those of now.
+        """
+        if revision != self.revision:
+            self.revision = revision
+            self._rows.clear()
         if self._rows and time_s < self._rows[-1][0] - self._span_s:
             self._rows.clear()  # the source has started again
         if self._rows and not time_s >= self._rows[-1][0] + self._step_s:
@@ -78,11 +89,15 @@ class BackgroundExplainer:
 
     def __init__(self) -> None:
         self._said = ""
+        self._revision = 0
         self._next = 0.0
         self._thread: threading.Thread | None = None
 
     def explain(self, motion: RecentMotion, mismatch: bool) -> str:
         """Return what was found last; empty while the law fits."""
+        if motion.revision != self._revision:
+            self._revision, self._said = motion.revision, ""
+            self._next = time.monotonic()
         if not mismatch:
             self._said = ""
             return ""
@@ -94,7 +109,9 @@ class BackgroundExplainer:
         return self._said
 
     def _look(self, motion: RecentMotion) -> None:
-        self._said = motion.explain()
+        said = motion.explain()
+        if motion.revision == self._revision:
+            self._said = said
 
 
 def explain(time_s: Array, depth_mm: Array, force_n: Array) -> str:

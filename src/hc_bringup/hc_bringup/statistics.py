@@ -92,7 +92,12 @@ class EstimateStatistics:
         if message.rejected:
             self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
             return
-        self.motion.add(stamp_s, message.displacement * METRE_IN_MM, message.force_measured)
+        self.motion.add(
+            stamp_s,
+            message.displacement * METRE_IN_MM,
+            message.force_measured,
+            message.configuration_revision,
+        )
         self.changes += message.change_detected
         self.mismatch += message.model_mismatch
         if message.contact:

@@ -66,22 +66,23 @@ def _at(values: FloatArray | float, origin: int) -> float:
 
 
 def smooth_motion(
-    displacement_mm: FloatArray, rate_hz: float, window_s: float = 0.06
+    displacement_mm: FloatArray, rate_hz: float, window_s: float = 0.06, order: int = 3
 ) -> tuple[FloatArray, FloatArray]:
-    """Displacement and velocity of a recording, by a centred cubic Savitzky-Golay filter.
+    """Displacement and velocity of a recording, by a centred Savitzky-Golay filter.
 
     Args:
         displacement_mm: Evenly sampled readings, shape (N,).
         rate_hz: Sampling rate.
         window_s: Length of the filter; at least seven samples are used.
+        order: of its polynomials.
 
     Returns:
         Displacement [mm] and velocity [mm/s], shapes (N,).
     """
     length = max(7, 2 * round(0.5 * window_s * rate_hz) + 1)
     return (
-        savgol_filter(displacement_mm, length, 3),
-        savgol_filter(displacement_mm, length, 3, deriv=1, delta=1.0 / rate_hz),
+        savgol_filter(displacement_mm, length, order),
+        savgol_filter(displacement_mm, length, order, deriv=1, delta=1.0 / rate_hz),
     )
 
 

@@ -161,6 +161,26 @@ def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
     page.wait_for("HC.app.timeline.view.end > 2.9", 3.0)
 
 
+def test_a_robot_that_was_not_tared_is_told_so_on_top(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """Regression: 199 mm off and with a sign that is wrong, "in the air ... press and move"."""
+    served = serve()
+    table = make_estimates(500)
+    table["contact"] = False
+    table["displacement"] = -0.199
+    table["stiffness_identifiability"] = 0.0
+    feed(served, table, make_stamps(table), Digest())
+    said = "it reads a push as a pull; turn its sign (force.sign)"
+    node = {"level": 1, "message": said, "hardware": "", "values": {}, "age_s": 0.2}
+    opened(page, served, make_status, tip=False, nodes={"estimator": node})
+    page.wait_for("document.getElementById('headline').textContent.includes('was nothing tared')")
+    headline = page.text("#headline")
+    assert "-199 mm" in headline
+    assert said in headline
+    assert "in the air" not in headline
+
+
 def test_without_a_position_the_map_gives_its_room_away(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:

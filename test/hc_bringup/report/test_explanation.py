@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from hc_bringup.explanation import RecentMotion, explain
+from hc_bringup.explanation import BackgroundExplainer, RecentMotion, explain
 
 TIME = np.arange(0.0, 6.0, 0.002)
 PHASE = 2.0 * np.pi * TIME
@@ -83,3 +84,25 @@ def test_recent_motion_is_bounded_and_survives_anything() -> None:
     recent.add(0.5, 1.0, 1.0)
     assert [row[0] for row in recent._rows] == [0.0, 0.5]
     assert recent.explain() == ""
+
+
+def test_evidence_starts_anew_when_zeros_or_filter_change() -> None:
+    """Regression: for six seconds after the surface was found, the advice was to find it."""
+    motion, explainer = RecentMotion(), BackgroundExplainer()
+    force = noisy(law(DEPTH, SPEED), 0.002)
+
+    def told(seconds: float, wanted: bool) -> str:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and bool(explainer.explain(motion, True)) != wanted:
+            time.sleep(0.05)
+        return explainer.explain(motion, True)
+
+    for row in zip(TIME, DEPTH + 0.6, force, strict=True):
+        motion.add(*row, 1)
+    assert "contact begins at" in told(20.0, True)
+    for row in zip(TIME[:100] + 6.0, DEPTH[:100], force[:100], strict=True):
+        motion.add(*row, 2)
+    assert explainer.explain(motion, True) == ""
+    for row in zip(TIME[100:] + 6.0, DEPTH[100:], force[100:], strict=True):
+        motion.add(*row, 2)
+    assert told(2.0, True) == ""

@@ -145,6 +145,15 @@ def test_picture_breaks_where_nothing_was_read(make_run: MakeRun) -> None:
     assert across >= 8
 
 
+def test_one_law_over_tissue_that_varies_gives_no_figures_of_a_tissue(make_run: MakeRun) -> None:
+    """Regression: K = 0.0028, n = 3.57 "with the three taken out" of a scan over a lump."""
+    varies = make_run(stiffness=lambda t: 0.3 * (1.0 + 2.0 * np.exp(-((t - 3.0) ** 2))))
+    page = run_page(varies, ["hc", "report"])
+    assert "no fault of the channels explains that" in page
+    assert "three taken out: K" not in page
+    assert "three taken out: K" in run_page(make_run(), ["hc", "report"])
+
+
 def test_words_for_losses(make_run: MakeRun) -> None:
     data = make_run(seconds=3.0)
     data.estimates["rejected"][5:9] = 1

@@ -247,13 +247,15 @@ class Feed:
             self._counts.rejected += int(np.count_nonzero(table["rejected"]))
             self._mismatch = bool(table["model_mismatch"][-1])
             part = np.flatnonzero(np.isfinite(table["force_measured"]))[::MOTION_EVERY]
-            for stamp, depth, force in zip(
+            for stamp, depth, force, revision in zip(
                 stamps[part],
                 table["displacement"][part],
                 table["force_measured"][part],
+                table["configuration_revision"][part],
                 strict=True,
             ):
-                self._motion.add(float(stamp) * 1e-9, float(depth) * METRE_IN_MM, float(force))
+                depth_mm = float(depth) * METRE_IN_MM
+                self._motion.add(float(stamp) * 1e-9, depth_mm, float(force), int(revision))
             self._take_in(table, stamps, estimates=True)
 
     def _on_samples(self, arrivals: list[Arrival]) -> None:

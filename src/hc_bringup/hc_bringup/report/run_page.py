@@ -26,6 +26,8 @@ from hc_msgs_py.units import METRE_IN_MM
 MOST_CONTACT_ROWS: Final = 200
 CONTACT_DEPTH_MM: Final = 0.05
 """Shallower touches are no contacts worth a row."""
+UNEXPLAINED: Final = 2.0
+"""What one law leaves of the force, over its noise: from here on it is no law of this recording."""
 UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "", "")
 
 
@@ -230,12 +232,20 @@ def _channel_table(channels: ChannelDiagnosis | None, why_not: str) -> str:
         )
     ]
     stiffness, damping, exponent, power = channels.parameters
-    text = (
-        f"One fit to the whole recording, as for one tissue. With the three taken out: "
-        f"K = {stiffness:.4g}, B = {damping:.4g}, n = {exponent:.4g}, p = {power:.4g}; force "
-        f"residual {engineering(channels.residual_rms_n, 'N')}, left in "
-        f"{engineering(channels.residual_rms_without_n, 'N')}."
-    )
+    taken_out = engineering(channels.residual_rms_n, "N")
+    left_in = engineering(channels.residual_rms_without_n, "N")
+    if channels.residual_rms_n > UNEXPLAINED * channels.noise_n and not channels.explain:
+        text = (
+            f"One law for the whole recording leaves {left_in} of the force, and {taken_out} "
+            "with the three taken out: no fault of the channels explains that. The tissue varies, "
+            "changed or relaxes, and these figures say nothing."
+        )
+    else:
+        text = (
+            f"One fit to the whole recording, as for one tissue. With the three taken out: "
+            f"K = {stiffness:.4g}, B = {damping:.4g}, n = {exponent:.4g}, p = {power:.4g}; force "
+            f"residual {taken_out}, left in {left_in}."
+        )
     head = ["", "value ± 2 sd", "unit", "stands out"]
     return table(head, rows, "numbers") + f'<p class="under">{html.escape(text)}</p>\n'
 

@@ -75,6 +75,9 @@ HC.reasonOf = function (nodes) {
   return `The estimator says: ${estimator.message}.`;
 };
 
+/* A tool is never so deep in soft tissue: the contact position was never set. */
+HC.BEYOND_REASON_MM = 50;
+
 /* Words for what is felt: one or two sentences that need no knowledge of filters. */
 HC.sentences = function (store, map, status) {
   if (store.empty) return ["Waiting for the first samples."];
@@ -90,9 +93,17 @@ HC.sentences = function (store, map, status) {
   const K = store.last("K");
   const n = store.last("n");
   const known = store.last("K_known");
-  if (!store.last("contact")) out.push("The tool is in the air.");
+  const reading = store.last("displacement");
+  if (Math.abs(reading) > HC.BEYOND_REASON_MM) {
+    out.push(`The depth reads ${reading.toFixed(0)} mm, beyond reason: was nothing tared? ` +
+      "Rest the tool just off the surface and tare.");
+  } else if (!store.last("contact")) {
+    out.push("The tool is in the air.");
+  }
   if (!(known > 0.5)) {
-    out.push("Nothing is known of the tissue yet: press and move.");
+    const reason = HC.reasonOf(status && status.nodes);
+    out.push(reason ? `Nothing is known of the tissue. ${reason}`
+      : "Nothing is known of the tissue yet: press and move.");
     return out;
   }
   if (store.last("contact")) {
