@@ -60,7 +60,8 @@ def use(settings: Any, bank: Any, time: float) -> int:
     clock, held = bank.clock, bank.held
     if clock.restart != 0:
         held.first = held.count
-        if clock.elapsed == 0.0:  # a start, or a clock that was set back: no gap
+        # Across a short gap the parabolas only grow wider. At the start nothing is known (NaN).
+        if not 0.0 < time - clock.channel_time[0] <= settings.longest_gap:
             grids.restart(bank.delay)
     for i in range(2):
         if clock.present[i] != 0:
