@@ -61,8 +61,10 @@ def test_gram_force_is_named_beside_millinewtons():
 def test_what_the_units_of_a_table_mean_is_said_for_a_person_to_judge():
     _time_s, depth, force = presses()
     assert assumed_line(0.1 * depth, force, table=True).startswith(
-        "read as: the tool moves by 0.528 mm"
+        "read as: the tool moves by 0.528 mm and pushes with up to 6"
     )
+    turned = assumed_line(depth, -force)
+    assert "pulls with up to 6" in turned, turned  # it was told to push with the noise
 
 
 def test_gaps_of_one_channel_are_no_delay():

@@ -130,7 +130,10 @@ def test_the_delay_of_the_last_estimate_is_told_in_seconds_and_in_words() -> Non
     assert "the force is late by 2.00 ± 0.10 ms" in run_text(run_summary(state, None))
     state.statistics.add(estimate(2, channel_delay=-0.003))
     assert "the displacement is late by 3.00 ± 0.10 ms" in run_text(run_summary(state, None))
-    state.statistics.add(estimate(3, channel_delay=0.0, channel_delay_std=math.nan))
+    state.statistics.add(estimate(3, channel_delay=0.0001, channel_delay_std=0.0004))
+    said = run_text(run_summary(state, None))
+    assert "no delay between force and displacement is to be seen: 0.10 ± 0.40 ms" in said
+    state.statistics.add(estimate(4, channel_delay=0.0, channel_delay_std=math.nan))
     summary = json.loads(to_json(run_summary(state, None)))
     assert (summary["channel_delay"], summary["channel_delay_std"]) == (0.0, None)
     assert " is late by " not in run_text(run_summary(state, None))

@@ -22,7 +22,7 @@ from rich.text import Text
 
 from hc_bringup.commands.run import show_ending
 from hc_bringup.dashboard.columns import COLUMNS, INDEX
-from hc_bringup.live import _load_line
+from hc_bringup.live import Display, _load_line
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import EstimateStatistics
 from hc_bringup.terminal.ending import (
@@ -144,6 +144,7 @@ def test_nothing_makes_it_ragged(
     [
         ({"silent_s": 1.4}, "silent for 1.4 s"),
         ({"silent_s": 1.4, "silent_reason": "no force"}, "no force"),
+        ({"silent_s": 7.4, "phase": "done"}, "silent for 7.4 s"),
         ({"contact": None, "elapsed_s": 2.0}, "does anybody publish"),
         ({"mismatch": True, "explanation": "it relaxes"}, "the law does not fit: it relaxes"),
         ({"depth_mm": 312.0}, "was nothing tared"),
@@ -158,6 +159,37 @@ def test_what_is_wrong_is_said(fields: dict[str, Any], says: str) -> None:
     assert says in joined
     if "silent_s" in fields:
         assert "in contact" not in joined
+
+
+def test_the_last_panel_shows_the_rate_of_the_run_and_not_of_its_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Regression: a run that waited for its last estimates left 0 Hz on the screen."""
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    display = Display(enabled=True, with_keys=False)
+    state = RunState(EstimateStatistics(), 10.0, "running")
+    for _ in range(30):
+        now[0] += 0.1
+        state.statistics.estimates += 100
+        display.show(state)
+    state.phase = "stopping"
+    for _ in range(30):
+        now[0] += 0.1
+        display.show(state)
+    assert 900.0 < display._rate.hz < 1100.0
+
+
+def test_why_a_sensor_is_silent_is_said_to_the_end() -> None:
+    """Regression: at 100 columns the second sensor was cut off."""
+    reason = (
+        "no usable sample for 1.8 s: nobody publishes /ft_sensor/wrench; nobody publishes /pose"
+    )
+    for width in (60, 100):
+        lines = lines_of(usual(silent_s=2.4, silent_reason=reason), width)
+        assert {len(line) for line in lines} == {width}
+        joined = " ".join(" ".join(line.strip("│ ").split()) for line in lines)
+        assert reason in joined
 
 
 @given(st.floats(1e-9, 1e6), st.integers(2, 4))

@@ -11,6 +11,7 @@ from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder, load
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.separation import SEPARATIONS
 from hc_evaluation.channels import diagnose_channels, evenly_spaced
+from hc_sim_rig import Rig, load_scenario
 
 needs_recordings = pytest.mark.skipif(
     data_folder() is None, reason="the recordings in ../shared/data are absent"
@@ -95,3 +96,11 @@ def test_the_default_filter_takes_no_small_delay_from_a_few_windows(seed):
     readings = contact.time_s, contact.displacement_mm, contact.force_n
     series = create_estimator("self_tuning_ukf").run(*readings)
     assert np.all(series.channel_delay == 0.0)
+
+
+@pytest.mark.parametrize("scenario", ["indentation", "relaxation", "lump"])
+def test_slow_presses_and_tissue_that_relaxes_or_varies_are_no_fault_of_the_channels(scenario):
+    """Regression: "26.5 ± 1.4 ms late", "100.0 ± 19.9 ms late", a contact position off."""
+    series = Rig(load_scenario(scenario)).run(20.0)
+    every_fourth = (series.time_s[::4], series.displacement_mm[::4], series.force_n[::4])
+    assert diagnose_channels(*every_fourth).clear_faults == ()

@@ -293,8 +293,9 @@ def assumed_line(displacement_mm: FloatArray, force_n: FloatArray, *, table: boo
     forces = force_n[np.isfinite(force_n)]
     if not (len(places) and len(forces)):
         return ""
-    (low, high), (_least, most) = robust_range(places), robust_range(forces)
-    moves_by = f"the tool moves by {high - low:.3g} mm and pushes with up to {most:.3g} N"
+    (low, high), (least, most) = robust_range(places), robust_range(forces)
+    does = f"pushes with up to {most:.3g}" if most >= -least else f"pulls with up to {-least:.3g}"
+    moves_by = f"the tool moves by {high - low:.3g} mm and {does} N"
     if table:
         return f"read as: {moves_by} (if not: --units displacement=..., force=...)"
     return (

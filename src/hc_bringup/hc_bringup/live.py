@@ -19,7 +19,7 @@ from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.terminal.keys import Keys
 from hc_bringup.terminal.numbers import engineering
 from hc_bringup.terminal.panel import PanelPainter
-from hc_bringup.terminal.view import PanelHistory, PanelView
+from hc_bringup.terminal.view import NO_SAMPLES, PanelHistory, PanelView
 from hc_msgs_py.topics import NODE_ESTIMATOR
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -32,8 +32,8 @@ SYMBOLS: Final = {
 _LINE_PERIOD_S: Final = 1.0
 _WAIT_TOLD_S: Final = 10.0
 """A start or an end that takes longer is spoken of so often, even where nothing else is shown."""
-_STALE: Final = 3
-"""Level of diagnostic_msgs/DiagnosticStatus."""
+_REASON_WITHIN_S: Final = 1.6
+"""So long a silent run is waited with, for the estimator to say why."""
 
 
 class Display:
@@ -72,6 +72,7 @@ class Display:
         self._last_line_at = 0.0
         self._page_announced = False
         self._reported: dict[str, str] = {}
+        self._silence_told = False
         self._waits_since = self._spoke_at = time.monotonic()
 
     def __enter__(self) -> Display:
@@ -98,10 +99,12 @@ class Display:
         self._tell_page(state)
         if self._live is None:
             self._tell_problems(state)
+            self._tell_silence(state)
         if not self._enabled:
             self._tell_waiting(state)
             return
-        self._rate.update(state.statistics.estimates)
+        if state.phase == RUNNING:  # while it ends, the source has stopped
+            self._rate.update(state.statistics.estimates)
         if self._live is not None:
             if self._keys is not None:
                 state.requests += self._keys.requests()
@@ -134,6 +137,21 @@ class Display:
                 sys.stderr.flush()
         self._reported = dict(state.problems)
 
+    def _tell_silence(self, state: RunState) -> None:
+        """Write a line when the estimates come no more, and one when they come again."""
+        said = ""
+        if state.silent and not self._silence_told:
+            # Why, the estimator says once a second.
+            if state.silent_reason or state.silent_s > _REASON_WITHIN_S:
+                self._silence_told = True
+                said = f"silent for {state.silent_s:.1f} s: {state.silent_reason or NO_SAMPLES}"
+        elif self._silence_told and not state.silent and state.phase == RUNNING:
+            self._silence_told = False
+            said = "samples come again"
+        if said:
+            sys.stderr.write(f"{state.elapsed_s:.1f} s: {said}\n")
+            sys.stderr.flush()
+
     def _tell_waiting(self, state: RunState) -> None:
         """Say what a start or an end waits for, and that the machine is busy where it is."""
         now = time.monotonic()
@@ -152,14 +170,13 @@ class Display:
     def _view(self, state: RunState) -> PanelView:
         statistics = state.statistics
         latest = statistics.latest
-        if latest is not None and not self._rate.silent_s > 0.3:
+        if state.phase == RUNNING and latest is not None and not state.silent_s > 0.3:
             for i, name in enumerate(PARAMETERS):
                 self._history.parameters[i].append(float(getattr(latest, name)))
             self._history.force.append(statistics.force_n)
             self._history.depth.append(latest.displacement * METRE_IN_MM)
         estimator = state.diagnostics.get(NODE_ESTIMATOR, {})
         recorder = next((v for v in state.diagnostics.values() if "file_bytes" in v), {})
-        stale = int(estimator.get("level", 0)) == _STALE
         latency = None
         if self._with_latency:
             latency = (statistics.latency.quantile_s(0.5), statistics.latency.quantile_s(0.99))
@@ -169,9 +186,9 @@ class Display:
             elapsed_s=state.elapsed_s,
             duration_s=state.duration_s,
             with_estimates=self._with_estimates,
-            rate_hz=self._rate.hz,
-            silent_s=self._rate.silent_s,
-            silent_reason=estimator.get("message", "") if stale else "",
+            rate_hz=0.0 if state.silent else self._rate.hz,
+            silent_s=state.silent_s,
+            silent_reason=state.silent_reason,
             lost=_lost(statistics),
             refused=sum(statistics.rejected.values()),
             latency_s=latency,
@@ -204,25 +221,18 @@ class Display:
 
 
 class _RateMeter:
-    """Rate of a counter over about the last second, and since when it stands still."""
+    """Rate of a counter over about the last second."""
 
     def __init__(self) -> None:
-        self._count = self._before = 0
-        self._time = self._changed = time.monotonic()
+        self._count = 0
+        self._time = time.monotonic()
         self.hz = 0.0
 
     def update(self, count: int) -> None:
         now = time.monotonic()
-        if count != self._before:
-            self._before, self._changed = count, now
         if now - self._time >= _LINE_PERIOD_S:
             self.hz = (count - self._count) / (now - self._time)
             self._count, self._time = count, now
-
-    @property
-    def silent_s(self) -> float:
-        """Time since the counter moved; NaN before it ever did."""
-        return time.monotonic() - self._changed if self._before else math.nan
 
 
 def _number(values: Mapping[str, str], name: str, missing: float = math.nan) -> float:
@@ -257,9 +267,10 @@ def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:
     latency = ""
     if with_latency:
         latency = f"99 % {engineering(statistics.latency.quantile_s(0.99), 's')}  "
-    silent = f"silent for {rate.silent_s:.1f} s  " if rate.silent_s > 1.0 else ""
+    silent = f"silent for {state.silent_s:.1f} s  " if state.silent else ""
+    hz = 0.0 if state.silent else rate.hz
     return (
-        f"{state.elapsed_s:6.1f} s  {rate.hz:6.0f} Hz  {silent}lost {_lost(statistics)}  "
+        f"{state.elapsed_s:6.1f} s  {hz:6.0f} Hz  {silent}lost {_lost(statistics)}  "
         f"{latency}{parameters}  "
         f"force error {engineering(statistics.recent_force_rmse_n, 'N')}"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -118,6 +119,10 @@ class Monitor:
             for name, values in self.diagnostics.items()
             if values["level"] == _ERROR
         }
+
+    def silent_s(self) -> float:
+        """Return the time since the last estimate; NaN before the first one."""
+        return time.monotonic() - self.last_estimate_at if self.last_estimate_at else math.nan
 
     def namesakes(self, node_name: str) -> int:
         """Return how many nodes of this name there are in the domain, outside namespaces."""

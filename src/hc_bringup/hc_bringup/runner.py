@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import signal
 import tempfile
@@ -19,10 +20,14 @@ from hc_bringup.processes import NodeProcess, describe_exit, end_all
 from hc_bringup.statistics import EstimateStatistics
 from hc_logger.session import INCOMPLETE
 from hc_msgs_py.background import STARTING
+from hc_msgs_py.diagnostics import Level
+from hc_msgs_py.topics import NODE_ESTIMATOR
 
 RUNNING, DONE = "running", "done"
 """Phases of a run in which it waits for nobody."""
 POLL_S = 0.1
+SILENT_S = 1.0
+"""Without an estimate for so long, a run is silent."""
 START_TIMEOUT_S = 240.0
 """Until a node offers ~/ready: the first start on a machine compiles the estimator."""
 MATCH_TIMEOUT_S = 15.0
@@ -30,6 +35,7 @@ MATCH_TIMEOUT_S = 15.0
 DRAIN_QUIET_S = 1.0
 """Without an estimate, and some still missing: they are lost."""
 DRAIN_TIMEOUT_S = 10.0
+_UNHEARD = (int(Level.ERROR), int(Level.STALE))
 
 
 @dataclass
@@ -41,6 +47,8 @@ class RunState:
         elapsed_s: time since the source was started.
         duration_s: how long it shall last; 0 for no end.
         cpu_percent: processor use of each node since the source was started, in percent of a core.
+        silent_s: time since the last estimate, as it was when the run was ended; NaN before the
+            first one, and where the source ended by itself.
         samples: how many samples the source says that it has published; None if it did not say.
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
@@ -57,6 +65,7 @@ class RunState:
     phase: str = "starting"
     elapsed_s: float = 0.0
     cpu_percent: dict[str, float] = field(default_factory=dict)
+    silent_s: float = math.nan
     samples: int | None = None
     respawns: int = 0
     problems: dict[str, str] = field(default_factory=dict)
@@ -67,6 +76,17 @@ class RunState:
     requests: list[str] = field(default_factory=list)
     answer: str = ""
     pids: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def silent(self) -> bool:
+        """Whether estimates came and come no more, or came no more when the run was ended."""
+        return self.silent_s > SILENT_S
+
+    @property
+    def silent_reason(self) -> str:
+        """What the estimator says of its silence; empty as long as it says nothing."""
+        said = self.diagnostics.get(NODE_ESTIMATOR, {})
+        return said.get("message", "") if int(said.get("level", 0)) in _UNHEARD else ""
 
 
 class Runner:
@@ -210,6 +230,7 @@ class Runner:
             state.problems = monitor.problems()
             state.truth = monitor.truth()
             state.page = monitor.page()
+            state.silent_s = monitor.silent_s()
             self._show(state)
             while state.requests:
                 monitor.ask(state.requests.pop(0))
@@ -217,6 +238,7 @@ class Runner:
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
             if self._source_has_ended(state):
+                state.silent_s = math.nan
                 return
 
     def _revive(self, monitor: Monitor, state: RunState) -> None:
@@ -271,7 +293,13 @@ class Runner:
                 state.failures.append(f"node {process.name}: {said}")
 
     def _drain(self, monitor: Monitor, state: RunState) -> None:
-        """Wait for the estimates of what the source published last."""
+        """Wait for the estimates of what the source published last.
+
+        A robot goes on when the run ends, and so do its estimates: those are not waited for.
+        """
+        if not any(process.plan.source for process in self._processes):
+            monitor.spin(POLL_S)
+            return
         end = time.monotonic() + DRAIN_TIMEOUT_S
         asked = time.monotonic()
         while time.monotonic() < end:

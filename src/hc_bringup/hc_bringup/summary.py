@@ -24,7 +24,8 @@ def run_summary(
 
     force_rmse_n is the one-step-ahead error in contact: the force predicted before the sample was
     used against the measured one, without the first second of contact (see `force_error`);
-    force_aligned_rmse_n is that of readings brought to the same time. lost counts samples
+    force_aligned_rmse_n is that of readings brought to the same time. silent_s says since when no
+    estimate came where the run was ended in silence, None elsewhere. lost counts samples
     that were published and for which no estimate came; None where that cannot be told. failures
     says why the run counts as failed although it went on to its end.
 
@@ -50,6 +51,8 @@ def run_summary(
         "changes_detected": statistics.changes,
         "model_mismatch_share": _share(statistics.mismatch, statistics.estimates),
         "duration_s": state.elapsed_s,
+        "silent_s": state.silent_s if state.silent else math.nan,
+        "silent_reason": state.silent_reason if state.silent else "",
         "respawns": state.respawns,
         "cpu_percent": dict(state.cpu_percent),
         "parameters": statistics.parameters(),
@@ -100,8 +103,11 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     delay, deviation = summary["channel_delay"], summary["channel_delay_std"]
     if not (math.isfinite(delay) and math.isfinite(deviation)):
         return []
+    told = f"{1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"
+    if abs(delay) <= 2.0 * deviation:
+        return [f"no delay between force and displacement is to be seen: {told}"]
     late = "force" if delay >= 0.0 else "displacement"
-    return [f"the {late} is late by {1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"]
+    return [f"the {late} is late by {told}"]
 
 
 def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
@@ -129,6 +135,9 @@ def run_text(summary: dict[str, Any]) -> str:
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
+    if math.isfinite(summary["silent_s"]):
+        reason = f": {summary['silent_reason']}" if summary["silent_reason"] else ""
+        lines.append(f"silent at the end, for {summary['silent_s']:.1f} s{reason}")
     if "latency_us" in summary and summary["estimates"]:
         latency = summary["latency_us"]
         lines.append(

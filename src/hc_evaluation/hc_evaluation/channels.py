@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
+from hc_estimator.input.readings import noise
 from hc_estimator.input.together import together
 from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import smooth_motion
@@ -31,6 +32,13 @@ EXPONENT_PRIOR = 0.1
 DELAY_STARTS_S = (0.0, 0.01, -0.01, 0.03, -0.03, 0.06, -0.06)
 SCREENED_SAMPLES = 1000
 SCREENING_STEPS = 30
+MOST_STEPS = 60
+"""Of the fit itself: where the law does not hold it would go on for minutes."""
+LARGEST_DELAY_S = 2.0 * DELAY_PRIOR_S
+"""A fit that ends there has found something else."""
+EXPLAINED = 0.25
+"""What the faults explain of the squared residual over what nothing explains: with less, tissue
+that varies or relaxes was bent to a fault of the channels."""
 SHORTEST_STEP_S = 1e-7
 MOST_BETWEEN = 20.0
 """Rows made for each row there is: recordings of two days in one file are filled up by no more."""
@@ -38,6 +46,16 @@ GAP_STEPS = 5.0
 """A step of a channel so many times its usual one is a gap: a line drawn across it looks late."""
 LEAST_STRETCH_S = 2.0
 """In a shorter time without a gap no delay can be told."""
+SMOOTHING_S = (0.06, 0.12, 0.24, 0.48)
+"""Windows of the motion: a wider one is taken where the velocity is noisy, as long as the law fits
+better for it. Noise of a slow velocity, taken for the velocity, hides the damping, and a
+displacement that comes late stands in for it."""
+NOISY_VELOCITY = 0.1
+"""Noise of the smoothed velocity over its root mean square, from which on it is noisy."""
+CLEARLY_BETTER = 0.95
+"""What a wider window has to leave of the residual."""
+LARGEST_WINDOW_SHARE = 0.05
+"""Of the recording: so long a window may be."""
 CLEAR = 3.0  # a fault beyond so many standard deviations is called one
 
 
@@ -55,6 +73,7 @@ class ChannelDiagnosis:
         contact_std_mm: Standard deviation of the contact position.
         residual_rms_n: Force residual with the faults taken out.
         residual_rms_without_n: Force residual of the contact law alone.
+        noise_n: White noise of the force; what the residual has beyond it, nothing explains.
     """
 
     parameters: FloatArray
@@ -66,12 +85,23 @@ class ChannelDiagnosis:
     contact_std_mm: float
     residual_rms_n: float
     residual_rms_without_n: float
+    noise_n: float
+
+    @property
+    def explain(self) -> bool:
+        """Whether the faults explain a fair part of what the law alone leaves."""
+        explained = self.residual_rms_without_n**2 - self.residual_rms_n**2
+        left = max(0.0, self.residual_rms_n**2 - self.noise_n**2)
+        return explained > EXPLAINED * left
 
     @property
     def clear_faults(self) -> tuple[str, ...]:
-        """Names of the faults that stand out of their uncertainty."""
-        found = []
-        if abs(self.delay_s) > CLEAR * self.delay_std_s:
+        """Names of the faults that stand out of their uncertainty, where they explain enough."""
+        found: list[str] = []
+        if not self.explain:
+            return ()
+        inside = abs(self.delay_s) < 0.95 * LARGEST_DELAY_S
+        if inside and abs(self.delay_s) > CLEAR * self.delay_std_s:
             found.append("delay")
         if abs(self.zero_n) > CLEAR * self.zero_std_n:
             found.append("zero")
@@ -101,83 +131,19 @@ def diagnose_channels(
             f"{time_s.size} samples with a force span of {float(np.ptp(force_n)):g} N: the "
             "channels can be compared from 50 samples with a changing force on"
         )
-    step = float(np.median(np.diff(time_s)))
-    displacement, rate = smooth_motion(displacement_mm, 1.0 / step)
-    motion = CubicSpline(time_s, displacement)
-    # Not the spline's derivative: its noise is larger at the samples than between them, so that a
-    # delay of half a sample more or less would always seem to fit better.
-    velocity = CubicSpline(time_s, rate)
-    stroke = float(np.ptp(displacement))
-    prior_std = np.array(
-        [
-            EXPONENT_PRIOR,
-            DELAY_PRIOR_S,
-            ZERO_PRIOR_SHARE * float(np.max(np.abs(force_n))),
-            CONTACT_PRIOR_SHARE * stroke,
-        ]
-    )
-    margin = max(2, round(3.0 * DELAY_PRIOR_S / step))
-    inside = slice(margin, time_s.size - margin) if time_s.size > 4 * margin else slice(None)
-    times, measured = time_s[inside], force_n[inside]
-    noise = float(np.sqrt(np.mean(np.diff(force_n, 5) ** 2) / 252.0)) + 1e-9
-
-    def parameters_of(x: FloatArray) -> FloatArray:
-        return np.array([np.exp(x[0]), np.exp(x[1]), x[2], x[3]])
-
-    def misfit(x: FloatArray) -> FloatArray:
-        at = times - x[4]
-        model = hunt_crossley_force(motion(at) - x[6], velocity(at), parameters_of(x))
-        result: FloatArray = model + x[5] - measured
-        return result
-
-    def residual(x: FloatArray) -> FloatArray:
-        deviation = (x[3:] - np.array([1.0, 0.0, 0.0, 0.0])) / prior_std
-        result: FloatArray = np.concatenate((misfit(x) / noise, deviation))
-        return result
-
-    scale = np.concatenate(([1.0, 1.0, 0.3], prior_std))
-    first = np.log(max(float(np.max(force_n)), 1e-9) / max(float(np.max(displacement)), 0.1) ** 1.5)
-    largest_delay = 2.0 * DELAY_PRIOR_S
-    lower = np.array([-20.0, -20.0, 0.5, 0.4, -largest_delay, -np.inf, -np.inf])
-    upper = np.array([12.0, 10.0, 5.0, 2.0, largest_delay, np.inf, np.inf])
-    # A few steps from several delays on a part of the samples choose the valley.
-    all_times, all_measured = times, measured
-    thin = max(1, times.size // SCREENED_SAMPLES)
-    times, measured = times[::thin], measured[::thin]
-    candidates = []
-    for delay in DELAY_STARTS_S:
-        start = np.array([first, first - 3.0, 1.5, 1.0, delay, 0.0, 0.0])
-        start = np.clip(start, lower + 1e-6, upper - 1e-6)
-        candidates.append(
-            least_squares(
-                residual, start, bounds=(lower, upper), x_scale=scale, max_nfev=SCREENING_STEPS
-            )
-        )
-    valley = min(candidates, key=lambda solution: float(solution.cost)).x
-    times, measured = all_times, all_measured
-    best = least_squares(
-        residual,
-        np.clip(valley, lower + 1e-6, upper - 1e-6),
-        bounds=(lower, upper),
-        x_scale=scale,
-    )
-    fitted = misfit(best.x)
-    jacobian: FloatArray = np.asarray(best.jac)
-    spread = max(1.0, float(np.mean((fitted / noise) ** 2))) * _colour(fitted)
-    weights = np.ones(jacobian.shape[0])
-    weights[: fitted.size] = 1.0 / spread
-    information = (jacobian * weights[:, None]).T @ jacobian
-    deviations = np.sqrt(np.diag(np.linalg.pinv(information)))
-
-    def misfit_alone(x: FloatArray) -> FloatArray:
-        return misfit(np.concatenate((x, [0.0, 0.0, 0.0]))) / noise
-
-    alone = least_squares(
-        misfit_alone,
-        best.x[:4],
-        bounds=(lower[:4], upper[:4]),
-        x_scale=scale[:4],
-    )
+    fit = _Fit(time_s, displacement_mm, force_n, SMOOTHING_S[0])
+    valley = fit.valley()
+    for window_s in SMOOTHING_S[1:]:
+        too_wide = window_s > LARGEST_WINDOW_SHARE * float(np.ptp(time_s))
+        if too_wide or fit.velocity_noise < NOISY_VELOCITY:
+            break
+        wider = _Fit(time_s, displacement_mm, force_n, window_s)
+        found = wider.valley()
+        if not wider.rms(found) < CLEARLY_BETTER * fit.rms(valley):
+            break
+        fit, valley = wider, found
+    best = fit.best(valley)
+    deviations = fit.deviations(best)
     return ChannelDiagnosis(
         parameters=parameters_of(best.x),
         delay_s=float(best.x[4]),
@@ -186,9 +152,119 @@ def diagnose_channels(
         delay_std_s=float(deviations[4]),
         zero_std_n=float(deviations[5]),
         contact_std_mm=float(deviations[6]),
-        residual_rms_n=float(np.sqrt(np.mean(fitted**2))),
-        residual_rms_without_n=float(np.sqrt(2.0 * alone.cost / fitted.size)) * noise,
+        residual_rms_n=fit.rms(best.x),
+        residual_rms_without_n=fit.rms_without(best.x[:4]),
+        noise_n=fit.noise_n,
     )
+
+
+def parameters_of(x: FloatArray) -> FloatArray:
+    """Return K, B, n, p of what is fitted: ln K, ln B, n, p, delay, zero, contact."""
+    return np.array([np.exp(x[0]), np.exp(x[1]), x[2], x[3]])
+
+
+class _Fit:
+    """The law and the three faults over a recording, for one smoothing of its velocity."""
+
+    def __init__(
+        self,
+        time_s: FloatArray,
+        displacement_mm: FloatArray,
+        force_n: FloatArray,
+        window_s: float,
+    ) -> None:
+        step = float(np.median(np.diff(time_s)))
+        displacement, rate = smooth_motion(displacement_mm, 1.0 / step, window_s)
+        self.velocity_noise = _velocity_noise(displacement_mm, rate, 1.0 / step, window_s)
+        self._motion = CubicSpline(time_s, displacement)
+        # Not the spline's derivative: its noise is larger at the samples than between them, so that
+        # a delay of half a sample more or less would always seem to fit better.
+        self._velocity = CubicSpline(time_s, rate)
+        self._prior_std = np.array(
+            [
+                EXPONENT_PRIOR,
+                DELAY_PRIOR_S,
+                ZERO_PRIOR_SHARE * float(np.max(np.abs(force_n))),
+                CONTACT_PRIOR_SHARE * float(np.ptp(displacement)),
+            ]
+        )
+        margin = max(2, round(3.0 * DELAY_PRIOR_S / step))
+        inside = slice(margin, time_s.size - margin) if time_s.size > 4 * margin else slice(None)
+        self._times, self._measured = time_s[inside], force_n[inside]
+        self.noise_n = float(np.sqrt(np.mean(np.diff(force_n, 5) ** 2) / 252.0)) + 1e-9
+        self._first = np.log(
+            max(float(np.max(force_n)), 1e-9) / max(float(np.max(displacement)), 0.1) ** 1.5
+        )
+        self._scale = np.concatenate(([1.0, 1.0, 0.3], self._prior_std))
+        self._lower = np.array([-20.0, -20.0, 0.5, 0.4, -LARGEST_DELAY_S, -np.inf, -np.inf])
+        self._upper = np.array([12.0, 10.0, 5.0, 2.0, LARGEST_DELAY_S, np.inf, np.inf])
+
+    def valley(self) -> FloatArray:
+        """Return where a few steps from several delays on a part of the samples lead."""
+        candidates = []
+        thin = max(1, self._times.size // SCREENED_SAMPLES)
+        for delay in DELAY_STARTS_S:
+            start = np.array([self._first, self._first - 3.0, 1.5, 1.0, delay, 0.0, 0.0])
+            candidates.append(self._solve(start, thin, SCREENING_STEPS))
+        chosen: FloatArray = min(candidates, key=lambda solution: float(solution.cost)).x
+        return chosen
+
+    def best(self, valley: FloatArray) -> OptimizeResult:
+        """Fit all samples, from where `valley` leads."""
+        return self._solve(valley, 1, MOST_STEPS)
+
+    def _solve(self, start: FloatArray, thin: int, most_steps: int) -> OptimizeResult:
+        def residual(x: FloatArray) -> FloatArray:
+            return self._residual(x, thin)
+
+        return least_squares(
+            residual,
+            np.clip(start, self._lower + 1e-6, self._upper - 1e-6),
+            bounds=(self._lower, self._upper),
+            x_scale=self._scale,
+            max_nfev=most_steps,
+        )
+
+    def _misfit(self, x: FloatArray, thin: int = 1) -> FloatArray:
+        at = self._times[::thin] - x[4]
+        model = hunt_crossley_force(self._motion(at) - x[6], self._velocity(at), parameters_of(x))
+        result: FloatArray = model + x[5] - self._measured[::thin]
+        return result
+
+    def _residual(self, x: FloatArray, thin: int) -> FloatArray:
+        deviation = (x[3:] - np.array([1.0, 0.0, 0.0, 0.0])) / self._prior_std
+        result: FloatArray = np.concatenate((self._misfit(x, thin) / self.noise_n, deviation))
+        return result
+
+    def rms(self, x: FloatArray) -> float:
+        """Return what is left of the force [N]."""
+        return float(np.sqrt(np.mean(self._misfit(x) ** 2)))
+
+    def deviations(self, best: OptimizeResult) -> FloatArray:
+        """Return the standard deviations, which allow for the colour of the residual."""
+        fitted = self._misfit(best.x)
+        jacobian: FloatArray = np.asarray(best.jac)
+        spread = max(1.0, float(np.mean((fitted / self.noise_n) ** 2))) * _colour(fitted)
+        weights = np.ones(jacobian.shape[0])
+        weights[: fitted.size] = 1.0 / spread
+        information = (jacobian * weights[:, None]).T @ jacobian
+        result: FloatArray = np.sqrt(np.diag(np.linalg.pinv(information)))
+        return result
+
+    def rms_without(self, start: FloatArray) -> float:
+        """Return what the law alone leaves of the force [N]."""
+
+        def residual(x: FloatArray) -> FloatArray:
+            whole: FloatArray = np.concatenate((x, [0.0, 0.0, 0.0]))
+            return self._misfit(whole) / self.noise_n
+
+        alone = least_squares(
+            residual,
+            start,
+            bounds=(self._lower[:4], self._upper[:4]),
+            x_scale=self._scale[:4],
+        )
+        return float(np.sqrt(2.0 * alone.cost / self._times.size)) * self.noise_n
 
 
 def unbroken(
@@ -267,6 +343,16 @@ def evenly_spaced(
         )
     even = times[0] + step * np.arange(int(span / step) + 1)
     return even, np.interp(even, times, rows[:, 1]), np.interp(even, times, rows[:, 2])
+
+
+def _velocity_noise(
+    displacement_mm: FloatArray, rate: FloatArray, rate_hz: float, window_s: float
+) -> float:
+    """Return the noise of a smoothed velocity over its root mean square."""
+    impulse = np.zeros(displacement_mm.size)
+    impulse[impulse.size // 2] = noise(displacement_mm)
+    _, answer = smooth_motion(impulse, rate_hz, window_s)
+    return float(np.linalg.norm(answer)) / max(float(np.sqrt(np.mean(rate**2))), 1e-12)
 
 
 def _colour(residual: FloatArray) -> float:

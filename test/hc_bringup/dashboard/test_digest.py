@@ -66,6 +66,17 @@ def test_missing_sequence_numbers_are_counted_as_lost(kept: set[int]) -> None:
     assert rows[:, INDEX["lost"]].sum() == max(kept) - min(kept) + 1 - len(kept)
 
 
+def test_what_came_while_nobody_looked_is_not_lost() -> None:
+    """Regression: a page opened a minute after the last one was closed showed 71,764 lost."""
+    digest = Digest()
+    before, after = samples(100), samples(100, first=72_000)
+    rows = [digest.add(before, stamps_of(before), estimates=False), digest.pause()]
+    rows += [digest.add(after, stamps_of(after), estimates=False), digest.flush()]
+    whole = np.concatenate(rows)
+    assert whole[:, INDEX["lost"]].sum() == 0
+    assert whole[:, INDEX["samples"]].sum() == 200
+
+
 def test_a_row_is_one_estimate(make_estimates: Make, make_stamps: Make) -> None:
     """Values without a suffix are those of the row's last estimate, in the page's units."""
     table = make_estimates(45)

@@ -403,3 +403,18 @@ def test_memory_is_flat_over_an_hour(
         assert page.run("return HC.app.store.count - HC.app.store.first") <= 30_000
     assert sent == 180_000
     assert sizes[-1] - sizes[1] < 3.0, sizes
+
+
+def test_every_kind_of_event_has_a_name(page: Any, serve: Make, make_status: Make) -> None:
+    """Regression: a tare that was refused was "event 18"."""
+    from hc_msgs.msg import EstimatorEvent
+
+    served = serve()
+    served.server.publish_text("status", make_status())
+    page.open(served.address)
+    page.wait_for("window.HC && HC.EVENTS")
+    constants = type(EstimatorEvent)._Metaclass_EstimatorEvent__constants
+    kinds = [value for value in constants.values() if value]
+    assert len(kinds) > 18
+    names = page.run("return arguments[0].map(HC.eventName)", kinds)
+    assert not [name for name in names if name.startswith("event ")]

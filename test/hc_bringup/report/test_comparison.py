@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from hc_bringup.cli import main
-from hc_bringup.report.comparison import Entry, Variant, compare, scores
+from hc_bringup.report.comparison import Entry, Scores, Variant, common_samples, compare, scores
 from hc_bringup.report.comparison_page import FIGURES, comparison_page, winners
 from hc_estimator import create_estimator
 from hc_logger.recording import read_recording
@@ -35,9 +35,36 @@ def page() -> Iterator[Any]:
     opened.close()
 
 
+def judged(data: Any, microseconds: float) -> Scores:
+    """Scores of a run alone."""
+    return scores(data, microseconds, common_samples([data])[0])
+
+
+def test_what_a_variant_refuses_counts_all_the_same(make_run: MakeRun) -> None:
+    """Regression: refusing whatever it could not foretell made a filter the best."""
+    runs = [make_run(seconds=6.0) for _ in range(3)]
+    open_eyes, also, choosy = runs
+    for data in runs:
+        data.estimates["force_predicted"][1500:2000] += 1.0  # nobody foretold that second
+    choosy.estimates["rejected"][1500:2000] = 4
+    choosy.estimates["contact"][2000:2250] = False
+    masks = common_samples(runs)
+    assert np.array_equal(masks[0], masks[2])
+    assert masks[0][1500:2250].any()
+    errors = [scores(d, 1.0, m) for d, m in zip(runs, masks, strict=True)]
+    assert errors[2].force_rms_n == errors[0].force_rms_n == errors[1].force_rms_n > 0.3
+    assert errors[2].refused == pytest.approx(500 / len(choosy.time_s), abs=1e-9)
+    assert common_samples([]) == []
+    fewer = make_run(seconds=3.0)  # a recorder that was stopped early
+    both = common_samples([open_eyes, fewer])
+    assert len(both[1]) == len(fewer.time_s)
+    assert both[0].sum() == both[1].sum() > 0
+    assert also.used.all()
+
+
 def test_scores_are_those_of_the_run(make_run: MakeRun) -> None:
     data = make_run(seconds=6.0)
-    got = scores(data, 2.0)
+    got = judged(data, 2.0)
     touching = data.contact & data.used
     settled = touching & (data.time_s - data.time_s[touching][0] >= 1.0)
     error = (data.force_n - data.force_predicted_n)[settled]
@@ -52,12 +79,12 @@ def test_scores_are_those_of_the_run(make_run: MakeRun) -> None:
 
 
 def test_scores_without_truth_or_contact_are_left_open(make_run: MakeRun) -> None:
-    blind = scores(make_run(seconds=3.0, truth=None), 1.0)
+    blind = judged(make_run(seconds=3.0, truth=None), 1.0)
     assert math.isnan(blind.nees)
     assert np.isnan(blind.parameter_errors).all()
     air = make_run(seconds=3.0)
     air.estimates["contact"][:] = False
-    nothing = scores(air, 1.0)
+    nothing = judged(air, 1.0)
     assert math.isnan(nothing.force_rms_n)
     assert math.isnan(nothing.ahead_rms_n)
 
@@ -83,13 +110,14 @@ def test_winners_have_the_best_figures(make_run: MakeRun) -> None:
     good, bad = make_run(seconds=6.0), make_run(seconds=6.0, seed=2)
     bad.estimates["stiffness"] *= 1.5
     entries = [
-        Entry(Variant("bad", "ukf", {}), bad, scores(bad, 1.0)),
-        Entry(Variant("good", "ukf", {}), good, scores(good, 2.0)),
+        Entry(Variant("bad", "ukf", {}), bad, judged(bad, 1.0)),
+        Entry(Variant("good", "ukf", {}), good, judged(good, 2.0)),
     ]
     words = winners(entries)
     assert "good foretells the force best, half a second ahead." in words
     assert "good is closest to the true K." in words
     assert "bad is the quickest." in words
+    assert any(line.startswith("None is honest") for line in winners(entries[:1] * 2))
     # Never reporting a misfit is no merit.
     judge = next(figure for figure in FIGURES if "does not fit" in figure[1])[4]
     assert math.isnan(judge(0.0))
@@ -155,3 +183,25 @@ def test_command(
         error = capsys.readouterr().err
         assert says in error
         assert error.count("\n") == 1
+
+
+def test_a_filter_is_not_praised_for_what_it_does_not_estimate(make_run: MakeRun) -> None:
+    """Regression: `rls`, which holds p, was the closest to it, and the most honest."""
+    data = make_run(seconds=6.0)
+    data.estimates["velocity_exponent_std"][:] = 0.0
+    variance = data.estimates["covariance"].reshape(-1, 16)
+    variance[20:, 15] = 0.0
+    got = judged(data, 1.0)
+    assert math.isnan(got.nees)
+    assert np.isnan(got.parameter_errors).tolist() == [False, False, False, True]
+
+
+def test_columns_stand_below_their_own_headline(make_run: MakeRun) -> None:
+    """Regression: without a truth the NIS was an error of the force."""
+    data = make_run(seconds=3.0, truth=None)
+    entry = Entry(Variant("ukf", "ukf", {}), data, judged(data, 1.0))
+    head = (
+        comparison_page([[entry, entry]], ["hc"]).partition("<thead>")[2].partition("</thead>")[0]
+    )
+    assert "error of" not in head
+    assert '<th colspan="2">force error</th><th colspan="3">honesty</th>' in head

@@ -48,7 +48,8 @@ def plane() -> Any:
 def test_map_of_a_plane_finds_the_lump(plane: Any) -> None:
     assert not plane.is_line
     assert plane.lump is not None
-    x, y, factor, deviation = plane.lump
+    x, y, factor, deviation, passed = plane.lump
+    assert passed
     assert 0.0 < deviation < 0.25 * factor
     assert abs(x - 12.0) < 1.0
     assert abs(y - 8.0) < 1.0
@@ -139,3 +140,19 @@ def test_mesh_is_whole(plane: Any) -> None:
         number, *corners = map(int, face.split())
         assert number == len(corners) == 4
         assert max(corners) < counts["vertex"]
+
+
+def test_a_lump_that_was_not_passed_has_no_place_yet() -> None:
+    """Regression: half way up the flank, the map told a hard spot beyond where it was felt."""
+    way = np.column_stack([np.linspace(0.0, 10.0, 21), np.full(21, 8.0)])
+    up = fit_map(places_of(way))
+    assert up.lump is not None
+    assert not up.lump.passed
+    assert up.lump.x_mm <= 10.0
+    said = up.lump.sentence(up.is_line)
+    assert said.startswith("Harder up to ")
+    assert "where the map ends" in said
+    past = fit_map(places_of(np.column_stack([np.linspace(0.0, 24.0, 49), np.full(49, 8.0)])))
+    assert past.lump is not None
+    assert past.lump.passed
+    assert past.lump.sentence(past.is_line).startswith("A hard spot at 1")

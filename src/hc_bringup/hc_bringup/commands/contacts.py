@@ -148,12 +148,14 @@ def _write_maps(
         "length_mm": list(found.length_mm),
     }
     if found.lump is not None:
-        x, y, factor, deviation = found.lump
+        lump = found.lump
         summary["lump"] = {
-            "x_mm": x,
-            "y_mm": y,
-            "times_as_stiff": factor,
-            "times_as_stiff_std": deviation,
+            "x_mm": lump.x_mm,
+            "y_mm": lump.y_mm,
+            "times_as_stiff": lump.factor,
+            "times_as_stiff_std": lump.deviation,
+            "passed": lump.passed,
+            "in_words": lump.sentence(found.is_line),
         }
     return summary
 
@@ -181,10 +183,6 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
         print(f"map of {summary['places']} places, stiffness at {summary['depth_mm']:g} mm")
     lump = summary.get("lump")
     if lump is not None:
-        spread = max(0.1, 2.0 * lump["times_as_stiff_std"])
-        print(
-            f"a hard spot at {lump['x_mm']:.1f}, {lump['y_mm']:.1f} mm: "
-            f"{lump['times_as_stiff']:.1f} ± {spread:.1f} times as stiff as around it"
-        )
+        print(lump["in_words"])
     for name in summary["written"]:
         print(f"written: {name}")

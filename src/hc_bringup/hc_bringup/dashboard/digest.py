@@ -147,6 +147,12 @@ class Digest:
             return _no_rows()
         return self._rows(waiting, np.zeros(1, np.int64))
 
+    def pause(self) -> Rows:
+        """Stop listening for a while: what is published meanwhile is not lost. As `flush`."""
+        rows = self.flush()
+        self._last_sequence = None
+        return rows
+
     def _rows(self, kept: NDArray[Any], starts: NDArray[np.int64]) -> Rows:
         if not len(kept):
             return _no_rows()

@@ -164,6 +164,7 @@ class Feed:
             self._next["look"] = 0.0
             if not wanted:
                 self._release_all()
+                self._show(self._digest.pause())
         if wanted and self._due("look", LOOK_PERIOD_S, now):
             self._look()
         self._taps.drain()
@@ -187,6 +188,10 @@ class Feed:
     def clear_map(self) -> None:
         """Forget what was felt so far."""
         self._map.clear()
+
+    def forget_node(self, name: str) -> None:
+        """Leave out a node that has ended as it was asked to: it is not silent."""
+        self.diagnostics.pop(name, None)
 
     def _due(self, what: str, period_s: float, now: float) -> bool:
         if now < self._next[what]:

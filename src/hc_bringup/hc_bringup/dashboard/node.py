@@ -25,6 +25,7 @@ from hc_bringup.dashboard.foxglove_topics import FoxgloveTopics
 from hc_bringup.dashboard.latency import EDGES_S
 from hc_bringup.dashboard.nis import nis_bands
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
+from hc_bringup.dashboard.recording import NODE_NAME as RECORDER
 from hc_bringup.dashboard.recording import Recording
 from hc_bringup.dashboard.security import TOKEN_VARIABLE, Gate, new_token
 from hc_bringup.dashboard.server import DashboardServer
@@ -172,7 +173,10 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def _tick(self) -> None:
         self._feed.set_viewers(self._watchers)
         if self._feed.streaming:
-            self._feed.extra_status = {"recording": self._recording.status}
+            recording = self._recording.status
+            self._feed.extra_status = {"recording": recording}
+            if not recording["on"]:
+                self._feed.forget_node(RECORDER)
         self._topics.tick(self._server, self._foxglove)
         self._feed.tick()
         self._controls.tick()

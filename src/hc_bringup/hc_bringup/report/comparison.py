@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -11,8 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_bringup.report.verdict import settled
-from hc_bringup.run_data import RunData, estimated, recorded
+from hc_bringup.force_error import settled
+from hc_bringup.run_data import RunData, of_series, recorded
 from hc_estimator import Estimator, create_estimator
 from hc_evaluation.channels import evenly_spaced, unbroken
 from hc_evaluation.hold_forward import Frozen, hold_forward_errors, smooth_motion
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 
 HORIZON_S: Final = 0.5
 LEAST_CONTACT_SHARE: Final = 0.2
+MOSTLY: Final = 0.9
+"""Share of the samples for which a filter has to state a covariance, so that its NEES is one."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,9 @@ class Variant:
 class Scores:
     """What a variant achieved on a recording; NaN where it cannot be told.
 
+    Errors and honesty of all variants of a recording are over the same samples, whatever each of
+    them refused or took for free motion (`common_samples`).
+
     Attributes:
         force_rms_n: error of the force one step ahead, after the first second of contact.
         ahead_rms_n: the same half a second ahead, with the parameters held.
@@ -62,7 +68,7 @@ class Scores:
         inside: share of the time in which the true K was within 3 stated deviations.
         mismatch: share of the contact in which the law did not fit.
         changes: changes of the tissue detected.
-        refused: samples not used.
+        refused: share of the samples that were not used.
         microseconds: a step, in a batch; NaN for recorded estimates.
     """
 
@@ -74,7 +80,7 @@ class Scores:
     inside: float
     mismatch: float
     changes: int
-    refused: int
+    refused: float
     microseconds: float
 
 
@@ -106,18 +112,50 @@ def compare(
     table: list[list[Entry]] = []
     number = len(recordings) * len(variants)
     for i, recording in enumerate(recordings):
-        row = []
+        row: list[tuple[Variant, RunData, float]] = []
         for j, variant in enumerate(variants):
             note(i * len(variants) + j, number, f"{recording.path.name}, {variant.label}")
-            entry = _entry(recording, variant)
-            if entry is not None:
-                row.append(entry)
-        table.append(row)
+            made = _made(recording, variant)
+            if made is not None:
+                row.append((variant, *made))
+        chosen = common_samples([data for _, data, _ in row])
+        table.append(
+            [
+                Entry(variant, data, scores(data, cost, mine))
+                for (variant, data, cost), mine in zip(row, chosen, strict=True)
+            ]
+        )
     note(number, number, "")
     return table
 
 
-def _entry(recording: Recording, variant: Variant) -> Entry | None:
+def common_samples(runs: Sequence[RunData]) -> list[NDArray[np.bool_]]:
+    """Return for each run which of its samples count: those that most runs used in contact.
+
+    A variant that refuses what it cannot explain, or takes it for free motion, is not to look
+    better for that than one that used it. Runs may hold different samples of one recording; those
+    whose times they share are one.
+
+    Args:
+        runs: of one recording.
+
+    Returns:
+        A mask of each run's samples, shape (samples of that run,).
+    """
+    if not runs:
+        return []
+    times = np.unique(np.concatenate([run.time_s for run in runs]))
+    there, votes = np.zeros(len(times), int), np.zeros(len(times), int)
+    for run in runs:
+        at = np.searchsorted(times, run.time_s)
+        np.add.at(there, at, 1)
+        np.add.at(votes, at[run.contact & run.used], 1)
+    counted = settled(times, (there >= len(runs)) & (2 * votes > len(runs)))
+    return [counted[np.searchsorted(times, run.time_s)] for run in runs]
+
+
+def _made(recording: Recording, variant: Variant) -> tuple[RunData, float] | None:
+    """Return the run of a variant and what a step took [us]."""
     if not variant.filter:
         data = recorded(recording)
         seconds = math.nan
@@ -125,16 +163,16 @@ def _entry(recording: Recording, variant: Variant) -> Entry | None:
         estimator = variant.make()
         estimator.warm_up()
         start = time.thread_time()
-        data = estimated(recording, estimator)
+        series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
         seconds = time.thread_time() - start
+        data = of_series(recording, estimator, series)
     if data is None:
         return None
-    return Entry(variant, data, scores(data, 1e6 * seconds / len(data.time_s)))
+    return data, 1e6 * seconds / len(data.time_s)
 
 
-def scores(data: RunData, microseconds: float) -> Scores:
-    """Judge a run; see Scores."""
-    chosen = settled(data)
+def scores(data: RunData, microseconds: float, chosen: NDArray[np.bool_]) -> Scores:
+    """Judge a run by the samples that were chosen; see Scores."""
     error = (data.force_n - data.force_predicted_n)[chosen]
     parameter_errors, mean_nees, inside = _against_truth(data, chosen)
     touching = data.contact & data.used
@@ -147,7 +185,7 @@ def scores(data: RunData, microseconds: float) -> Scores:
         inside=inside,
         mismatch=_mean(data.model_mismatch[touching].astype(float)),
         changes=int(np.count_nonzero(data.change_detected)),
-        refused=int(np.count_nonzero(~data.used)),
+        refused=float(np.mean(~data.used)),
         microseconds=microseconds,
     )
 
@@ -161,12 +199,15 @@ def _against_truth(data: RunData, chosen: NDArray[np.bool_]) -> tuple[Array, flo
         return np.full(4, np.nan), math.nan, math.nan
     values, truth, covariance = data.parameters[known], data.truth[known], data.covariance[known]
     errors = np.median(np.abs(values / truth - 1.0), axis=0)
+    held = np.median(data.parameters_std[known], axis=0) == 0.0
+    errors[held] = np.nan  # what a filter does not estimate, it is not praised for
     sound = np.isfinite(covariance).all(axis=(1, 2))
     sound &= (np.diagonal(covariance, axis1=1, axis2=2) > 0.0).all(axis=1)
-    try:
-        mean_nees = _mean(nees(values[sound], covariance[sound], truth[sound]))
-    except np.linalg.LinAlgError:
-        mean_nees = math.nan  # a covariance without a full rank has no such figure
+    mean_nees = math.nan
+    if np.mean(sound) > MOSTLY:
+        # A covariance without a full rank has no such figure.
+        with contextlib.suppress(np.linalg.LinAlgError):
+            mean_nees = _mean(nees(values[sound], covariance[sound], truth[sound]))
     within = np.abs(values[:, 0] - truth[:, 0]) <= 3.0 * data.parameters_std[known, 0]
     return errors, mean_nees, float(np.mean(within))
 

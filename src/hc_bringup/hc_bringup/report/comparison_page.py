@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
 import shlex
 from collections.abc import Callable, Sequence
@@ -17,6 +18,8 @@ from hc_bringup.report.page import encode_numbers, items, render
 from hc_bringup.report.rows import page_rows
 
 MOST_POINTS: Final = 1500
+HONEST: Final = 3.0
+"""So many times its ideal, or the ideal so many times it, a NEES may be."""
 CURVES: Final = (*PARAMETERS, *(f"{name}_std" for name in PARAMETERS))
 
 Figure = tuple[
@@ -57,6 +60,7 @@ FIGURES: Final[tuple[Figure, ...]] = (
     ("", "NIS (2)", lambda s: s.nis, lambda v: f"{v:.2f}", _distance(2.0)),
     ("", "K within 3 sd", lambda s: s.inside, _percent, lambda v: -v),
     ("", "says that the law does not fit", lambda s: s.mismatch, _percent, _no_contest),
+    ("", "samples refused", lambda s: s.refused, _percent, _no_contest),
     ("cost", "a step [us]", lambda s: s.microseconds, lambda v: f"{float(f'{v:.2g}'):g}", _same),
 )
 
@@ -93,8 +97,12 @@ def winners(entries: Sequence[Entry]) -> list[str]:
         found = [(value, label) for value, label in found if math.isfinite(value)]
         if len(found) > 1:
             judge = _distance(ideal) if ideal is not None else _same
-            _, label = min(found, key=lambda pair: judge(pair[0]))
-            sentences.append(f"{label} {what}.")
+            value, label = min(found, key=lambda pair: judge(pair[0]))
+            if ideal is not None and judge(value) > math.log(HONEST):
+                text = f"NEES {value:.0f} at best, of {label}"
+                sentences.append(f"None is honest about K, B, n and p: {text}.")
+            else:
+                sentences.append(f"{label} {what}.")
     return sentences
 
 
@@ -116,7 +124,9 @@ def _header(table: Sequence[Sequence[Entry]]) -> str:
         f'<main class="report"><section class="panel full variants"><h2>Shown</h2>{boxes}'
         f"{true}</section>"
         '<p class="hint">Drag over a chart to look closer; double-click for the whole. Bands are '
-        "left out here: hc report shows them.</p>"
+        "left out here: hc report shows them. Errors and honesty of all are over the same samples: "
+        "those that most of them used in contact, without the first second. Errors of the "
+        "parameters and NEES need a recording that knows the truth.</p>"
     )
 
 
@@ -143,12 +153,15 @@ def _table(entries: Sequence[Entry]) -> str:
     shown = [
         figure for figure in FIGURES if any(math.isfinite(figure[2](e.scores)) for e in entries)
     ]
-    groups: list[tuple[str, int]] = []
-    for figure in shown:
-        if figure[0] or not groups:
-            groups.append((figure[0], 1))
-        else:
-            groups[-1] = (groups[-1][0], groups[-1][1] + 1)
+    group_of: dict[str, str] = {}
+    group = ""
+    for figure in FIGURES:
+        group = figure[0] or group
+        group_of[figure[1]] = group
+    groups = [
+        (name, len(list(members)))
+        for name, members in itertools.groupby(shown, lambda figure: group_of[figure[1]])
+    ]
     head = "<tr><th></th>" + "".join(
         f'<th colspan="{span}">{html.escape(name)}</th>' for name, span in groups
     )

@@ -81,19 +81,23 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
     strip.set_yticks([])
     figure.colorbar(image, ax=(strip, axes), label="colour: stiffness [N/mm]", fraction=0.03)
     if found.lump is not None:
-        x, _, factor, deviation = found.lump
+        x, what = found.lump.x_mm, "hard spot at" if found.lump.passed else "harder up to"
         axes.annotate(
-            f"hard spot at {x:.1f} mm:\n{factor:.1f} ± {max(0.1, 2.0 * deviation):.1f} "
-            "times as stiff",
+            f"{what} {x:.1f} mm:\n{found.lump.times()} as stiff",
             (x, float(np.interp(x, found.x_mm, found.stiffness[0]))),
             (x, 0.04),  # at the foot, where nothing is drawn
             textcoords=axes.get_xaxis_transform(),
-            horizontalalignment="center",
+            horizontalalignment="center" if found.lump.passed else _inwards(found, x),
             verticalalignment="bottom",
             arrowprops={"arrowstyle": "-", "color": "0.3"},
             bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
         )
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
+
+
+def _inwards(found: StiffnessMap, x_mm: float) -> str:
+    """Return how to align what stands at an end of the map, so that it stands within."""
+    return "right" if 2.0 * x_mm > found.x_mm[0] + found.x_mm[-1] else "left"
 
 
 def _plane(figure: Figure, found: StiffnessMap) -> None:
@@ -113,10 +117,10 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
     left.set_ylabel("y [mm]")
     left.set_title("dots: felt there; grey: not known", fontsize="small")
     if found.lump is not None:
-        x, y, factor, deviation = found.lump
+        x, y = found.lump.x_mm, found.lump.y_mm
         left.plot(x, y, "o", markersize=14, markerfacecolor="none", color="white")
         left.annotate(
-            f"{factor:.1f} ± {max(0.1, 2.0 * deviation):.1f} times",
+            found.lump.times() + ("" if found.lump.passed else " so far"),
             (x, y),
             (0.0, 12.0),
             textcoords="offset points",

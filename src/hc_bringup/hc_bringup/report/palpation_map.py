@@ -33,6 +33,8 @@ UNKNOWN_SHARE: Final = 0.8
 """Where the deviation is more than this share of that far from everything, nothing is known."""
 AROUND: Final = 0.25
 """Quantile of the stiffness that counts as what is around a lump: the lump itself is not in it."""
+AT_THE_END = 0.06
+"""Share of the way: so near to its end, the stiffest place may not be the stiffest there is."""
 USUAL_DEPTH_MM: Final = 2.0
 _COLUMN: Final = {name: place for place, name in enumerate(MAP_COLUMNS)}
 
@@ -57,12 +59,32 @@ class MeasuredPlaces:
 
 
 class Lump(NamedTuple):
-    """A hard spot: place [mm], how many times as stiff as around it, standard deviation of that."""
+    """A hard spot.
+
+    Attributes:
+        x_mm: where.
+        y_mm: where.
+        factor: how many times as stiff as around it.
+        deviation: standard deviation of that.
+        passed: whether the tool went beyond it; if not, it may be harder further on.
+    """
 
     x_mm: float
     y_mm: float
     factor: float
-    factor_std: float
+    deviation: float
+    passed: bool
+
+    def times(self) -> str:
+        """Return the factor in words; what is known better than to a tenth is not shown."""
+        return f"{self.factor:.1f} ± {max(0.1, 2.0 * self.deviation):.1f} times"
+
+    def sentence(self, is_line: bool) -> str:
+        """Say what was felt and where."""
+        where = f"{self.x_mm:.1f} mm" if is_line else f"({self.x_mm:.1f}, {self.y_mm:.1f}) mm"
+        if self.passed:
+            return f"A hard spot at {where}: {self.times()} as stiff as around it"
+        return f"Harder up to {where}, where the map ends: {self.times()} as stiff so far"
 
 
 @dataclass(frozen=True)
@@ -238,12 +260,25 @@ def fit_map(places: MeasuredPlaces, seed: int = 0) -> StiffnessMap:
     known = log_std < UNKNOWN_SHARE * prior
     lengths = tuple(float(v) for v in np.atleast_1d(fitted.k2.length_scale))
     return StiffnessMap(
-        x, y, stiffness, log_std, known, places, lengths, _lump(x, y, stiffness, log_std, known)
+        x,
+        y,
+        stiffness,
+        log_std,
+        known,
+        places,
+        lengths,
+        _lump(x, y, stiffness, log_std, known, places.position_mm, is_line),
     )
 
 
 def _lump(
-    x: Array, y: Array, stiffness: Array, log_std: Array, known: NDArray[np.bool_]
+    x: Array,
+    y: Array,
+    stiffness: Array,
+    log_std: Array,
+    known: NDArray[np.bool_],
+    felt_mm: Array,
+    is_line: bool,
 ) -> Lump | None:
     """Return the stiffest known place if it stands out by more than its uncertainty allows."""
     if not known.any():
@@ -251,10 +286,17 @@ def _lump(
     usual = float(np.quantile(stiffness[known], AROUND))
     around = known & (stiffness <= usual)
     around_std = float(np.median(log_std[around]))
-    trusted = np.where(known & (log_std < 0.2), stiffness, -np.inf)
+    low, high = felt_mm.min(axis=0), felt_mm.max(axis=0)
+    within = (x >= low[0]) & (x <= high[0])
+    if not is_line:
+        within = within & ((y >= low[1]) & (y <= high[1]))[:, None]
+    trusted = np.where(known & (log_std < 0.2) & within, stiffness, -np.inf)
     row, column = np.unravel_index(int(np.argmax(trusted)), trusted.shape)
     factor = float(trusted[row, column]) / usual
     if not factor > 1.3 or np.log(factor) < 4.0 * log_std[row, column]:
         return None
     spread = factor * float(np.hypot(log_std[row, column], around_std))
-    return Lump(float(x[column]), float(y[row]), factor, spread)
+    place = np.array([x[column], y[row]])
+    beyond = np.minimum(place - low, high - place) > AT_THE_END * (high - low)
+    passed = bool(beyond[0] if is_line else beyond.all())
+    return Lump(float(place[0]), float(place[1]), factor, spread, passed)

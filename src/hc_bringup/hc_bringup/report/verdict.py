@@ -106,12 +106,7 @@ def _parameters_found(data: RunData, *, scanned: bool) -> list[Sentence]:
 def _lump(found: StiffnessMap | None) -> list[Sentence]:
     if found is None or found.lump is None:
         return []
-    x, y, factor, deviation = found.lump
-    where = f"{x:.1f} mm" if found.is_line else f"({x:.1f}, {y:.1f}) mm"
-    # What is known better than to a tenth is not shown.
-    spread = max(0.1, 2.0 * deviation)
-    text = f"A hard spot at {where}: {factor:.1f} ± {spread:.1f} times as stiff as around it."
-    return [Sentence(Level.NOTE, text)]
+    return [Sentence(Level.NOTE, f"{found.lump.sentence(found.is_line)}.")]
 
 
 def _fit(data: RunData) -> list[Sentence]:

@@ -130,6 +130,8 @@ def _state(view: PanelView, width: int) -> list[Text]:
     parts = [f"{MARKS[level]} {words}"]
     if view.hypothesis is not None and view.several_hypotheses and not view.silent:
         parts.append(f"leads: {HYPOTHESES[view.hypothesis]}")
+    if len(parts[0]) > width:  # why it is silent is worth a second line
+        return _wrapped(parts[0], width, style) + _flow(parts[1:], width, style)
     return _flow(parts, width, style)
 
 

@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-SILENT_S: Final = 1.0
-"""Without an estimate for so long, the panel says so; it is drawn ten times a second."""
+from hc_bringup.runner import SILENT_S
+
+NO_SAMPLES: Final = "no samples come"
 BEYOND_REASON_MM: Final = 50.0
 """A tool is never so deep in soft tissue: the contact position was never set."""
 HISTORY: Final = 160
@@ -112,8 +113,8 @@ class PanelView:
 
     @property
     def silent(self) -> bool:
-        """Whether estimates came and come no more."""
-        return self.phase == "running" and self.silent_s > SILENT_S
+        """Whether estimates came and come no more, or came no more when the run was ended."""
+        return self.silent_s > SILENT_S
 
     @property
     def waits(self) -> bool:
@@ -125,7 +126,7 @@ class PanelView:
         if not self.with_estimates:
             return f"{self.phase}, estimates go to the subscribers", "idle"
         if self.silent:
-            reason = self.silent_reason or "no samples come"
+            reason = self.silent_reason or NO_SAMPLES
             return f"silent for {self.silent_s:.1f} s: {reason}", "bad"
         if self.waits:
             return "no estimate yet: does anybody publish samples?", "bad"

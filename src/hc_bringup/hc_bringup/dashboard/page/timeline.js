@@ -7,7 +7,8 @@ HC.EVENTS = {
   7: ["time jumped", "warn"], 8: ["input silent", "alarm"], 9: ["input is back", "good"],
   10: ["input frozen", "alarm"], 11: ["input saturated", "alarm"], 12: ["source restarted", "warn"],
   13: ["two sources", "alarm"], 14: ["samples skipped", "warn"], 15: ["tared", "accent"],
-  16: ["state loaded", "accent"], 17: ["law does not fit", "alarm"], 64: ["mark", "estimate"],
+  16: ["state loaded", "accent"], 17: ["law does not fit", "alarm"],
+  18: ["not tared", "warn"], 19: ["readings cannot be right", "alarm"], 64: ["mark", "estimate"],
 };
 HC.eventName = (kind) => (HC.EVENTS[kind] || [`event ${kind}`, "measured"])[0];
 HC.eventColour = (kind) => HC.palette[(HC.EVENTS[kind] || ["", "measured"])[1]];

@@ -1,0 +1,59 @@
+"""hc run on a robot's own topics: it ends when it is to, and says when the robot falls silent."""
+
+import json
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from hc_msgs_py.node_processes import Processes
+
+pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(300)]
+
+CONFIG = str(Path(__file__).resolve().parents[2] / "config" / "robot_run.yaml")
+
+
+class Run:
+    """`hc run` with its lines as they come."""
+
+    def __init__(self, bench, *words):
+        self.process = Processes.start(bench, "-m", "hc_bringup", "run", CONFIG, *words)
+
+    def line_with(self, pattern):
+        """Read on to a line, and return it with the time at which it came."""
+        seen = []
+        for line in self.process.stderr:
+            seen.append(line)
+            if re.search(pattern, line):
+                return line, time.monotonic()
+        raise AssertionError(f"no line with {pattern}: {seen}")
+
+
+def test_a_robot_that_goes_on_does_not_keep_the_run_waiting(bench):
+    """Regression: estimates of a robot never cease, and were waited for for ten seconds."""
+    bench.robot()
+    run = Run(bench, "--duration", "5", "--json")
+    _line, stopped_at = run.line_with("^(stopping|waiting for the last)")
+    out, err = run.process.communicate(timeout=60)
+    assert run.process.returncode == 0, err
+    assert time.monotonic() - stopped_at < 5.0
+    summary = json.loads(out)
+    assert summary["silent_s"] is None
+    # All of them are of the time that is told.
+    assert summary["estimates"] / summary["duration_s"] < 1.1 * (500.0 + 125.0)
+
+
+def test_a_robot_that_falls_silent_is_told_within_two_seconds_and_in_the_end(bench):
+    robot = bench.robot()
+    run = Run(bench, "--duration", "10")
+    run.line_with("[1-9] Hz")
+    time.sleep(3.0)
+    robot.kill()
+    killed_at = time.monotonic()
+    line, told_at = run.line_with("s: silent for")
+    assert told_at - killed_at < 2.0
+    assert "ft_sensor/wrench" in line
+    out, err = run.process.communicate(timeout=60)
+    assert run.process.returncode == 0, err
+    assert re.search(r"silent at the end, for [2-9]\.\d s: .*ft_sensor/wrench", out), out
