@@ -31,7 +31,7 @@ TISSUE = (0.25, 0.006, 1.6, 0.9, 0.0)
 
 
 def a_datagram(**changed: object) -> Datagram:
-    given = Datagram(SLAVE, 7, 5, 3, 4, 1.0, -2.0, 3.0, 0.5, TISSUE, (0.1,) * 4, 0.2, True)
+    given = Datagram(SLAVE, 7, 5, 3, 4, 1.0, -2.0, 3.0, 0.5, TISSUE, (0.1,) * 5, 0.2, True)
     return given._replace(**changed)
 
 
@@ -58,7 +58,7 @@ def test_a_datagram_comes_back_as_it_went() -> None:
         ({"model": (1.0, 0.0, 1.0, 0.1, 0.0)}, "model's p is 0.1"),
         ({"model": (1.0, 0.0, 1.0, 1.0, math.inf)}, "model's surface"),
         ({"model": (math.nan,) * 5}, "sure of no model"),
-        ({"deviations": (0.1, -0.1, 0.1, 0.1)}, "standard deviation"),
+        ({"deviations": (0.1, 0.1, 0.1, 0.1, -0.1)}, "standard deviation"),
         ({"relative_std": math.nan}, "standard deviation"),
         ({"side": 9}, "side"),
         ({"method": 4}, "method 4"),
@@ -324,7 +324,7 @@ def test_the_hand_feels_the_model_and_no_update_jumps(links: tuple[UdpLink, UdpL
     for link in links:
         link._added = Added(0.05, 0.005, 0.1)
     settings = Bilateral()
-    known = SlaveModel(TISSUE, (0.01,) * 4, 0.05, True)
+    known = SlaveModel(TISSUE, (0.01,) * 5, 0.05, True)
     run = teleoperate(links, settings, 6.0, known, from_s=2.3)
     assert np.all(run["force"][:2300] == 0.0)  # nothing is felt before something is known
     assert np.abs(run["update"]).max() <= 20.0 * 1e-3 * (1.0 + 1e-9)
@@ -405,15 +405,15 @@ def test_only_estimates_that_are_known_become_the_model() -> None:
     assert source.current.model[4] == 1.5
     assert not source.current.sure
     parameters, good = np.array(TISSUE[:4]), np.diag([1e-6] * 4)
-    source.take(parameters, good, 0.1, 3.0, 0.01, 7.0)
+    source.take(parameters, good, 0.1, 0.02, 3.0, 0.01, 7.0)
     assert source.current.sure
+    assert source.current.deviations == pytest.approx((1e-3,) * 4 + (0.02,))
     assert source.current.model == (*TISSUE[:4], 0.1)
-    source.take(
-        2.0 * parameters, np.eye(4), 0.1, 3.0, 0.01, 7.0
-    )  # nobody knows: the last one stays
+    # Nobody knows: the last one stays.
+    source.take(2.0 * parameters, np.eye(4), 0.1, 0.02, 3.0, 0.01, 7.0)
     assert not source.current.sure
     assert source.current.model == (*TISSUE[:4], 0.1)
-    source.take(parameters * np.nan, good, 0.1, 3.0, 0.01, 7.0)
+    source.take(parameters * np.nan, good, 0.1, 0.02, 3.0, 0.01, 7.0)
     assert not source.current.sure
 
 
@@ -425,7 +425,7 @@ def test_of_an_estimate_that_grows_old_nobody_is_sure(links: tuple[UdpLink, UdpL
     slave = SlaveSide(Bilateral(slave=arm), links[1], -1.0, 1)
     for k in range(4000):
         if k < 2000:
-            source.take(hard, np.diag([1e-6] * 4), 0.1, 3.0, 0.01, k * 1e-3)
+            source.take(hard, np.diag([1e-6] * 4), 0.1, math.nan, 3.0, 0.01, k * 1e-3)
         known = source.at(k * 1e-3)
         assert known.sure == (k <= 2499)
         assert known.model[0] == 1.0  # the last one that counted goes on being felt
@@ -496,4 +496,4 @@ def test_a_motion_that_is_none_is_named(tmp_path: Path, text: str, word: str) ->
 def test_struct_size_is_what_the_page_says() -> None:
     page = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
     assert f"{SIZE} bytes" in page
-    assert struct.calcsize("<4sBBHIQqqq4d3d5d4dd") == SIZE
+    assert struct.calcsize("<4sBBHIQqqq4d3d5d5dd") == SIZE

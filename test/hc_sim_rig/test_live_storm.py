@@ -18,8 +18,8 @@ from hc_sim_rig.bilateral.udp_link import Added, Clocks, UdpLink
 
 MS = 1_000_000
 HERE = "127.0.0.1"
-TISSUE = SlaveModel((0.25, 0.006, 1.6, 0.9, 0.0), (0.01,) * 4, 0.05, True)
-OTHER = SlaveModel((15.0, 4.0, 3.0, 0.3, -2.0), (0.01,) * 4, 0.05, True)
+TISSUE = SlaveModel((0.25, 0.006, 1.6, 0.9, 0.0), (0.01,) * 5, 0.05, True)
+OTHER = SlaveModel((15.0, 4.0, 3.0, 0.3, -2.0), (0.01,) * 5, 0.05, True)
 
 
 class Host:

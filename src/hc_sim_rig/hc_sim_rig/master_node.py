@@ -212,7 +212,9 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 message.damping_std,
                 message.displacement_exponent_std,
                 message.velocity_exponent_std,
+                surface_std_mm,
             ) = newest.deviations
+            message.contact_position_std = surface_std_mm / METRE_IN_MM
         self._model.publish(message)
 
     def _status(self) -> Status:

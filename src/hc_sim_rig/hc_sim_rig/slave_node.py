@@ -165,6 +165,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             parameters,
             covariance,
             zeros.zero_mm + surface_mm,
+            message.contact_position_std * METRE_IN_MM,
             displacement_mm - surface_mm,
             seconds,
             time.monotonic() - late_s,

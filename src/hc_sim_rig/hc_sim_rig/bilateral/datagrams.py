@@ -24,7 +24,7 @@ from hc_sim_rig.bilateral.layout import (
 WORD: Final = b"hct3"
 MASTER: Final = 0
 SLAVE: Final = 1
-_LAYOUT: Final = struct.Struct(f"<4sBBHIQqqq4d3d{MODEL_SIZE}d4dd")
+_LAYOUT: Final = struct.Struct(f"<4sBBHIQqqq4d3d{MODEL_SIZE}d{MODEL_SIZE}dd")
 SIZE: Final = _LAYOUT.size
 NEVER: Final = -1
 """Echo of somebody who has heard nothing yet."""
@@ -48,7 +48,7 @@ class Datagram(NamedTuple):
         lateral_mm: sideways.
         force_n: rendered at the hand, or read at the tool.
         model: K, B, n, p, surface [mm]; of the slave, NaN before there is one.
-        deviations: standard deviations of K, B, n, p.
+        deviations: standard deviations of the model; NaN of what is not estimated.
         relative_std: of the model's force at working depth; infinite while it is not known.
         sure: whether the newest estimate counts; the model is the newest one that did.
         method: index in METHODS: the master says how force comes back, the slave does it so.
@@ -68,7 +68,7 @@ class Datagram(NamedTuple):
     lateral_mm: float
     force_n: float
     model: tuple[float, ...] = (math.nan,) * MODEL_SIZE
-    deviations: tuple[float, ...] = (math.nan,) * 4
+    deviations: tuple[float, ...] = (math.nan,) * MODEL_SIZE
     relative_std: float = math.inf
     sure: bool = False
     method: int = METHODS.index("model_mediated")
@@ -129,7 +129,7 @@ def decode(data: bytes) -> Datagram:
     ):
         raise ValueError("the waves are out of range or no number")
     model = tuple(numbers[7 : 7 + MODEL_SIZE])
-    deviations = tuple(numbers[7 + MODEL_SIZE : 11 + MODEL_SIZE])
+    deviations = tuple(numbers[7 + MODEL_SIZE : 7 + 2 * MODEL_SIZE])
     if all(map(math.isnan, model)):
         if sure:
             raise ValueError("is sure of no model")

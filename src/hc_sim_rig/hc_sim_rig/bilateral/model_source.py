@@ -22,7 +22,7 @@ class SlaveModel(NamedTuple):
     """What the slave's estimator knows, ready to be sent."""
 
     model: tuple[float, ...] = NO_MODEL
-    deviations: tuple[float, ...] = (math.nan,) * 4
+    deviations: tuple[float, ...] = NO_MODEL
     relative_std: float = math.inf
     sure: bool = False
 
@@ -62,6 +62,7 @@ class ModelSource:
         parameters: Array,
         covariance: Array,
         surface_mm: float,
+        surface_std_mm: float,
         depth_mm: float,
         seconds: float,
         of_s: float,
@@ -72,6 +73,7 @@ class ModelSource:
             parameters: K, B, n, p, shape (4,).
             covariance: of them, shape (4, 4).
             surface_mm: where contact begins, in the slave's own position.
+            surface_std_mm: its standard deviation; NaN where it is not estimated.
             depth_mm: penetration now.
             seconds: since the estimate before.
             of_s: when its sample was read, by a clock that nobody sets.
@@ -82,7 +84,7 @@ class ModelSource:
             deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
             self.current = SlaveModel(
                 (*parameters.tolist(), surface_mm),
-                tuple(deviations.tolist()),
+                (*deviations.tolist(), surface_std_mm),
                 self._gate.relative_std,
                 True,
             )
