@@ -26,6 +26,7 @@ from hc_sim_rig.bilateral import (
     waves_kernel,
 )
 from hc_sim_rig.bilateral.datagrams import MASTER, SLAVE, Datagram
+from hc_sim_rig.bilateral.device_poses import DevicePoses
 from hc_sim_rig.bilateral.model_source import SlaveModel
 from hc_sim_rig.bilateral.sides import MasterSide, SlaveSide
 from hc_sim_rig.bilateral.task import Span, palpation_task
@@ -139,7 +140,7 @@ def play(story: list[Scene], tank_mj: float = TANK_MJ, still: bool = False) -> P
                     (hand, felt.force_n, felt.update_n, felt.tank_mj, felt.model[4], spring)
                 )
             else:
-                side.forget_motion()
+                side.rest(k * MS)
                 rows.append((hand, 0.0, 0.0, rows[-1][3] if rows else tank_mj, math.nan, 0.0))
             k += 1
     return Played(*np.array(rows).T)
@@ -189,6 +190,35 @@ def test_no_force_where_the_model_is_not_touched(story: list[Scene]) -> None:
     played = play(story)
     out = ~(played.hand_mm > played.surface_mm) & (played.tank_mj >= 0.0)
     assert np.all(played.force_n[out] == 0.0)
+
+
+@given(
+    st.lists(
+        st.floats(-5.0, 5.0)
+        | st.sampled_from([math.nan, math.inf, -math.inf, 1e300, 1e5, -1e5, 3.0, 300.0]),
+        max_size=60,
+    )
+)
+@example([3.0, math.nan, 3.0, 300.0, 3.0])
+def test_no_pose_that_is_refused_makes_a_force(places: list[float]) -> None:
+    """Whatever a device says: none at that sample, and then as at first contact."""
+    link = StandInLink()
+    link.newest = Datagram(SLAVE, 0, 0, 0, 0, 0.0, 0.0, 0.0, 0.0, STIFF)
+    side, poses = MasterSide(Bilateral(), link), DevicePoses(1.0)  # type: ignore[arg-type]
+    begun = False
+    for k, place in enumerate([-2.0, 0.0, *places]):
+        refused = sum(poses.refused.values())
+        poses.take(place, 0.0, 1e-3 * k)
+        where = poses.where(1e-3 * k)
+        if sum(poses.refused.values()) > refused:
+            assert where is None
+        if where is None:
+            side.rest(k)
+            begun = False
+            continue
+        force = side.step(k, *where).force_n
+        assert 0.0 <= abs(force) <= (8.0 if begun else RATE_N * (1.0 + 1e-9))
+        begun = True
 
 
 @settings(max_examples=40)

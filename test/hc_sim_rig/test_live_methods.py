@@ -115,7 +115,10 @@ def test_no_energy_comes_of_the_way(pair: Pair) -> None:
     pair.run(1.5)
     pair.links[1]._added = pair.links[0]._added
     pair.run(1.5)
-    pair.links[0].sent = 0  # the master, as a new process: its integrals begin anew
+    pair.links[0].sent, pair.links[0]._life = (
+        0,
+        pair.links[0]._life ^ 1,
+    )  # the master, as a new process: its integrals begin anew
     pair.master._memory[layout.MEMORY_WAVE_SENT] = 0.0
     pair.master._memory[layout.MEMORY_WAVE_ENERGY_SENT] = 0.0
     run = pair.run(3.0)

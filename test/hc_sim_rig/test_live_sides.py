@@ -22,7 +22,7 @@ from hc_sim_rig.bilateral.model_source import ModelSource, SlaveModel
 from hc_sim_rig.bilateral.sides import MasterSide, SlaveSide
 from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
-from hc_sim_rig.bilateral.udp_link import Added, LinkError, UdpLink
+from hc_sim_rig.bilateral.udp_link import Added, Clocks, LinkError, UdpLink
 from hc_sim_rig.schema import ScenarioError
 
 MS = 1_000_000
@@ -52,7 +52,14 @@ def test_a_datagram_comes_back_as_it_went() -> None:
         ({"force_n": math.inf}, "motion"),
         ({"model": (1.0, math.nan, 1.0, 1.0, 0.0)}, "model"),
         ({"model": (-1.0, 0.0, 1.0, 1.0, 0.0)}, "model"),
-        ({"model": (1e6, 0.0, 1.0, 1.0, 0.0)}, "model"),
+        ({"model": (21.0, 0.0, 1.0, 1.0, 0.0)}, "model's K is 21, not within 0.0001 to 20"),
+        ({"model": (1.0, 6.0, 1.0, 1.0, 0.0)}, "model's B is 6"),
+        ({"model": (1.0, 0.0, 5.0, 1.0, 0.0)}, "model's n is 5"),
+        ({"model": (1.0, 0.0, 1.0, 0.1, 0.0)}, "model's p is 0.1"),
+        ({"model": (1.0, 0.0, 1.0, 1.0, math.inf)}, "model's surface"),
+        ({"model": (math.nan,) * 5}, "sure of no model"),
+        ({"deviations": (0.1, -0.1, 0.1, 0.1)}, "standard deviation"),
+        ({"relative_std": math.nan}, "standard deviation"),
         ({"side": 9}, "side"),
         ({"method": 4}, "method 4"),
         ({"wave": math.inf}, "waves"),
@@ -174,28 +181,110 @@ def test_added_delay_loss_and_overtaking(links: tuple[UdpLink, UdpLink]) -> None
 
 
 def test_strangers_and_nonsense_are_refused(links: tuple[UdpLink, UdpLink]) -> None:
-    master = links[0]
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-        stranger.bind(("127.0.0.2", 0))
-        stranger.sendto(a_datagram(side=SLAVE).encode(), (HERE, master.port))
+    master, slave = links
+    port = slave.port
+    slave.close()
+    for place in (("127.0.0.2", port), (HERE, 0)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.bind(place)
+            stranger.sendto(a_datagram(side=SLAVE).encode(), (HERE, master.port))
+            came = stranger.getsockname()
+        master.receive(0)
+        assert f"comes from {came[0]}:{came[1]}, not from {HERE}:{port}" in master.why_refused
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as neighbour:
-        neighbour.bind((HERE, 0))
+        neighbour.bind((HERE, port))
         for data in (b"", b"x" * SIZE, b"y" * 5000, a_datagram(side=MASTER).encode()):
             neighbour.sendto(data, (HERE, master.port))
     master.receive(0)
-    assert master.refused == 5
+    assert master.refused == 6
     assert master.newest is None
     assert "two masters" in master.why_refused
 
 
-def test_another_side_that_starts_again_is_followed(links: tuple[UdpLink, UdpLink]) -> None:
+@pytest.mark.parametrize("set_ms", [0, 3_600_000, -3_600_000])
+def test_another_side_that_starts_again_is_followed(
+    links: tuple[UdpLink, UdpLink], set_ms: int
+) -> None:
+    """Numbers begin anew, and its clock may have been set; what its former life sent is dropped."""
     master, slave = links
     exchange(links, 100)
-    slave.sent = 0  # as a new process
-    exchange(links, 20, begin=500)
+    late = a_datagram(life=slave._life, sequence=5000, sent_ns=10**18).encode()
+    port = slave.port
+    slave.close()
+    again = UdpLink(SLAVE, HERE, port, HERE, master.port, Added(), 1)
+    for k in range(500, 520):
+        master.receive(k * MS)
+        master.send(a_datagram(), k * MS)
+        again.receive((k + set_ms) * MS)
+        again.send(a_datagram(position_mm=float(k)), (k + set_ms) * MS)
+        again._put(late)
     assert master.newest is not None
     assert master.newest.position_mm == 518.0
-    assert master.lost == 0
+    assert (master.lost, master.restarts) == (0, 1)
+    assert master.silence_s(520 * MS) < 0.002
+    assert master.clock.offset_ns == pytest.approx(set_ms * MS, abs=2 * MS)
+    again.close()
+
+
+@pytest.mark.parametrize("set_ms", [3_600_000, -3_600_000])
+def test_a_clock_that_is_set_makes_nobody_deaf_or_dumb(set_ms: int) -> None:
+    """Of this side: what is held back leaves in time, and silence is noticed."""
+    steady, system = [0], [0]
+    clocks = Clocks(lambda: system[0], lambda: steady[0])
+    first = UdpLink(MASTER, HERE, 0, HERE, 1, Added(), 1)
+    second = UdpLink(SLAVE, HERE, 0, HERE, first.port, Added(), 1)
+    port = first.port
+    first.close()
+    delayed = Added(delay_s=0.02)
+    first = UdpLink(MASTER, HERE, port, HERE, second.port, delayed, 1, clocks)
+    for k in range(200):
+        steady[0] = k * MS
+        here = system[0] = (k + (set_ms if k >= 100 else 0)) * MS
+        first.receive(here)
+        first.send(a_datagram(position_mm=float(k)), here)
+        if k < 150:
+            second.receive(k * MS)
+            second.send(a_datagram(), k * MS)
+    second.receive(200 * MS)
+    assert second.newest is not None
+    assert second.newest.position_mm == 179.0
+    assert first.silence_s(here) == pytest.approx(0.05, abs=0.003)
+    assert first.clock.steps == 1
+    assert first.clock.offset_ns == pytest.approx(-set_ms * MS, abs=15 * MS)
+    first.close()
+    second.close()
+
+
+def test_a_side_that_is_held_up_takes_nobodys_clock_for_set() -> None:
+    """Its time is read, it has to wait, and what comes meanwhile came later than that time."""
+    system = [0]
+    clocks = Clocks(lambda: system[0], lambda: system[0])
+    first = UdpLink(MASTER, HERE, 0, HERE, 1, Added(), 1)
+    second = UdpLink(SLAVE, HERE, 0, HERE, first.port, Added(), 1, clocks)
+    port = first.port
+    first.close()
+    first = UdpLink(MASTER, HERE, port, HERE, second.port, Added(), 1, clocks)
+    dice = random.Random(1)
+    for k in range(2000):
+        system[0] = k * MS
+        first.receive(k * MS)
+        first.send(a_datagram(), k * MS)
+        read_ns = (k - (dice.randrange(1, 40) if dice.random() < 0.05 else 0)) * MS
+        second.receive(read_ns)
+        second.send(a_datagram(), read_ns)
+    for link in (first, second):
+        assert link.clock.steps == 0
+        assert link.clock.exchanges > 1900
+        assert abs(link.clock.offset_ns) <= link.clock.bound_ns(2000 * MS)
+        link.close()
+
+
+def test_numbers_do_not_begin_anew_after_49_days(links: tuple[UdpLink, UdpLink]) -> None:
+    master, slave = links
+    slave.sent = 2**32 - 10
+    exchange(links, 100)
+    assert master.newest is not None
+    assert master.newest.position_mm == 98.0
 
 
 def test_a_link_that_cannot_be_is_one_line() -> None:
@@ -246,6 +335,37 @@ def test_the_hand_feels_the_model_and_no_update_jumps(links: tuple[UdpLink, UdpL
     assert run["tank"].min() > -0.05
 
 
+def test_bounds_of_the_rendering_hold_at_a_device_that_is_scaled(
+    links: tuple[UdpLink, UdpLink],
+) -> None:
+    """A device whose millimetre is ten of the tool feels ten times the slope and damping."""
+    links[1].send(a_datagram(model=(20.0, 0.0, 1.0, 1.0, 0.0)), 0)
+    side = MasterSide(Bilateral(), links[0], scale=10.0)
+    felt = [
+        side.step(k * MS, 10.0 * at_device, 0.0).force_n
+        for k, at_device in enumerate(np.linspace(-0.1, 0.5, 6000))
+    ]
+    slope = np.diff(felt) / (0.6 / 5999)
+    assert felt[-1] == pytest.approx(10.0 * 0.5, rel=0.05)
+    assert slope.max() < 20.0  # 10 N/mm, and what damping adds at the surface
+
+
+@pytest.mark.parametrize("every_ms", [1, 10, 40])
+def test_readings_that_come_late_look_like_no_speed(
+    links: tuple[UdpLink, UdpLink], every_ms: int
+) -> None:
+    """A device that tells seldom, or a node that was held up; 20 mm/s made 3.5 N of 1.2 before."""
+    side = MasterSide(Bilateral(), links[0])
+    speeds = []
+    for k in range(600):
+        read = k - k % every_ms
+        new = k % every_ms == 0
+        sample = side.step(k * MS, 0.02 * read, 0.0, every_ms * 1e-3 if new else 0.0)
+        speeds.append(sample.velocity_mm_s)
+    assert max(speeds) <= 20.0 * (1.0 + 1e-6)
+    assert speeds[-1] == pytest.approx(20.0, rel=0.01)
+
+
 def test_the_live_sides_are_the_simulation(links: tuple[UdpLink, UdpLink]) -> None:
     """No delay, force as it comes: as the offline loop, up to its sample of delay and its dice."""
     settings = Bilateral(feedback=Feedback(method="direct"))
@@ -261,11 +381,15 @@ def test_the_slave_stays_when_nothing_comes_and_follows_no_jump(
 ) -> None:
     master, slave_link = links
     slave = SlaveSide(Bilateral(), slave_link, -5.0, 1)
-    places = []
+    places, sideways = [], [0.0]
     for k in range(3000):
         if k < 1000:  # a command that is 20 mm away at once
-            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 0.0, 0.0), k * MS)
-        places.append(slave.step(k * MS, SlaveModel()).true_position_mm)
+            master.send(Datagram(MASTER, 0, 0, 0, 0, -25.0, 0.0, 40.0, 0.0), k * MS)
+        read = slave.step(k * MS, SlaveModel())
+        places.append(read.true_position_mm)
+        sideways.append(read.lateral_mm)
+    assert np.abs(np.diff(sideways)).max() <= 0.5 + 1e-9
+    assert sideways[-1] == 40.0
     steps = np.abs(np.diff(places))
     assert steps.max() < 1.2  # 500 mm/s, and what a step of the velocity overshoots
     assert places[999] == pytest.approx(-25.0, abs=0.1)
@@ -281,14 +405,37 @@ def test_only_estimates_that_are_known_become_the_model() -> None:
     assert source.current.model[4] == 1.5
     assert not source.current.sure
     parameters, good = np.array(TISSUE[:4]), np.diag([1e-6] * 4)
-    source.take(parameters, good, 0.1, 3.0, 0.01)
+    source.take(parameters, good, 0.1, 3.0, 0.01, 7.0)
     assert source.current.sure
     assert source.current.model == (*TISSUE[:4], 0.1)
-    source.take(2.0 * parameters, np.eye(4), 0.1, 3.0, 0.01)  # nobody knows: the last one stays
+    source.take(
+        2.0 * parameters, np.eye(4), 0.1, 3.0, 0.01, 7.0
+    )  # nobody knows: the last one stays
     assert not source.current.sure
     assert source.current.model == (*TISSUE[:4], 0.1)
-    source.take(parameters * np.nan, good, 0.1, 3.0, 0.01)
+    source.take(parameters * np.nan, good, 0.1, 3.0, 0.01, 7.0)
     assert not source.current.sure
+
+
+def test_of_an_estimate_that_grows_old_nobody_is_sure(links: tuple[UdpLink, UdpLink]) -> None:
+    """An estimator that died left the slave stiff, and everybody sure, for good."""
+    source, hard = ModelSource(), np.array((1.0, *TISSUE[1:4]))
+    assert source.age_s(1.0) == math.inf
+    arm = SlaveArm(impedance="adaptive")
+    slave = SlaveSide(Bilateral(slave=arm), links[1], -1.0, 1)
+    for k in range(4000):
+        if k < 2000:
+            source.take(hard, np.diag([1e-6] * 4), 0.1, 3.0, 0.01, k * 1e-3)
+        known = source.at(k * 1e-3)
+        assert known.sure == (k <= 2499)
+        assert known.model[0] == 1.0  # the last one that counted goes on being felt
+        stiffness = slave.step(k * MS, known).stiffness
+        links[0].receive(k * MS)
+        if k == 2000:
+            assert stiffness > 4.0
+    assert stiffness == pytest.approx(arm.stiffness_low)
+    assert links[0].newest is not None
+    assert not links[0].newest.sure
 
 
 # The controller that adapts; its bounds: test_bilateral_guarantees.py.
@@ -349,4 +496,4 @@ def test_a_motion_that_is_none_is_named(tmp_path: Path, text: str, word: str) ->
 def test_struct_size_is_what_the_page_says() -> None:
     page = (Path(__file__).parents[2] / "docs" / "teleoperation.md").read_text(encoding="utf-8")
     assert f"{SIZE} bytes" in page
-    assert struct.calcsize("<4sBBHIqqq4d3d5d4dd") == SIZE
+    assert struct.calcsize("<4sBBHIQqqq4d3d5d4dd") == SIZE

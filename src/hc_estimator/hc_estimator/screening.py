@@ -1,8 +1,13 @@
 """What happens to a sample before the filter sees it: refused with a reason, or let through.
 
 Refused are readings that are not finite, stamps that repeat or run backward, and readings beyond
-what the sensor can deliver. A gap in time, or a clock that was set back, is bridged: the motion
-starts anew, the parameters stay.
+what the sensor can deliver. After a gap in time, or when a clock was set back, the motion starts
+anew, and the parameters stay.
+
+A gap is short: where the tool is after a third of a second is known to millimetres at best, and
+over those the contact law is no straight line. A filter that foretells the motion so far and takes
+a force there goes astray (`ukf`: four times the stiffness); one that begins with the depth as it is
+measured loses some samples until the velocity is known.
 """
 
 from __future__ import annotations
@@ -23,6 +28,11 @@ TIME_BACKWARD = 3
 OUTLIER = 4
 OUT_OF_RANGE = 5
 NUMERICAL = 6
+
+SHORTEST_GAP = 0.05  # without any reading; less is bridged [s]
+GAP_PERIODS = 5.0  # and so many of the usual periods
+PERIOD_SHARE = 0.1  # of the latest period in the usual one
+PERIOD_GROWTH = 2.0  # over the usual one, at most: gaps are no periods
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -47,7 +57,8 @@ SPECIFICATIONS = (
         "longest_gap",
         "float",
         0.5,
-        "After a longer gap between two samples the motion starts anew; the parameters stay.",
+        "After a longer time without a displacement the motion starts anew; the parameters stay. "
+        "So it does after 0.05 s without any reading, if that is five of the usual periods.",
         minimum=1e-3,
         maximum=3600.0,
         unit="s",
@@ -107,6 +118,7 @@ CLOCK_FIELDS = (
     Field("last_time", np.float64),  # of the last accepted sample [s]
     # Of the last accepted reading of each channel since the start; NaN if there was none [s].
     Field("channel_time", np.float64, (2,), finite=False),
+    Field("usual_period", np.float64, (), 0.0),  # between two accepted samples; 0 if unknown [s]
     Field("backward_time", np.float64),  # of the last sample that was refused as backward [s]
     Field("backward_count", np.int64, (), 0),  # how many such samples came one after another
     Field("outlier_counts", np.int64, (2,), 0),  # of each channel, one after another
@@ -126,13 +138,21 @@ CLOCK_FIELDS = (
 
 
 @compiled
+def _is_gap(settings: Any, clock: Any, time: float) -> bool:
+    """True if the motion cannot be foretold from the last sample to the stamp [s] of this one."""
+    if time - clock.channel_time[0] > settings.longest_gap:
+        return True
+    return bool(clock.elapsed > max(SHORTEST_GAP, GAP_PERIODS * clock.usual_period))
+
+
+@compiled
 def screen(settings: Any, clock: Any, time: float, displacement: float, force: float) -> int:
     """Decide whether the filter may use a sample, and after what elapsed time.
 
     With the setting `missing_readings` a NaN is a reading that is missing; the sample then holds
     the other one alone. A force alone needs to know where the tool is: before the first
-    displacement, and once the displacement has been missing for longer than the longest gap, its
-    NaN is refused like any other, and the motion starts anew with the next displacement.
+    displacement, and after a gap, its NaN is refused like any other, and the motion starts anew
+    with the next displacement.
 
     Args:
         settings: settings record.
@@ -179,7 +199,7 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
         if clock.present[i] != 0 and time == clock.channel_time[i]:
             return TIME_REPEATED
     clock.elapsed = time - clock.last_time
-    if time - clock.channel_time[0] > settings.longest_gap:
+    if _is_gap(settings, clock, time):
         clock.restart = 1
         return ACCEPTED if clock.present[0] != 0 else NOT_FINITE
     return ACCEPTED
@@ -188,6 +208,13 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
 @compiled
 def note_accepted(clock: Any, time: float) -> None:
     """Take the stamp of a sample that was used."""
+    if clock.started != 0 and time > clock.last_time:
+        period, usual = time - clock.last_time, clock.usual_period
+        if usual == 0.0:
+            clock.usual_period = period
+        else:
+            period = min(period, PERIOD_GROWTH * usual)
+            clock.usual_period += PERIOD_SHARE * (period - usual)
     clock.last_time = time
     for i in range(2):
         if clock.present[i] != 0:

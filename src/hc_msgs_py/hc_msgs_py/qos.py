@@ -41,6 +41,23 @@ SAMPLE_PUBLISHER_QOS: Final = QoSProfile(
 )
 """To publish sensor streams: SAMPLE_QOS matches it, and a recorder gets every sample."""
 
+SERVO_QOS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=10,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""To publish what a device acts on at once: RELIABLE, for most drivers subscribe so and would get
+nothing otherwise; shallow, for what is late is worth nothing."""
+
+NEWEST_QOS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1,
+    reliability=ReliabilityPolicy.BEST_EFFORT,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""To subscribe to what is acted on at once: a queue would be a delay in the loop."""
+
 ESTIMATE_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=KEPT_DEPTH,

@@ -6,7 +6,6 @@ to bilateral/sides, whose force goes back to the hand and out on topics.
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from pathlib import Path
@@ -20,10 +19,11 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.qos import NEWEST_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
-from hc_msgs_py.units import METRE_IN_MM, set_stamp
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
+from hc_sim_rig.bilateral.device_poses import DevicePoses
 from hc_sim_rig.bilateral.sides import MasterSample, MasterSide
 from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
 from hc_sim_rig.bilateral.task import palpation_task, recorded_task
@@ -33,8 +33,6 @@ from hc_sim_rig.ros.side_options import declare_link, declare_settings, link_val
 
 MODEL_EVERY = 20
 """Samples between two messages of the model."""
-DEVICE_TIMEOUT_S = 0.05
-"""A haptic device that is silent for so long gets no force."""
 AXES = ("x", "y", "z")
 
 
@@ -99,22 +97,22 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         task = recorded_task(Path(motion), rate_hz) if motion else palpation_task(rate_hz)
         self._hand = SimulatedHand(settings, task, seed) if self._device == "simulated" else None
         self._link = declare_link(self, "master", seed)
-        self._side = MasterSide(settings, self._link)
+        self._side = MasterSide(settings, self._link, self._scale)
         self._side.warm_up()
-        self._pose: tuple[float, float, float] | None = None  # position, lateral, when it came
-        self._poses = self._samples = self._before = self._silent_samples = 0
-        self._largest_update_n = self._lowest_tank_mj = 0.0
+        self._poses = DevicePoses(self._scale)
+        self._samples = self._before = self._silent_samples = self._refused_before = 0
+        self._force_n = self._largest_update_n = self._lowest_tank_mj = 0.0
         self._newest: MasterSample | None = None
-        self._force = self.create_publisher(WrenchStamped, MASTER_SERVO_CF, SAMPLE_QOS)
-        self._model = self.create_publisher(HuntCrossleyEstimate, MASTER_MODEL, SAMPLE_QOS)
+        self._force = self.create_publisher(WrenchStamped, MASTER_SERVO_CF, SERVO_QOS)
+        self._model = self.create_publisher(HuntCrossleyEstimate, MASTER_MODEL, SERVO_QOS)
         self._wrench, self._pose_message = WrenchStamped(), PoseStamped()
         self._model_message = HuntCrossleyEstimate()
         for message in (self._wrench, self._pose_message, self._model_message):
             message.header.frame_id = "master"
         if self._hand is None:
-            self.create_subscription(PoseStamped, MASTER_MEASURED_CP, self._on_pose, SAMPLE_QOS)
+            self.create_subscription(PoseStamped, MASTER_MEASURED_CP, self._on_pose, NEWEST_QOS)
         else:
-            self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SAMPLE_QOS)
+            self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SERVO_QOS)
         self._sampler = DeadlineThread(rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, list)
@@ -134,20 +132,16 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """A haptic device says where it is [m]."""
         point = message.pose.position
         place = (point.x, point.y, point.z)
-        factor = METRE_IN_MM * self._scale
-        position, lateral = self._sign * factor * place[self._axis], place[self._lateral_axis]
-        if math.isfinite(position + lateral):
-            self._pose = (position, factor * lateral, time.monotonic())
-            self._poses += 1
+        position_mm = self._sign * METRE_IN_MM * place[self._axis]
+        lateral_mm = METRE_IN_MM * place[self._lateral_axis]
+        stamp_s = 1e-9 * nanoseconds_from_stamp(message.header.stamp)
+        self._poses.take(position_mm, lateral_mm, time.monotonic(), stamp_s)
 
-    def _where(self) -> tuple[float, float] | None:
-        """Position and lateral position of the hand [mm]; None while nobody tells."""
+    def _where(self) -> tuple[float, float, float | None] | None:
+        """Position and lateral position of the hand [mm], and since when; None: nobody tells."""
         if self._hand is not None:
-            return self._hand.reading_mm(), self._hand.lateral_mm
-        pose = self._pose
-        if pose is None or time.monotonic() - pose[2] > DEVICE_TIMEOUT_S:
-            return None
-        return pose[0], pose[1]
+            return self._hand.reading_mm(), self._hand.lateral_mm, None
+        return self._poses.where(time.monotonic())
 
     def _act(self, _index: int, stamp_ns: int) -> bool:
         """One sample; the sampler's thread calls this."""
@@ -155,16 +149,17 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         force_n = 0.0
         if where is None:
             self._silent_samples += 1
-            self._side.forget_motion()
+            self._side.rest(time.time_ns())
         else:
             sample = self._side.step(time.time_ns(), *where)
             force_n = sample.force_n
             self._newest = sample
             self._largest_update_n = max(self._largest_update_n, abs(sample.update_n))
             self._lowest_tank_mj = min(self._lowest_tank_mj, sample.tank_mj)
+        self._force_n = force_n
         self._publish_force(stamp_ns, force_n)
         if self._hand is not None and where is not None:
-            self._publish_pose(stamp_ns, *where)
+            self._publish_pose(stamp_ns, *where[:2])
             self._hand.move(force_n)
         if self._samples % MODEL_EVERY == 0 and self._newest is not None:
             self._publish_model(stamp_ns, self._newest)
@@ -225,19 +220,30 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "lowest_tank_mj": self._lowest_tank_mj,
             **link_values(self._link, now_ns),
         }
+        poses = self._poses
         if self._hand is None:
-            values |= {"poses": self._poses, "samples_without_pose": self._silent_samples}
+            values |= {"poses": poses.accepted, "samples_without_pose": self._silent_samples}
+            values |= {f"poses_refused_{reason}": n for reason, n in poses.refused.items()}
+            values["pose_why_refused"] = poses.why_refused
         newest = self._link.newest
         if newest is not None:
             values |= {"model_sure": newest.sure, "model_relative_std": newest.relative_std}
-        if self._newest is not None:
-            values["force_n"] = self._newest.force_n
+        values["force_n"] = self._force_n
         if not self._sampler.started:
             return Status(Level.OK, "waits for ~/run", values)
-        if self._where() is None:
-            return Status(Level.ERROR, "the haptic device says nothing: no force", values)
+        if self._hand is None:
+            refused = sum(poses.refused.values())
+            new, self._refused_before = refused - self._refused_before, refused
+            told = f"poses of the haptic device are refused ({poses.why_refused})"
+            if not poses.heard(time.monotonic()):
+                told = told if new else "the haptic device says nothing"
+                return Status(Level.ERROR, f"no force: {told}", values)
+            if new:
+                return Status(Level.WARN, f"{told}: no force meanwhile", values)
         if self._link.silence_s(now_ns) > SILENCE_S:
             return Status(Level.WARN, "nothing comes from the slave", values)
+        if newest is not None and not newest.sure:
+            return Status(Level.OK, "renders the last model that counted, if any", values)
         return Status(Level.OK, "renders", values)
 
     def finished(self) -> bool:

@@ -6,34 +6,33 @@ topics of the rig (indenter/...). The estimator is a node of its own beside this
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from hc_msgs.msg import EstimatorEvent, HuntCrossleyEstimate
-from rcl_interfaces.srv import GetParameters
+from hc_msgs.msg import HuntCrossleyEstimate
 from rclpy.node import Node
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import CONFIGURATION_QOS, ESTIMATE_QOS, SAMPLE_QOS
+from hc_msgs_py.qos import ESTIMATE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
-from hc_msgs_py.topics import ESTIMATE, EVENTS, NODE_ESTIMATOR, NODE_SLAVE, SLAVE_SETPOINT_CP
-from hc_msgs_py.units import METRE_IN_MM, set_stamp
-from hc_sim_rig.bilateral.model_source import ModelSource
+from hc_msgs_py.topics import ESTIMATE, NODE_SLAVE, SLAVE_SETPOINT_CP
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
+from hc_sim_rig.bilateral.model_source import OLDEST_S, ModelSource
 from hc_sim_rig.bilateral.sides import SlaveSample, SlaveSide
 from hc_sim_rig.bilateral.wave_arrivals import SILENCE_S
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.records import Coupling, Joint, RigSample, Truth
+from hc_sim_rig.ros.estimator_zeros import EstimatorZeros
 from hc_sim_rig.ros.outputs import Outputs
 from hc_sim_rig.ros.side_options import SLAVE_FEEDBACK, declare_link, declare_settings, link_values
 
-ASK_PERIOD_S = 1.0
-"""Between two requests to the estimator to look for the surface."""
 USED_EVERY = 10
 """Estimates between two that become the model: the model is renewed at a hundredth of a second."""
 LISTENERS_EVERY = 100
@@ -61,7 +60,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "and the force that is sent is the one that it reads out of them",
             read_only=True,
         )
-        self._find_surface = declare(
+        find_surface = declare(
             self,
             "find_surface",
             True,
@@ -86,75 +85,36 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._side.warm_up()
         self._models = ModelSource()
         self._outputs = Outputs(self, with_sensors=self._has_sensor, with_truth=True)
-        self._setpoint = self.create_publisher(PoseStamped, SLAVE_SETPOINT_CP, SAMPLE_QOS)
+        self._setpoint = self.create_publisher(PoseStamped, SLAVE_SETPOINT_CP, SERVO_QOS)
         self._setpoint_wanted = False
         self._pose = PoseStamped()
         self._pose.header.frame_id = "stage"
         self._rate_hz = settings.rate_hz
-        # What is known of the estimator's zero: None until it is to be believed.
-        self._zero_mm: float | None = None if self._find_surface else 0.0
-        self._revision = 0
-        self._asked = self._found = not self._find_surface
+        self._zeros = EstimatorZeros(self, find_surface)
         self._calculated_n: float | None = None if self._has_sensor else 0.0
-        self._estimates = self._used = self._before = 0
-        self._estimate_ns = 0
+        self._estimates = self._usable = self._used = self._before = 0
+        self._estimate_ns = self._stamp_ns = 0
         self._peak_n = self._largest_stretch_mm = 0.0
         self._newest: SlaveSample | None = None
         self.create_subscription(HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS)
-        self.create_subscription(EstimatorEvent, EVENTS, self._on_event, CONFIGURATION_QOS)
-        self._surface_client = self.create_client(Trigger, f"{NODE_ESTIMATOR}/find_surface")
-        self._zero_client = self.create_client(GetParameters, f"{NODE_ESTIMATOR}/get_parameters")
         self._sampler = DeadlineThread(self._rate_hz, self._act, time.time_ns)
-        self.create_timer(ASK_PERIOD_S, self._ask)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._outputs.missing)
         self._diagnostics = DiagnosticsPublisher(self, "slave arm", self._status)
         if not start_paused:
-            self._sampler.start()
+            self._start()
+
+    def _start(self) -> None:
+        self._sampler.start()
+        self._zeros.begin()
 
     def _run(self, request: Any, response: Any) -> Any:
         """Service ~/run: begin."""
         if request.data and not self._sampler.started:
-            self._sampler.start()
+            self._start()
         response.success = bool(request.data)
         response.message = "runs" if request.data else "the slave follows the master"
         return response
-
-    # The estimator.
-
-    def _ask(self) -> None:
-        """Ask the estimator to look for the surface, until it says that it does."""
-        if not self._sampler.started or not self._surface_client.service_is_ready():
-            return
-        if not self._asked:
-            self._asked = True
-            answer = self._surface_client.call_async(Trigger.Request())
-            answer.add_done_callback(self._on_asked)
-        elif self._found and self._zero_mm is None:
-            self._ask_zero()
-
-    def _on_asked(self, future: Any) -> None:
-        self._asked = bool(future.result().success)
-
-    def _ask_zero(self) -> None:
-        request = GetParameters.Request(names=["input.position.zero"])
-        self._zero_client.call_async(request).add_done_callback(self._on_zero)
-
-    def _on_zero(self, future: Any) -> None:
-        values = future.result().values
-        if values:
-            self._zero_mm = float(values[0].double_value)
-
-    def _on_event(self, message: Any) -> None:
-        """Zeros were taken, or not."""
-        if not self._find_surface or not self._asked:
-            return
-        if message.kind == EstimatorEvent.TARED:
-            self._revision, self._found = message.configuration_revision, True
-            self._zero_mm = None
-            self._ask_zero()
-        elif message.kind == EstimatorEvent.TARE_REFUSED:
-            self._asked = False
 
     def _on_estimate(self, message: Any) -> None:
         """An estimate: before the surface is known a force, then a model."""
@@ -162,11 +122,16 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         displacement_mm = message.displacement * METRE_IN_MM
         if not self._has_sensor and np.isfinite(message.force_measured):
             self._calculated_n = float(message.force_measured)
-        if self._zero_mm is None or message.configuration_revision < self._revision:
-            if not self._found and np.isfinite(message.force_measured):
+        zeros = self._zeros
+        if not zeros.hold_for(message.configuration_revision):
+            if not zeros.found and np.isfinite(message.force_measured):
                 self._models.feel(displacement_mm, message.force_measured)
             return
-        if self._estimates % USED_EVERY:
+        # What was made without a force is older than it looks.
+        if message.rejected or not np.isfinite(message.force_measured):
+            return
+        self._usable += 1
+        if self._usable % USED_EVERY:
             return
         parameters = np.array(
             [
@@ -178,15 +143,17 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         )
         covariance = np.array(message.covariance).reshape(4, 4)
         surface_mm = message.contact_position * METRE_IN_MM
-        stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+        stamp_ns = nanoseconds_from_stamp(message.header.stamp)
+        late_s = 1e-9 * max(self._stamp_ns - stamp_ns, 0)
         seconds = 1e-9 * max(stamp_ns - self._estimate_ns, 0) if self._estimate_ns else 0.0
         self._estimate_ns = stamp_ns
         self._models.take(
             parameters,
             covariance,
-            self._zero_mm + surface_mm,
+            zeros.zero_mm + surface_mm,
             displacement_mm - surface_mm,
             seconds,
+            time.monotonic() - late_s,
         )
         self._used += 1
 
@@ -194,7 +161,9 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _act(self, index: int, stamp_ns: int) -> bool:
         """One sample."""
-        sample = self._side.step(time.time_ns(), self._models.current, self._calculated_n)
+        self._stamp_ns = stamp_ns
+        known = self._models.at(time.monotonic())
+        sample = self._side.step(time.time_ns(), known, self._calculated_n)
         self._newest = sample
         self._peak_n = max(self._peak_n, sample.true_force_n)
         self._largest_stretch_mm = max(
@@ -245,7 +214,8 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         now_ns = time.time_ns()
         published = self._outputs.published
         rate, self._before = published - self._before, published
-        known = self._models.current
+        now_s = time.monotonic()
+        known, age_s = self._models.at(now_s), self._models.age_s(now_s)
         values: dict[str, Any] = {
             "samples": published,
             "rate_hz": rate,
@@ -255,7 +225,9 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "aligned": self._side.aligned,
             "estimates": self._estimates,
             "estimates_used": self._used,
-            "surface_found": self._zero_mm is not None,
+            "estimate_age_ms": 1e3 * age_s,
+            "estimators_begun": self._zeros.lives,
+            "surface_found": self._zeros.zero_mm is not None,
             "model_sure": known.sure,
             "model_relative_std": known.relative_std,
             "peak_force_n": self._peak_n,
@@ -268,6 +240,8 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             return Status(Level.OK, "waits for ~/run", values)
         if self._link.silence_s(now_ns) > SILENCE_S:
             return Status(Level.WARN, "nothing comes from the master: stays where it is", values)
+        if OLDEST_S < age_s < math.inf:
+            return Status(Level.WARN, "follows; the newest estimate is old: nobody is sure", values)
         return Status(Level.OK, "follows", values)
 
     def finished(self) -> bool:

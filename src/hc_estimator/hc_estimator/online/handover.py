@@ -18,7 +18,7 @@ from hc_estimator.estimator import Estimator, create_estimator
 from hc_estimator.filters.registry import FILTERS, FilterEntry
 from hc_estimator.multiple_model.knowledge import keep
 
-_CLOCK = ("started", "accepted", "last_time", "channel_time", "period")
+_CLOCK = ("started", "accepted", "last_time", "channel_time", "usual_period", "period")
 _STAMPS = ("state_time", "force_time")  # at the last sample, whatever delay was allowed for
 _THIRD = 2  # position of what the state spaces do not share: acceleration, or force
 _LOGARITHMIC = (3, 4)  # positions of K and B, which are logarithms in the kinematic state space

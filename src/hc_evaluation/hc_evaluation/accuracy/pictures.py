@@ -76,6 +76,21 @@ def _band(axis: Axes, time: Any, value: Any, deviation: Any, true: Any) -> None:
     axis.plot(time, true, color=ORANGE, ls="--", label="truth")
 
 
+def _say_beyond(axis: Axes, time: Any, value: Any, limit: float) -> None:
+    """Say how far a curve leaves its frame, which would show a part of it only."""
+    beyond = value > limit
+    if np.any(beyond):
+        axis.text(
+            0.98,
+            0.95,
+            f"up to {np.max(value):.3g} within {time[beyond][0]:.1f} to {time[beyond][-1]:.1f} s",
+            transform=axis.transAxes,
+            ha="right",
+            va="top",
+            fontsize=8,
+        )
+
+
 def picture_change(setup: Setup, folder: Path) -> Path:
     """Parameters and NIS while the force noise jumps fourfold, and later the tissue changes."""
     scenario = replace(
@@ -137,7 +152,7 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
         left.plot(origins, errors, color=BLUE, label="estimate held")
         left.plot(origins, floor, color=ORANGE, ls="--", label="least squares over all")
         left.plot(time, series.force_noise_std, color=GREY, lw=0.8, label="noise and model error")
-        left.set(ylim=(0, max(3.0 * float(np.median(errors)), 0.1)), ylabel="N")
+        left.set(yscale="log", ylabel="N")
         left.set_title(recording.name, fontsize=10)
         _band(
             right,
@@ -147,9 +162,10 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
             np.full(time.size, fit.parameters[0]),
         )
         right.set(ylabel="K  N/mmⁿ", ylim=(0, 2.0 * fit.parameters[0]))
+        _say_beyond(right, time, series.parameters[:, 0], 2.0 * fit.parameters[0])
         for axis in (left, right):
             axis.grid(alpha=0.3)
-    axes[0][0].legend(loc="upper right", fontsize=8)
+    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     axes[-1][0].set_xlabel("time s, error over the next 0.5 s")
     axes[-1][1].set_xlabel("time s")
     return _finish(figure, folder / "accuracy_recordings.png")

@@ -45,6 +45,7 @@ class ClockOffset:
         self.round_trip_ns = 0
         self._bins: deque[_Exchange] = deque()
         self._best: _Exchange | None = None
+        self._since_ns: int | None = None
 
     @property
     def known(self) -> bool:
@@ -62,10 +63,17 @@ class ClockOffset:
             return float("inf")
         return self._bound(self._best, now_ns)
 
+    def was_set(self, now_ns: int) -> None:
+        """Hear that this clock was set: what was known, and what is under way, is of another."""
+        self.steps += 1
+        self._bins.clear()
+        self._best = None
+        self._since_ns = now_ns
+
     def add(self, t1_ns: int, t2_ns: int, t3_ns: int, t4_ns: int) -> None:
-        """Take in an exchange; one whose delay is negative is none."""
+        """Take in an exchange; one whose delay is negative is none, nor one of another clock."""
         delay = (t4_ns - t1_ns) - (t3_ns - t2_ns)
-        if delay < 0 or t4_ns < t1_ns:
+        if delay < 0 or t4_ns < t1_ns or (self._since_ns is not None and t1_ns < self._since_ns):
             return
         new = _Exchange(t4_ns, 0.5 * ((t2_ns - t1_ns) + (t3_ns - t4_ns)), delay)
         self.exchanges += 1

@@ -1,8 +1,9 @@
 """What master and slave send each other: one datagram of fixed size a sample, and its meaning.
 
 Both directions have the same layout (little-endian): a word that tells the program and version,
-who sends, a sequence number, three times for the clock exchange, then numbers in mm, mm/s and N.
-Whatever is not such a datagram is refused with the reason; nothing that arrives is ever executed.
+who sends, which life of it, a sequence number, three times for the clock exchange, then numbers in
+mm, mm/s and N. Whatever is not such a datagram is refused with the reason; nothing that arrives is
+ever executed.
 """
 
 from __future__ import annotations
@@ -12,16 +13,18 @@ import struct
 from typing import Final, NamedTuple
 
 from hc_sim_rig.bilateral.layout import (
+    HIGHEST,
     LARGEST_IMPEDANCE,
     LEAST_IMPEDANCE,
+    LOWEST,
     METHODS,
     MODEL_SIZE,
 )
 
-WORD: Final = b"hct2"
+WORD: Final = b"hct3"
 MASTER: Final = 0
 SLAVE: Final = 1
-_LAYOUT: Final = struct.Struct(f"<4sBBHIqqq4d3d{MODEL_SIZE}d4dd")
+_LAYOUT: Final = struct.Struct(f"<4sBBHIQqqq4d3d{MODEL_SIZE}d4dd")
 SIZE: Final = _LAYOUT.size
 NEVER: Final = -1
 """Echo of somebody who has heard nothing yet."""
@@ -36,7 +39,7 @@ class Datagram(NamedTuple):
 
     Attributes:
         side: MASTER or SLAVE, who sends.
-        sequence: counts the datagrams of this side.
+        sequence: counts the datagrams of this side's life.
         sent_ns: when it left, by the sender's clock.
         echo_ns: `sent_ns` of the newest datagram that the sender has got, NEVER before one.
         heard_ns: when that one arrived, by the sender's clock.
@@ -52,6 +55,7 @@ class Datagram(NamedTuple):
         wave: integral of the waves that this side has sent.
         wave_energy_mj: integral of half their square.
         wave_impedance: of the waves [N s/mm]; the master's counts.
+        life: of the side: another number each time that it is started.
     """
 
     side: int
@@ -71,6 +75,7 @@ class Datagram(NamedTuple):
     wave: float = 0.0
     wave_energy_mj: float = 0.0
     wave_impedance: float = LEAST_IMPEDANCE
+    life: int = 0
 
     def encode(self) -> bytes:
         """Return the bytes that are sent."""
@@ -79,7 +84,8 @@ class Datagram(NamedTuple):
             self.side,
             self.sure,
             self.method,
-            self.sequence & 0xFFFFFFFF,
+            self.life,
+            self.sequence,
             self.sent_ns,
             self.echo_ns,
             self.heard_ns,
@@ -104,7 +110,7 @@ def decode(data: bytes) -> Datagram:
     """
     if len(data) != SIZE:
         raise ValueError(f"{len(data)} bytes, not {SIZE}")
-    word, side, sure, method, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
+    word, side, sure, method, life, sequence, sent, echo, heard, *numbers = _LAYOUT.unpack(data)
     if word != WORD:
         raise ValueError(f"begins with {word!r}, not {WORD!r}")
     if side not in (MASTER, SLAVE):
@@ -123,9 +129,14 @@ def decode(data: bytes) -> Datagram:
     ):
         raise ValueError("the waves are out of range or no number")
     model = tuple(numbers[7 : 7 + MODEL_SIZE])
-    if not all(map(math.isnan, model)) and not _possible(model):
-        raise ValueError("the model is out of range or no number")
     deviations = tuple(numbers[7 + MODEL_SIZE : 11 + MODEL_SIZE])
+    if all(map(math.isnan, model)):
+        if sure:
+            raise ValueError("is sure of no model")
+    else:
+        _check_model(model)
+        if any(deviation < 0.0 for deviation in deviations) or not numbers[-1] >= 0.0:
+            raise ValueError("a standard deviation of the model is negative or no number")
     return Datagram(
         side,
         sequence,
@@ -144,15 +155,18 @@ def decode(data: bytes) -> Datagram:
         wave,
         energy,
         impedance,
+        life,
     )
 
 
-def _possible(model: tuple[float, ...]) -> bool:
-    stiffness, damping, exponent, velocity_exponent, surface = model
-    return (
-        0.0 < stiffness <= 100.0
-        and 0.0 <= damping <= 100.0
-        and 0.2 <= exponent <= 6.0
-        and 0.1 <= velocity_exponent <= 4.0
-        and abs(surface) <= LARGEST_MM
-    )
+def _check_model(model: tuple[float, ...]) -> None:
+    """Refuse a model that no estimate that counts can be.
+
+    Raises:
+        ValueError: names the parameter.
+    """
+    for name, value, least, most in zip("KBnp", model, LOWEST, HIGHEST, strict=False):
+        if not least <= value <= most:
+            raise ValueError(f"the model's {name} is {value:g}, not within {least:g} to {most:g}")
+    if not abs(model[-1]) <= LARGEST_MM:
+        raise ValueError(f"the model's surface is at {model[-1]:g} mm")

@@ -162,12 +162,24 @@ def measured_velocity(
     reading: float,
     before: int,
     velocity: int,
+    elapsed: float,
     constants: Constants,
     memory: NDArray[np.float64],
 ) -> float:
-    """Velocity from readings of the position: their difference through a low-pass [mm/s]."""
-    difference = (reading - memory[before]) * constants.rate
-    weight = 1.0 - math.exp(-constants.velocity_rate * constants.step)
+    """Velocity from readings of the position: their difference through a low-pass [mm/s].
+
+    Args:
+        reading: of the position [mm].
+        before: where the reading before stands in memory.
+        velocity: where the velocity does.
+        elapsed: time since the reading before [s]; 0 if it is the same one.
+        constants: of the run.
+        memory: (MEMORY_SIZE,), changed in place.
+    """
+    if elapsed <= 0.0:
+        return float(memory[velocity])
+    difference = (reading - memory[before]) / elapsed
+    weight = 1.0 - math.exp(-constants.velocity_rate * elapsed)
     memory[velocity] += weight * (difference - memory[velocity])
     return float(memory[velocity])
 
@@ -236,10 +248,10 @@ def advance(
         master = y[Y_MASTER] + noise[k, 0]
         slave = y[Y_SLAVE] + noise[k, 1]
         master_velocity = measured_velocity(
-            master, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, constants, memory
+            master, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, constants.step, constants, memory
         )
         slave_velocity = measured_velocity(
-            slave, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants, memory
+            slave, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants.step, constants, memory
         )
         at_slave = int(receive(FORWARD, k, links, packets, ring))
         at_master = int(receive(BACKWARD, k, links, packets, ring))

@@ -17,6 +17,10 @@ LEAST_IMPEDANCE: Final = 1e-4
 LARGEST_IMPEDANCE: Final = 10.0
 """[N s/mm] Of the waves: what they are divided by."""
 
+LOWEST: Final = (1e-4, 0.0, 0.5, 0.2)
+HIGHEST: Final = (20.0, 5.0, 4.0, 2.0)
+"""K, B, n, p between which a model may lie that is sent, taken and rendered."""
+
 FORWARD: Final = 0  # master to slave
 BACKWARD: Final = 1
 
@@ -141,6 +145,7 @@ class Constants(NamedTuple):
     # rendering
     update_rate: float
     update_time: float
+    largest_stiffness: float  # [N/mm] slope of the rendered spring over depth
     largest_damping: float
     controller_damping: float
     tank_limit: float

@@ -33,6 +33,7 @@ FAR = -1e6
 @compiled
 def hand_force(
     position: float,
+    elapsed: float,
     arrived: NDArray[np.float64],
     heard: bool,
     lead: int,
@@ -43,6 +44,7 @@ def hand_force(
 
     Args:
         position: reading of the hand's position [mm].
+        elapsed: time since the reading before [s]; 0 if it is the same one.
         arrived: (SENT_COLUMNS,) newest packet; zeros before one has come.
         heard: whether the slave is there.
         lead: samples until it is the newest packet's turn.
@@ -50,7 +52,7 @@ def hand_force(
         memory: (MEMORY_SIZE,), changed in place.
     """
     velocity = measured_velocity(
-        position, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, constants, memory
+        position, MEMORY_MASTER_BEFORE, MEMORY_MASTER_VELOCITY, elapsed, constants, memory
     )
     force, change, wave, _ = hand_control(
         position, velocity, arrived, heard, lead, constants, memory
@@ -98,7 +100,7 @@ def slave_force(
         memory: (MEMORY_SIZE,), changed in place.
     """
     velocity = measured_velocity(
-        position, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants, memory
+        position, MEMORY_SLAVE_BEFORE, MEMORY_SLAVE_VELOCITY, constants.step, constants, memory
     )
     memory[MEMORY_SLAVE_BEFORE] = position
     force, wave, _ = slave_control(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import create_estimator
 from hc_estimator.input.surface import CLEAR, SurfaceFinder
-from hc_sim_rig.bilateral.layout import MODEL_SIZE
+from hc_sim_rig.bilateral.layout import HIGHEST, LOWEST, MODEL_SIZE
 
 Array = NDArray[np.float64]
 
@@ -29,8 +29,6 @@ KEPT_S = 3.0
 WORKING_SPEED = 10.0
 """[mm/s] at which the force's uncertainty is looked at."""
 DEPTH_MEMORY_S = 2.0
-LOWEST = np.array([1e-4, 0.0, 0.5, 0.2])
-HIGHEST = np.array([20.0, 5.0, 4.0, 2.0])
 
 
 class Mediator:

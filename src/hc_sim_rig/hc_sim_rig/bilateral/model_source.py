@@ -13,6 +13,8 @@ from hc_sim_rig.bilateral.mediator import PROVISIONAL_FORCE, PROVISIONAL_STIFFNE
 
 Array = NDArray[np.float64]
 
+OLDEST_S = 0.5
+"""An estimate that is older makes nobody sure."""
 NO_MODEL = (math.nan,) * layout.MODEL_SIZE
 
 
@@ -31,7 +33,23 @@ class ModelSource:
     def __init__(self) -> None:
         """Begin without a model: a soft spring stands in where force is first felt."""
         self._gate = ModelGate()
+        self._of_s = -math.inf
         self.current = SlaveModel()
+
+    def at(self, now_s: float) -> SlaveModel:
+        """What is known at a time: of an estimate that grew old nobody is sure.
+
+        Args:
+            now_s: by the clock of `take`.
+        """
+        current = self.current
+        if current.sure and self.age_s(now_s) > OLDEST_S:
+            return current._replace(sure=False)
+        return current
+
+    def age_s(self, now_s: float) -> float:
+        """Of the newest estimate; infinite before one has come."""
+        return now_s - self._of_s
 
     def feel(self, position_mm: float, force_n: float) -> None:
         """Hear of a force before the surface is known."""
@@ -46,6 +64,7 @@ class ModelSource:
         surface_mm: float,
         depth_mm: float,
         seconds: float,
+        of_s: float,
     ) -> None:
         """Take in an estimate.
 
@@ -55,7 +74,9 @@ class ModelSource:
             surface_mm: where contact begins, in the slave's own position.
             depth_mm: penetration now.
             seconds: since the estimate before.
+            of_s: when its sample was read, by a clock that nobody sets.
         """
+        self._of_s = of_s
         self._gate.went(depth_mm, seconds)
         if self._gate.trusts(parameters, covariance, surface_mm):
             deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))

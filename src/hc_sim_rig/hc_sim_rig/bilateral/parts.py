@@ -141,6 +141,9 @@ class Feedback(Section):
     wave_stiffness: float = number(2.0, above=0.0, maximum=100.0, unit="N/mm")
     update_rate_n_per_s: float = number(20.0, above=0.0, maximum=1e4, unit="N/s")
     update_time_s: float = number(0.05, above=0.0, maximum=10.0, unit="s")
+    largest_stiffness: float = number(
+        10.0, above=0.0, maximum=1e3, unit="N/mm", about="slope of the rendered spring"
+    )
     largest_damping: float = number(0.03, minimum=0.0, maximum=1.0, unit="N s/mm")
     controller_damping: float = number(0.03, minimum=0.0, maximum=1.0, unit="N s/mm")
     tank_mj: float = number(2.0, minimum=0.0, maximum=1e3, unit="mJ")
@@ -207,6 +210,7 @@ class Bilateral(Section):
             playout=float(round(self.network.playout_s() * self.rate_hz) + PLAYOUT_SAMPLES),
             update_rate=feedback.update_rate_n_per_s,
             update_time=feedback.update_time_s,
+            largest_stiffness=feedback.largest_stiffness,
             largest_damping=feedback.largest_damping,
             controller_damping=feedback.controller_damping,
             tank_limit=feedback.tank_mj,

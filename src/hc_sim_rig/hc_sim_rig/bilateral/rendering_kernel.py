@@ -36,33 +36,68 @@ SMALLEST_SPEED = 1e-3
 
 
 @inlined
+def spring(depth: float, model: NDArray[np.float64], largest_slope: float) -> tuple[float, float]:
+    """Force [N] and energy [mJ] of the model's spring, nowhere steeper than a bound.
+
+    K d^n where that is no steeper; where it is, a straight line: from the depth on at which its
+    slope K n d^(n-1) reaches the bound (n > 1), or up to the depth where it crosses (n <= 1).
+
+    Args:
+        depth: in the model [mm].
+        model: (5,) K, B, n, p and surface.
+        largest_slope: of the force over depth [N/mm].
+    """
+    stiffness, exponent = model[0], model[2]
+    if exponent > 1.0:
+        straight = (largest_slope / (stiffness * exponent)) ** (1.0 / (exponent - 1.0))
+        curved = min(depth, straight)
+        force = stiffness * curved**exponent
+        energy = force * curved / (exponent + 1.0)
+        beyond = depth - curved
+        energy += (force + 0.5 * largest_slope * beyond) * beyond
+        return force + largest_slope * beyond, energy
+    if exponent == 1.0:
+        slope = min(stiffness, largest_slope)
+        return slope * depth, 0.5 * slope * depth * depth
+    crossing = (stiffness / largest_slope) ** (1.0 / (1.0 - exponent))
+    if depth <= crossing:
+        return largest_slope * depth, 0.5 * largest_slope * depth * depth
+    force = stiffness * depth**exponent
+    energy = 0.5 * largest_slope * crossing * crossing
+    energy += (force * depth - largest_slope * crossing * crossing) / (exponent + 1.0)
+    return force, energy
+
+
+@inlined
 def rendered_force(
-    position: float, velocity: float, model: NDArray[np.float64], largest_damping: float
+    position: float, velocity: float, model: NDArray[np.float64], constants: Constants
 ) -> float:
-    """Force of a model [N]: Hunt-Crossley, unilateral, the damping bounded to a viscous one.
+    """Force of a model [N]: Hunt-Crossley, unilateral, spring and damping bounded.
 
     Args:
         position: of the hand [mm].
         velocity: of the hand [mm/s].
         model: (5,) K, B, n, p and surface.
-        largest_damping: bound on drag over velocity [N s/mm].
+        constants: bounds: `largest_stiffness` on the spring's slope, `largest_damping` on drag
+            over velocity.
     """
     depth = position - model[4]
     if depth <= 0.0:
         return 0.0
-    power = depth ** model[2]
     speed = abs(velocity)
-    drag = min(model[1] * power * speed ** model[3], largest_damping * speed)
-    return float(max(0.0, model[0] * power + math.copysign(drag, velocity)))
+    drag = min(model[1] * depth ** model[2] * speed ** model[3], constants.largest_damping * speed)
+    elastic, _ = spring(depth, model, constants.largest_stiffness)
+    return float(max(0.0, elastic + math.copysign(drag, velocity)))
 
 
 @inlined
-def elastic_energy(position: float, model: NDArray[np.float64]) -> float:
-    """Energy of the model's spring [mJ]: K d^(n+1) / (n+1)."""
+def elastic_energy(position: float, model: NDArray[np.float64], constants: Constants) -> float:
+    """Energy of the model's spring [mJ]."""
     depth = position - model[4]
     if depth <= 0.0:
         return 0.0
-    return float(model[0] * depth ** (model[2] + 1.0) / (model[2] + 1.0))
+    _, energy = spring(depth, model, constants.largest_stiffness)
+    return energy
 
 
 @inlined
@@ -109,14 +144,14 @@ def update_model(
         for k in range(MODEL_SIZE):
             model[k] = target[k]
         return 0.0
-    before = rendered_force(position, velocity, model, constants.largest_damping)
+    before = rendered_force(position, velocity, model, constants)
     elastic = memory[MEMORY_ELASTIC]
     trial = np.empty(MODEL_SIZE)
     share = min(1.0, constants.step / constants.update_time)
     for _ in range(HALVINGS):
         between(share, model, target, trial)
-        change = rendered_force(position, velocity, trial, constants.largest_damping) - before
-        taken = elastic_energy(position, trial) - elastic
+        change = rendered_force(position, velocity, trial, constants) - before
+        taken = elastic_energy(position, trial, constants) - elastic
         if abs(change) <= constants.update_rate * constants.step and (
             taken <= 0.0 or taken <= memory[MEMORY_TANK]
         ):
@@ -149,7 +184,7 @@ def render(
     model = memory[MEMORY_MODEL : MEMORY_MODEL + MODEL_SIZE]
     # Passivity observer: exact, for the force was held while the hand moved.
     work = memory[MEMORY_FORCE_BEFORE] * (position - memory[MEMORY_MASTER_BEFORE])
-    elastic = elastic_energy(position, model) if memory[MEMORY_RENDERED] > 0.0 else 0.0
+    elastic = elastic_energy(position, model, constants) if memory[MEMORY_RENDERED] > 0.0 else 0.0
     memory[MEMORY_TANK] += work - (elastic - memory[MEMORY_ELASTIC])
     memory[MEMORY_TANK] = min(memory[MEMORY_TANK], constants.tank_limit)
     memory[MEMORY_ELASTIC] = elastic
@@ -164,7 +199,7 @@ def render(
         )
     force = 0.0
     if memory[MEMORY_RENDERED] > 0.0:
-        force = rendered_force(position, velocity, model, constants.largest_damping)
+        force = rendered_force(position, velocity, model, constants)
     if memory[MEMORY_TANK] < 0.0 and abs(velocity) > SMALLEST_SPEED:
         needed = -memory[MEMORY_TANK] / (velocity * velocity * constants.step)
         force += min(needed, constants.controller_damping) * velocity

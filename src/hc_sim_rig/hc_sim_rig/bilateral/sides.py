@@ -68,9 +68,21 @@ class SlaveSample(NamedTuple):
 class MasterSide:
     """Renders the force at the hand and sends the hand's motion."""
 
-    def __init__(self, settings: Bilateral, link: UdpLink) -> None:
-        """Begin without a model."""
-        self._constants = settings.constants()
+    def __init__(self, settings: Bilateral, link: UdpLink, scale: float = 1.0) -> None:
+        """Begin without a model.
+
+        Args:
+            settings: of the teleoperation.
+            link: to the slave.
+            scale: motion of the slave over that of the device. The bounds of what is rendered are
+                meant at the device, all else is in the slave's millimetres.
+        """
+        constants = settings.constants()
+        self._constants = constants._replace(
+            largest_stiffness=constants.largest_stiffness / scale,
+            largest_damping=constants.largest_damping / scale,
+            controller_damping=constants.controller_damping / scale,
+        )
         self._step_ns = 1e9 / settings.rate_hz
         self._method = layout.METHODS.index(settings.feedback.method)
         self._waves = WaveArrivals(link, layout.BACKWARD)
@@ -83,15 +95,20 @@ class MasterSide:
     def warm_up(self) -> None:
         """Compile; leaves no trace."""
         memory, y = self._memory.copy(), np.zeros(layout.Y_SIZE)
-        hand_force(0.0, self._arrived, False, 1, self._constants, memory)
+        hand_force(0.0, 0.001, self._arrived, False, 1, self._constants, memory)
         move_hand(0.0, 0.0, 0.0, 0.0, self._constants, y)
 
-    def forget_motion(self) -> None:
-        """The hand is not seen and gets no force: when it is seen again, it is as at first contact.
+    def rest(self, now_ns: int) -> None:
+        """One sample without a hand: it gets no force, and is as at first contact when seen again.
 
         It may be deep in the rendered tissue by then, without having done the work: the surface
-        begins under it anew, and what the spring held is given up.
+        begins under it anew, and what the spring held is given up, as are waves that came.
+
+        Args:
+            now_ns: by this side's clock.
         """
+        self._link.receive(now_ns)
+        self._waves.forget()
         self._begun = False
         for place in (
             layout.MEMORY_FORCE_BEFORE,
@@ -101,13 +118,16 @@ class MasterSide:
         ):
             self._memory[place] = 0.0
 
-    def step(self, now_ns: int, position_mm: float, lateral_mm: float) -> MasterSample:
+    def step(
+        self, now_ns: int, position_mm: float, lateral_mm: float, elapsed_s: float | None = None
+    ) -> MasterSample:
         """One sample: take what came, render, send.
 
         Args:
             now_ns: by this side's clock.
             position_mm: reading of the hand.
             lateral_mm: of the hand.
+            elapsed_s: time since the reading before; 0 if it is the same one, None: a sample.
         """
         link, memory, arrived = self._link, self._memory, self._arrived
         if not self._begun:
@@ -127,7 +147,10 @@ class MasterSide:
                 arrived[layout.SENT_KNOWN] = 1.0
                 arrived[layout.SENT_MODEL : layout.SENT_MODEL + layout.MODEL_SIZE] = newest.model
         constants = self._constants
-        force, velocity, update = hand_force(position_mm, arrived, heard, lead, constants, memory)
+        elapsed = constants.step if elapsed_s is None else elapsed_s
+        force, velocity, update = hand_force(
+            position_mm, elapsed, arrived, heard, lead, constants, memory
+        )
         link.send(
             Datagram(
                 MASTER,
@@ -286,10 +309,10 @@ class SlaveSide:
             self._constants = constants = constants._replace(
                 method=float(newest.method), wave_impedance=newest.wave_impedance
             )
-        self._lateral = newest.lateral_mm
+        longest = FASTEST_COMMAND_MM_S * constants.step
+        self._lateral += min(max(newest.lateral_mm - self._lateral, -longest), longest)
         if self.aligned and newest.method == layout.WAVE_VARIABLES:
             return 0.0, link.playout.lead(newest.sent_ns, now_ns, self._step_ns)
-        longest = FASTEST_COMMAND_MM_S * constants.step
         change = newest.position_mm - self._command
         self._command += min(max(change, -longest), longest)
         if abs(change) > longest:

@@ -11,6 +11,8 @@ import heapq
 import math
 import random
 import socket
+from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 from hc_sim_rig.bilateral.clock_offset import ClockOffset
@@ -19,8 +21,10 @@ from hc_sim_rig.bilateral.playout import Playout
 
 MOST_AT_ONCE = 1000
 """Datagrams that are read at one sample; more wait."""
-LEFT_OVER_NS = 5_000_000_000
-"""For so long after the other side was started again, datagrams of its former life may come."""
+SET_NS = 1_000_000_000
+"""By so much more than the steady clock the own one was set; the exchanges find smaller steps."""
+FORMER_LIVES = 1000
+"""Of the other side, whose datagrams may still come: late, or twice."""
 
 
 class Added(NamedTuple):
@@ -29,6 +33,13 @@ class Added(NamedTuple):
     delay_s: float = 0.0
     jitter_s: float = 0.0
     loss: float = 0.0
+
+
+class Clocks(NamedTuple):
+    """Clocks of this host [ns]: one that may be set, and one that nobody sets."""
+
+    system: Callable[[], int]
+    steady: Callable[[], int]
 
 
 class LinkError(ValueError):
@@ -50,9 +61,28 @@ class UdpLink:
     """
 
     def __init__(
-        self, side: int, bind: str, port: int, peer: str, peer_port: int, added: Added, seed: int
+        self,
+        side: int,
+        bind: str,
+        port: int,
+        peer: str,
+        peer_port: int,
+        added: Added,
+        seed: int,
+        clocks: Clocks | None = None,
     ) -> None:
         """Open the socket.
+
+        Args:
+            side: MASTER or SLAVE.
+            bind: address of this host.
+            port: of this side.
+            peer: host of the other side.
+            peer_port: of the other side; what comes from elsewhere is refused.
+            added: to what is sent.
+            seed: of what is added.
+            clocks: for what a datagram's arrival, silence and what is held back go by; None: all
+                is at the times that are given.
 
         Raises:
             LinkError: an address cannot be, or the port is in use.
@@ -65,11 +95,16 @@ class UdpLink:
         self.clock = ClockOffset()
         self.playout = Playout()
         self.restarts = 0
-        self._restarted_ns = -LEFT_OVER_NS
+        # Numbers, clocks and ports begin anew with a process; this tells one life from another.
+        self._life = random.SystemRandom().getrandbits(32)
+        self._former: deque[int] = deque(maxlen=FORMER_LIVES)
+        self._whom = f"{peer}:{peer_port}"
+        self._clocks = clocks
+        self._ahead_ns: int | None = None  # of the own clock before the steady one
         self.sent = self.unsent = self.received = self.overtaken = self.refused = 0
         self.why_refused = ""
         self._first_sequence = 0
-        self._heard_ns = NEVER
+        self._heard_ns = self._heard_steady_ns = NEVER
         try:
             family, _, _, _, address = socket.getaddrinfo(peer, peer_port, type=socket.SOCK_DGRAM)[
                 0
@@ -102,7 +137,9 @@ class UdpLink:
 
     def silence_s(self, now_ns: int) -> float:
         """Time since the newest datagram came; infinite before one has come."""
-        return math.inf if self._heard_ns == NEVER else (now_ns - self._heard_ns) * 1e-9
+        if self._heard_ns == NEVER:
+            return math.inf
+        return (self._steady(now_ns) - self._heard_steady_ns) * 1e-9
 
     def receive(self, now_ns: int) -> None:
         """Read what has come; `newest` is the newest of it.
@@ -110,6 +147,11 @@ class UdpLink:
         Args:
             now_ns: by this side's clock.
         """
+        ahead_ns, before_ns = now_ns - self._steady(now_ns), self._ahead_ns
+        self._ahead_ns = ahead_ns
+        if before_ns is not None and abs(ahead_ns - before_ns) > SET_NS:
+            self.clock.was_set(now_ns)
+            self.playout.forget()
         for _ in range(MOST_AT_ONCE):
             try:
                 data, source = self._socket.recvfrom(SIZE + 1)
@@ -117,11 +159,13 @@ class UdpLink:
                 return
             except ConnectionError:  # the other side is not there: its host says so
                 continue
-            if source[0] != self._peer[0]:
-                self._refuse(f"comes from {source[0]}")
+            if source[:2] != self._peer[:2]:
+                self._refuse(f"comes from {source[0]}:{source[1]}, not from {self._whom}")
                 continue
+            # A time of before the arrival would break the bound of the clock's offset.
+            came_ns = now_ns if self._clocks is None else self._clocks.system()
             try:
-                self._take(decode(data), now_ns)
+                self._take(decode(data), came_ns)
             except ValueError as error:
                 self._refuse(str(error))
 
@@ -135,17 +179,19 @@ class UdpLink:
         newest = self.newest
         data = datagram._replace(
             side=self._side,
+            life=self._life,
             sequence=self.sent,
             sent_ns=now_ns,
             echo_ns=NEVER if newest is None else newest.sent_ns,
             heard_ns=self._heard_ns,
         ).encode()
         self.sent += 1
+        steady_ns = self._steady(now_ns)
         delay, jitter, loss = self._added
         if self._random.random() >= loss:
             wait = max(0.0, self._random.gauss(delay, jitter)) if delay or jitter else 0.0
-            heapq.heappush(self._waiting, (now_ns + round(wait * 1e9), self.sent, data))
-        while self._waiting and self._waiting[0][0] <= now_ns:
+            heapq.heappush(self._waiting, (steady_ns + round(wait * 1e9), self.sent, data))
+        while self._waiting and self._waiting[0][0] <= steady_ns:
             self._put(heapq.heappop(self._waiting)[2])
 
     def close(self) -> None:
@@ -158,6 +204,9 @@ class UdpLink:
         except OSError:  # it is lost like any other that gets lost: the next one follows at once
             self.unsent += 1
 
+    def _steady(self, now_ns: int) -> int:
+        return now_ns if self._clocks is None else self._clocks.steady()
+
     def _refuse(self, reason: str) -> None:
         self.refused += 1
         self.why_refused = reason
@@ -165,23 +214,14 @@ class UdpLink:
     def _take(self, datagram: Datagram, now_ns: int) -> None:
         if datagram.side == self._side:
             raise ValueError("is of this same side: two masters, or two slaves")
-        newest = self.newest
-        # Numbered lower and sent later: the other side was started again and counts anew.
-        restarted = (
-            newest is not None
-            and datagram.sequence < newest.sequence
-            and datagram.sent_ns > newest.sent_ns
-        )
-        if restarted:
-            self._restarted_ns = now_ns
-        elif (
-            newest is not None
-            and datagram.sequence > newest.sequence
-            and datagram.sent_ns < newest.sent_ns
-            and now_ns < self._restarted_ns + LEFT_OVER_NS
-        ):
-            self.overtaken += 1  # of its former life, late
+        if datagram.life in self._former:
+            self.overtaken += 1
             return
+        newest = self.newest
+        restarted = newest is not None and datagram.life != newest.life
+        if newest is not None and restarted:
+            self._former.append(newest.life)
+            self.restarts += 1
         if newest is None or restarted:
             self._first_sequence, self.received = datagram.sequence, 0
         self.received += 1
@@ -190,9 +230,9 @@ class UdpLink:
             self.clock.add(datagram.echo_ns, datagram.heard_ns, datagram.sent_ns, now_ns)
         if restarted or self.clock.steps != steps:
             self.playout.forget()
-        self.restarts += restarted
         self.playout.add(datagram.sent_ns, now_ns)
         if newest is not None and datagram.sequence <= newest.sequence and not restarted:
             self.overtaken += 1
             return
         self.newest, self._heard_ns = datagram, now_ns
+        self._heard_steady_ns = self._steady(now_ns)

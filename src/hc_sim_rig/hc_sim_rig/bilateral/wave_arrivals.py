@@ -47,6 +47,10 @@ class WaveArrivals:
         arrived[layout.SENT_WAVE] = newest.wave
         arrived[layout.SENT_ENERGY] = newest.wave_energy_mj
 
+    def forget(self) -> None:
+        """What comes until the next datagram that is taken is owed to nobody."""
+        self._begun = False
+
     def begin(self, newest: Datagram, memory: Array) -> None:
         """From this datagram on the waves count."""
         memory[layout.MEMORY_WAVE_USED + self._direction] = newest.wave

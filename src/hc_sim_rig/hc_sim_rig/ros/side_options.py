@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from rclpy.node import Node
 
 from hc_msgs_py.parameters import declare, declare_specified
 from hc_sim_rig.bilateral.parts import Bilateral
-from hc_sim_rig.bilateral.udp_link import Added, UdpLink
+from hc_sim_rig.bilateral.udp_link import Added, Clocks, UdpLink
 from hc_sim_rig.schema import specification_of
 
 PORTS = {"master": 47111, "slave": 47112}
@@ -25,6 +26,7 @@ MASTER_FEEDBACK = (
     "wave_impedance",
     "update_rate_n_per_s",
     "update_time_s",
+    "largest_stiffness",
     "largest_damping",
     "controller_damping",
     "tank_mj",
@@ -95,13 +97,14 @@ def declare_link(node: Node, side: str, seed: int) -> UdpLink:
     here = own(
         "port", PORTS[side], "UDP port that the link listens on; 0: one that is free", **free
     )
-    peer = own("peer", "127.0.0.1", f"host of the {other}; datagrams of others are refused")
+    peer = own("peer", "127.0.0.1", f"host of the {other}; what comes from elsewhere is refused")
     there = own("peer_port", PORTS[other], f"UDP port of the {other}", **port)
     delay = own("added_delay", 0.0, "what is sent is held back so long", **added)
     jitter = own("added_jitter", 0.0, "standard deviation of the added delay", **added)
     loss = own("added_loss", 0.0, "share of what is sent that is dropped", minimum=0.0, maximum=1.0)
     number = 0 if side == "master" else 1
-    return UdpLink(number, bind, here, peer, there, Added(delay, jitter, loss), seed)
+    added_here, clocks = Added(delay, jitter, loss), Clocks(time.time_ns, time.monotonic_ns)
+    return UdpLink(number, bind, here, peer, there, added_here, seed, clocks)
 
 
 def link_values(link: UdpLink, now_ns: int) -> dict[str, Any]:
@@ -113,6 +116,7 @@ def link_values(link: UdpLink, now_ns: int) -> dict[str, Any]:
         "link_lost": link.lost,
         "link_overtaken": link.overtaken,
         "link_refused": link.refused,
+        "link_restarts": link.restarts,
         "link_age_ms": 1e3 * link.age_s(now_ns),
         "round_trip_ms": 1e-6 * link.clock.round_trip_ns,
         "clock_exchanges": link.clock.exchanges,
