@@ -12,7 +12,7 @@ import pytest
 from hc_msgs.msg import EstimatorEvent
 from rclpy.serialization import deserialize_message
 
-from hc_estimator.online.vocabulary import EventKind
+from hc_estimator.stream.vocabulary import EventKind
 from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 

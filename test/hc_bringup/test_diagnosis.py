@@ -5,7 +5,7 @@ import pytest
 
 from hc_bringup.diagnosis import assumed_line, diagnose
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_estimator.input.sanity import check_samples
+from hc_estimator.stream.sanity import check_samples
 from hc_evaluation.channels import unbroken
 from hc_sim_rig import Rig, load_scenario
 

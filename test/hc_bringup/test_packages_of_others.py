@@ -210,7 +210,7 @@ import json
 import os
 import numpy as np
 from hc_estimator import create_estimator
-from hc_estimator.online.handover import hand_over
+from hc_estimator.stream.handover import hand_over
 
 def known(estimator):
     answer = estimator.step(float("nan"), 0.0, 0.0)

@@ -6,7 +6,7 @@ from hc_msgs.msg import TactileEstimate
 from rclpy.serialization import deserialize_message
 
 from hc_estimator import EstimatorArray
-from hc_estimator.online.array_stream import ArrayStream
+from hc_estimator.stream.array_stream import ArrayStream
 from hc_msgs_py.qos import ESTIMATE_QOS
 
 START = 1_700_000_000_000_000_000

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hc_estimator import available_filters, create_estimator
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.vocabulary import Batch, EventKind
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.vocabulary import Batch, EventKind
 
 START = 1_700_000_000_000_000_000
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from hc_estimator.input.contact_frame import (
+from hc_estimator.stream.contact_frame import (
     ContactFrame,
     NormalFinder,
     Payload,
@@ -18,7 +18,7 @@ from hc_estimator.input.contact_frame import (
     unit_quaternion,
     unit_vector,
 )
-from hc_estimator.input.payload import identify_payload, still_readings
+from hc_estimator.stream.payload import identify_payload, still_readings
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 number = st.floats(-10.0, 10.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
-from hc_estimator.online.contacts import ContactTracker
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.vocabulary import EventKind
+from hc_estimator.stream.contacts import ContactTracker
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.vocabulary import EventKind
 
 MS = 1_000_000
 

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from hc_estimator.input.effort import DisturbanceObserver
-from hc_estimator.input.effort_filters import (
+from hc_estimator.stream.effort import DisturbanceObserver
+from hc_estimator.stream.effort_filters import (
     METHODS,
     EffortSettings,
     error_in_motion,
     make_force_filter,
 )
-from hc_estimator.input.surface import SurfaceFinder
+from hc_estimator.stream.surface import SurfaceFinder
 
 STEP = 0.001
 MASS = 0.5e-3  # N s^2/mm

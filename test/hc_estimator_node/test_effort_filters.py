@@ -8,16 +8,16 @@ import math
 import numpy as np
 import pytest
 
-from hc_estimator.input.effort_filters import (
+from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
+from hc_estimator.ros.node_settings import MISSING_READINGS, NODE_SETTINGS, READING
+from hc_estimator.ros.settings_meaning import check_together, effort_settings
+from hc_estimator.stream.effort_filters import (
     METHODS,
     ContactForceFilter,
     EffortSettings,
     error_in_motion,
     make_force_filter,
 )
-from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
-from hc_estimator.ros.node_settings import MISSING_READINGS, NODE_SETTINGS, READING
-from hc_estimator.ros.settings_meaning import check_together, effort_settings
 from hc_evaluation.reproduction import position_filters
 
 STEP = 0.001

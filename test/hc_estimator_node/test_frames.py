@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hc_estimator.input.frames import FrameTree
+from hc_estimator.stream.frames import FrameTree
 
 ROBOT = (("base", "shoulder"), ("shoulder", "wrist"), ("wrist", "tool"), ("base", "camera"))
 

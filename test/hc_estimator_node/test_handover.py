@@ -9,7 +9,7 @@ from hc_estimator import (
     available_state_spaces,
     create_estimator,
 )
-from hc_estimator.online.handover import hand_over
+from hc_estimator.stream.handover import hand_over
 
 KINDS = [(f, s) for f in available_filters() for s in available_state_spaces(f)]
 

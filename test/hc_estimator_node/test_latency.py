@@ -2,7 +2,7 @@
 
 import pytest
 
-from hc_estimator.online.latency import LatencyClock
+from hc_estimator.stream.latency import LatencyClock
 
 HOUR = 3_600_000_000_000
 MS = 1_000_000

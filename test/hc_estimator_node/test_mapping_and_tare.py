@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_estimator.input.mapping import make_mapping
-from hc_estimator.input.press_watch import PressWatch
-from hc_estimator.input.tare import Tare
+from hc_estimator.stream.mapping import make_mapping
+from hc_estimator.stream.press_watch import PressWatch
+from hc_estimator.stream.tare import Tare
 
 finite = st.floats(-1e3, 1e3)
 

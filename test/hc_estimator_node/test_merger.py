@@ -6,7 +6,7 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_estimator.input.merger import LONGEST_QUEUE, Merger
+from hc_estimator.stream.merger import LONGEST_QUEUE, Merger
 
 MS = 1_000_000
 

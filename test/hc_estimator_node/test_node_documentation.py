@@ -6,8 +6,8 @@ import pytest
 from hc_msgs.msg import EstimatorConfiguration, EstimatorEvent, HuntCrossleyEstimate
 
 from hc_estimator import Rejection
-from hc_estimator.online.vocabulary import Cause, EventKind
 from hc_estimator.ros.node_settings import CHOICE_NAMES, NODE_SETTINGS
+from hc_estimator.stream.vocabulary import Cause, EventKind
 
 PAGE = (Path(__file__).parents[2] / "docs" / "node.md").read_text(encoding="utf-8")
 

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_estimator.input.publishers import MOST_LINES, PublisherLines
+from hc_estimator.stream.publishers import MOST_LINES, PublisherLines
 
 MS = 1_000_000
 

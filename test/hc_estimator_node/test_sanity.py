@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_estimator.input.readings import Check
-from hc_estimator.input.sanity import check_samples
-from hc_estimator.online.suspicion_watch import SuspicionWatch
+from hc_estimator.stream.readings import Check
+from hc_estimator.stream.sanity import check_samples
+from hc_estimator.stream.suspicion_watch import SuspicionWatch
 
 SHARED = Path(os.environ.get("HC_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
 RECORDINGS = (
@@ -252,7 +252,7 @@ def test_nothing_that_comes_in_ends_the_checks():
 @pytest.mark.clock
 def test_a_look_that_fails_says_so_and_the_next_one_works(monkeypatch):
     """Regression: an error of these checks, which only advise, ended the estimator node."""
-    from hc_estimator.online import suspicion_watch
+    from hc_estimator.stream import suspicion_watch
 
     watch = SuspicionWatch()
     watch.add(0, 1.0, 1.0)

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_estimator.input.sensor_setup import SetupError, VectorReadings, propose
+from hc_estimator.stream.sensor_setup import SetupError, VectorReadings, propose
 
 SURFACE = 412.0
 BIAS = np.array([0.3, -1.1, 4.2])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.vocabulary import Cause, EventKind, SessionSettings
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.vocabulary import Cause, EventKind, SessionSettings
 
 START = 1_700_000_000_000_000_000
 MS = 1_000_000

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.state_file import ON_TRIAL, RUNNING, SAVED, SET_ASIDE, StateFolder
-from hc_estimator.online.vocabulary import Cause, EventKind
 from hc_estimator.ros.state_keeper import StateKeeper
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.state_file import ON_TRIAL, RUNNING, SAVED, SET_ASIDE, StateFolder
+from hc_estimator.stream.vocabulary import Cause, EventKind
 
 START = 1_700_000_000_000_000_000
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_estimator.input.stream_guard import Break, StreamGuard, StreamSample
+from hc_estimator.stream.stream_guard import Break, StreamGuard, StreamSample
 
 MS = 1_000_000
 START = 1_700_000_000_000_000_000

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hc_estimator.input.surface import SurfaceFinder, find_surface
+from hc_estimator.stream.surface import SurfaceFinder, find_surface
 
 FORCE_ZERO = 0.7
 

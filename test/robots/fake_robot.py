@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_estimator.input.contact_frame import (
+from hc_estimator.stream.contact_frame import (
     inverse,
     product,
     rotated,

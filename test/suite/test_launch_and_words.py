@@ -14,8 +14,8 @@ from hc_bringup.cli import COMMANDS
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
 SOURCES = (
-    "hc_estimator/hc_estimator/input/sanity.py",
-    "hc_estimator/hc_estimator/input/channel_checks.py",
+    "hc_estimator/hc_estimator/stream/sanity.py",
+    "hc_estimator/hc_estimator/stream/channel_checks.py",
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
     "hc_logger/hc_logger/sensors.py",

@@ -17,7 +17,7 @@ from hc_estimator.filters.registry import FIELDS, SCRATCH
 from hc_estimator.multiple_model.records import BANK
 
 PACKAGE = Path(__file__).resolve().parents[2] / "src" / "hc_estimator" / "hc_estimator"
-WITHOUT_KERNELS = ("input", "online", "ros", "node.py")
+WITHOUT_KERNELS = ("stream", "ros", "node.py")
 
 RECORDS = {  # what a variable of that name is, in every kernel
     "bank": "bank",

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import PARAMETER_NAMES, Rejection, create_estimator
-from hc_estimator.input.readings import Check, Suspicion, moves, robust_range
-from hc_estimator.input.sanity import check_samples
 from hc_estimator.kinds import DEFAULT_FILTER
+from hc_estimator.stream.readings import Check, Suspicion, moves, robust_range
+from hc_estimator.stream.sanity import check_samples
 from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
 

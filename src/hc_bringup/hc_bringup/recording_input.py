@@ -221,8 +221,8 @@ def is_given(arguments: argparse.Namespace) -> bool:
 
 
 def _from_surface(recording: Any) -> Any:
-    from hc_estimator.input.surface import find_surface
-    from hc_estimator.input.together import together
+    from hc_estimator.stream.surface import find_surface
+    from hc_estimator.stream.together import together
 
     found = find_surface(
         *together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]

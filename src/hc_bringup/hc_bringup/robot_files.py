@@ -11,7 +11,7 @@ import numpy as np
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.robot_streams import Stream
-from hc_estimator.input.sensor_setup import SensorProposal, SetupProposal
+from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
 from hc_logger.errors import BagError
 from hc_logger.new_file import write_new_text
 

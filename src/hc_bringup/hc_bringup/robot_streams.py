@@ -10,7 +10,7 @@ import numpy as np
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
-from hc_estimator.input.sensor_setup import VectorReadings
+from hc_estimator.stream.sensor_setup import VectorReadings
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import RECONSTRUCTED_WRENCH

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
-from hc_estimator.input.together import of_two_readings, together
+from hc_estimator.stream.together import of_two_readings, together
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.definitions import installed_definition

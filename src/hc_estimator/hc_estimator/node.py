@@ -1,7 +1,7 @@
 """Node `estimator`: samples in, estimates out, as a managed node that starts by itself.
 
 Thin: parameters are declared and checked in ros/settings, samples come from ros/inputs and
-ros/sensors, the stream with its faults is judged in online/session, ros/sample_flow hands samples
+ros/sensors, the stream with its faults is judged in stream/session, ros/sample_flow hands samples
 there and what comes of them to ros/outputs, ros/service_calls answers, and ros/state_keeper keeps
 the state.
 """
@@ -16,11 +16,6 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 
 from hc_estimator import Estimator, create_estimator
-from hc_estimator.online.handover import can_hand_over, hand_over
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.state_file import SavedState
-from hc_estimator.online.suspicion_watch import SuspicionWatch
-from hc_estimator.online.vocabulary import Cause, EventKind
 from hc_estimator.ros.channel import QosOverrideError, SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
 from hc_estimator.ros.compilation import Compilation, compile_all
@@ -46,6 +41,11 @@ from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
 from hc_estimator.ros.zeroing import ZEROS
+from hc_estimator.stream.handover import can_hand_over, hand_over
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.state_file import SavedState
+from hc_estimator.stream.suspicion_watch import SuspicionWatch
+from hc_estimator.stream.vocabulary import Cause, EventKind
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node

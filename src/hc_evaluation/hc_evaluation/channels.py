@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import OptimizeResult, least_squares
 
-from hc_estimator.input.together import together
+from hc_estimator.stream.together import together
 from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import smooth_motion
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.input.mapping import make_mapping
-from hc_estimator.input.merger import Merged, Merger
+from hc_estimator.stream.mapping import make_mapping
+from hc_estimator.stream.merger import Merged, Merger
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError

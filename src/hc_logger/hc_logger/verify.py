@@ -23,8 +23,8 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
-from hc_estimator.online.handover import hand_over
-from hc_estimator.online.vocabulary import LOADED_STATE, Cause
+from hc_estimator.stream.handover import hand_over
+from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
 from hc_logger.recorded import RecordedConfiguration, Recording

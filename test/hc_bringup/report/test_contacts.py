@@ -18,7 +18,7 @@ from hc_bringup.report.contact_file import columns, encode
 from hc_bringup.report.contacts import ContactRules, find_contacts
 from hc_bringup.run_data import TipPath
 from hc_estimator import create_estimator
-from hc_estimator.online.contacts import ContactTracker
+from hc_estimator.stream.contacts import ContactTracker
 
 MakeRun = Callable[..., Any]
 

@@ -38,7 +38,7 @@ from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
 from hc_estimator import PARAMETER_NAMES
-from hc_estimator.input.sanity import check_samples
+from hc_estimator.stream.sanity import check_samples
 from hc_logger.new_file import new_file
 
 FORMAT: Final = 1

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.summary import to_json
-    from hc_estimator.input.sanity import check_samples
+    from hc_estimator.stream.sanity import check_samples
 
     if arguments.verify:
         return _verify(arguments)
@@ -164,7 +164,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
 
     from hc_bringup.force_error import one_step_error, root_mean_square, settled
     from hc_estimator import PARAMETER_NAMES, Rejection
-    from hc_estimator.input.together import of_two_readings
+    from hc_estimator.stream.together import of_two_readings
 
     rejected = series.rejected
     used = rejected == 0

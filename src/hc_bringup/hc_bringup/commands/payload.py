@@ -39,8 +39,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from hc_bringup.graph import Graph
     from hc_bringup.live_check import input_settings
-    from hc_estimator.input.contact_frame import product, unit_quaternion
-    from hc_estimator.input.payload import identify_payload, still_readings
+    from hc_estimator.stream.contact_frame import product, unit_quaternion
+    from hc_estimator.stream.payload import identify_payload, still_readings
 
     if not (arguments.yes or sys.stdin.isatty()):
         raise UserError("there is no terminal to ask at: give --yes", WRONG_USE)

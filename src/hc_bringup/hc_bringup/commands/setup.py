@@ -71,7 +71,7 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     from hc_bringup.graph import Graph
     from hc_bringup.robot_files import write_files
     from hc_bringup.robot_streams import Recorder, best, find_streams
-    from hc_estimator.input.sensor_setup import SetupError, propose
+    from hc_estimator.stream.sensor_setup import SetupError, propose
 
     with Graph() as graph:
         print("looking for sensors ...", flush=True)

@@ -1,6 +1,6 @@
 """Contacts of a run: one from each touch to its release, with what was known at its end.
 
-The rules are those of the estimator node (hc_estimator.online.contacts), over arrays: a contact
+The rules are those of the estimator node (hc_estimator.stream.contacts), over arrays: a contact
 counts once it has lasted and ends once the tool has been away for a while. Depth and force can be
 asked for too: a tool that rests on the surface touches it thousands of times.
 """

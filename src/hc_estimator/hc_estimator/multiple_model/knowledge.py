@@ -1,6 +1,6 @@
 """What the bank of hypotheses knows as state and covariance, and how it begins from another's.
 
-For a change of filter (hc_estimator.online.handover), over the memory as plain data; no kernels.
+For a change of filter (hc_estimator.stream.handover), over the memory as plain data; no kernels.
 """
 
 from __future__ import annotations

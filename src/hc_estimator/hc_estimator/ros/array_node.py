@@ -1,6 +1,6 @@
 """Node `array_estimator`: samples of a tactile array in, the estimates of all taxels out.
 
-Thin: the stream is judged in online/array_stream, the numbers are EstimatorArray's. Not a managed
+Thin: the stream is judged in stream/array_stream, the numbers are EstimatorArray's. Not a managed
 node and without a state on disk: what it knows it learns anew with every touch.
 """
 
@@ -20,10 +20,10 @@ from hc_estimator.kinds import (
     available_contact_models,
     available_state_spaces,
 )
-from hc_estimator.online.array_stream import ArrayStream
-from hc_estimator.online.vocabulary import SessionSettings
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.services import add_service
+from hc_estimator.stream.array_stream import ArrayStream
+from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.node_main import NodeStartError, run_node

@@ -23,7 +23,7 @@ from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from hc_estimator.input.publishers import PublisherLines
+from hc_estimator.stream.publishers import PublisherLines
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 
 MOST_TOGETHER = 256

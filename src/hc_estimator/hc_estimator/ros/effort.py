@@ -1,7 +1,7 @@
 """The node's input without a force sensor: one joint's position and motor effort.
 
 A sensor_msgs/JointState says where the tool is and what its motor pushes; a filter of
-input/effort_filters makes the contact force of it. What it finds is handed on as samples and, as
+stream/effort_filters makes the contact force of it. What it finds is handed on as samples and, as
 with other sensors of one's own, published on indenter/sample if wanted.
 """
 
@@ -15,14 +15,14 @@ from typing import Any
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from hc_estimator.input.contact_frame import NormalFinder
-from hc_estimator.input.effort_filters import EffortSettings, make_force_filter
-from hc_estimator.input.force_filter import ForceFilter
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
+from hc_estimator.stream.contact_frame import NormalFinder
+from hc_estimator.stream.effort_filters import EffortSettings, make_force_filter
+from hc_estimator.stream.force_filter import ForceFilter
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 

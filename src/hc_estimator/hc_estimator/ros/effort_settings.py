@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hc_estimator.input.effort_filters import METHODS, EffortSettings
+from hc_estimator.stream.effort_filters import METHODS, EffortSettings
 from hc_msgs_py.specification import ParameterSpecification, setting
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from hc_msgs.msg import HuntCrossleyEstimate
 
 from hc_estimator import Estimate
-from hc_estimator.online.contacts import ContactSummary
+from hc_estimator.stream.contacts import ContactSummary
 from hc_msgs_py.cdr import ENCAPSULATION
 from hc_msgs_py.conversion import PARAMETER_FIELDS
 from hc_msgs_py.topics import FRAME_INDENTER_TIP

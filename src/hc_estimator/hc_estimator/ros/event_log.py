@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from hc_estimator.online.vocabulary import Event, EventKind
+from hc_estimator.stream.vocabulary import Event, EventKind
 
 PERIOD_S = 1.0
 

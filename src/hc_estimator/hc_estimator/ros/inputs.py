@@ -8,9 +8,9 @@ from typing import Any, Protocol
 from hc_msgs.msg import IndenterSample, IndenterSamples
 from rclpy.node import Node
 
-from hc_estimator.input.contact_frame import NormalFinder
-from hc_estimator.online.vocabulary import Batch
 from hc_estimator.ros.channel import Channel
+from hc_estimator.stream.contact_frame import NormalFinder
+from hc_estimator.stream.vocabulary import Batch
 from hc_msgs_py.topics import SAMPLE, SAMPLES
 from hc_msgs_py.wire import SampleDecoder
 from hc_msgs_py.wire_arrays import Samples, SamplesDecoder, decode_samples

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from hc_estimator.input.mapping import AXES
-from hc_estimator.online.vocabulary import SessionSettings
 from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
+from hc_estimator.stream.mapping import AXES
+from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.specification import ParameterSpecification, setting
 
 CHOICE_NAMES = ("filter", "state_space", "contact_model")

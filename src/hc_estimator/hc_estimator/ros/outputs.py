@@ -22,10 +22,10 @@ from hc_msgs.msg import (
 from rclpy.node import Node
 
 from hc_estimator import Estimate, EstimateSeries, Estimator, __version__
-from hc_estimator.online import contacts
-from hc_estimator.online.latency import LatencyClock
-from hc_estimator.online.vocabulary import LOADED_STATE, Batch, Event, Revision
 from hc_estimator.ros.estimate_messages import EstimateEncoder, fill_contact
+from hc_estimator.stream import contacts
+from hc_estimator.stream.latency import LatencyClock
+from hc_estimator.stream.vocabulary import LOADED_STATE, Batch, Event, Revision
 from hc_msgs_py.conversion import (
     Configuration,
     fill_event,

@@ -6,10 +6,6 @@ The node is an input's listener and the session's; here it is told, and hands on
 from __future__ import annotations
 
 from hc_estimator import Estimate, EstimateSeries
-from hc_estimator.online.contacts import ContactSummary
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.suspicion_watch import SuspicionWatch
-from hc_estimator.online.vocabulary import Batch, Cause, Event, EventKind, Revision
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.outputs import Outputs
@@ -18,6 +14,10 @@ from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
 from hc_estimator.ros.zeroing import ZEROS
+from hc_estimator.stream.contacts import ContactSummary
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.suspicion_watch import SuspicionWatch
+from hc_estimator.stream.vocabulary import Batch, Cause, Event, EventKind, Revision
 
 
 class SampleFlow:

@@ -16,19 +16,19 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
-from hc_estimator.input.contact_frame import (
-    NormalFinder,
-    Quaternion,
-    rotated,
-    unit_quaternion,
-)
-from hc_estimator.input.frames import FrameTree
-from hc_estimator.input.merger import Merged, Merger
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
+from hc_estimator.stream.contact_frame import (
+    NormalFinder,
+    Quaternion,
+    rotated,
+    unit_quaternion,
+)
+from hc_estimator.stream.frames import FrameTree
+from hc_estimator.stream.merger import Merged, Merger
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}

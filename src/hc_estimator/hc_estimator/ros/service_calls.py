@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from hc_estimator import Estimator
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.state_file import SavedState
-from hc_estimator.online.vocabulary import Cause
 from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.services import NotPossibleError, add_service
 from hc_estimator.ros.state_keeper import StateKeeper, try_out
 from hc_estimator.ros.zero_setting import ZeroSetting
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.state_file import SavedState
+from hc_estimator.stream.vocabulary import Cause
 from hc_msgs_py.background import STARTING
 
 

@@ -10,18 +10,18 @@ from typing import Any
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_topic_name import validate_topic_name
 
-from hc_estimator.input.contact_frame import (
+from hc_estimator.ros.node_settings import MISSING_READINGS
+from hc_estimator.stream.contact_frame import (
     ContactFrame,
     Payload,
     Vector,
     unit_quaternion,
     unit_vector,
 )
-from hc_estimator.input.effort_filters import EffortSettings
-from hc_estimator.input.mapping import Mapping as AxisMapping
-from hc_estimator.input.mapping import make_mapping
-from hc_estimator.online.vocabulary import SessionSettings
-from hc_estimator.ros.node_settings import MISSING_READINGS
+from hc_estimator.stream.effort_filters import EffortSettings
+from hc_estimator.stream.mapping import Mapping as AxisMapping
+from hc_estimator.stream.mapping import make_mapping
+from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py import topics
 
 OWN_TOPICS = frozenset(

@@ -10,8 +10,10 @@ from typing import Any
 from rclpy.parameter import Parameter
 
 from hc_estimator.estimator import create_estimator
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.state_file import (
+from hc_estimator.ros.node_settings import CHOICE_NAMES
+from hc_estimator.ros.services import NotPossibleError
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.state_file import (
     ON_TRIAL,
     RUNNING,
     SAVED,
@@ -19,8 +21,6 @@ from hc_estimator.online.state_file import (
     StateFolder,
     snapshot,
 )
-from hc_estimator.ros.node_settings import CHOICE_NAMES
-from hc_estimator.ros.services import NotPossibleError
 
 TRIAL_STEPS = 100
 """Steps that a copy of the estimator makes with a state before the node itself goes on from it."""

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hc_estimator import PARAMETER_NAMES, Rejection
-from hc_estimator.input.readings import Suspicion
-from hc_estimator.online.session import EstimationSession
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Input
+from hc_estimator.stream.readings import Suspicion
+from hc_estimator.stream.session import EstimationSession
 from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.histogram import DurationHistogram
 

@@ -8,16 +8,16 @@ from collections.abc import Callable
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from hc_estimator.input.contact_frame import NormalFinder, raised
-from hc_estimator.input.effort_filters import error_in_motion
-from hc_estimator.input.tare import TareResult
-from hc_estimator.input.together import Together
-from hc_estimator.online.session import EstimationSession
-from hc_estimator.online.vocabulary import EventKind
 from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.settings import Settings
 from hc_estimator.ros.settings_meaning import contact_frame, effort_settings
 from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
+from hc_estimator.stream.contact_frame import NormalFinder, raised
+from hc_estimator.stream.effort_filters import error_in_motion
+from hc_estimator.stream.session import EstimationSession
+from hc_estimator.stream.tare import TareResult
+from hc_estimator.stream.together import Together
+from hc_estimator.stream.vocabulary import EventKind
 
 
 class ZeroSetting:

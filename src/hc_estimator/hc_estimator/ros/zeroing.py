@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from rclpy.parameter import Parameter
 
-from hc_estimator.input.press_watch import PressWatch
-from hc_estimator.input.surface import SurfaceFinder
-from hc_estimator.input.tare import Tare, TareResult
 from hc_estimator.ros.services import NotPossibleError
+from hc_estimator.stream.press_watch import PressWatch
+from hc_estimator.stream.surface import SurfaceFinder
+from hc_estimator.stream.tare import Tare, TareResult
 
 ZEROS = ("input.force.zero", "input.position.zero")
 FORCED = "tare.force: true, or --force of the command, takes them all the same"

@@ -85,7 +85,7 @@ def fingerprint(name: str) -> str:
     own += [evaluation / "contact_law.py", evaluation / "hold_forward.py"]
     for path in own:
         digest.update(path.read_bytes())
-    for package, leave in ((hc_estimator, ("ros", "online", "input")), (hc_sim_rig, ())):
+    for package, leave in ((hc_estimator, ("ros", "stream")), (hc_sim_rig, ())):
         root = Path(str(package.__file__)).parent
         for path in _source_files(root):
             relative = path.relative_to(root)

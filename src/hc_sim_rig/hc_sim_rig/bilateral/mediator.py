@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import create_estimator
-from hc_estimator.input.surface import CLEAR, SurfaceFinder
+from hc_estimator.stream.surface import CLEAR, SurfaceFinder
 from hc_sim_rig.bilateral.layout import HIGHEST, LOWEST, MODEL_SIZE
 
 Array = NDArray[np.float64]

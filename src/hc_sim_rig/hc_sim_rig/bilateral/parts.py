@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from hc_estimator.input.effort_filters import METHODS as FORCE_FILTERS
+from hc_estimator.stream.effort_filters import METHODS as FORCE_FILTERS
 from hc_sim_rig.bilateral.layout import LARGEST_IMPEDANCE, LEAST_IMPEDANCE, METHODS, Constants
 from hc_sim_rig.bilateral.playout import PLAYOUT_DEVIATIONS, PLAYOUT_SAMPLES
 from hc_sim_rig.drives import Link

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.input.effort_filters import (
+from hc_estimator.kinds import available_filters
+from hc_estimator.stream.effort_filters import (
     EffortSettings,
     error_in_motion,
     make_force_filter,
 )
-from hc_estimator.input.force_filter import ForceFilter
-from hc_estimator.kinds import available_filters
+from hc_estimator.stream.force_filter import ForceFilter
 from hc_sim_rig.bilateral import layout
 from hc_sim_rig.bilateral.kernel import advance
 from hc_sim_rig.bilateral.mediator import Mediator

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from hc_estimator.input import channel_checks
-from hc_estimator.input.readings import (
+from hc_estimator.stream import channel_checks
+from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
     FloatArray,

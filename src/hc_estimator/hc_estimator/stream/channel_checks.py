@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hc_estimator.input.readings import (
+from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     FloatArray,
     Readings,

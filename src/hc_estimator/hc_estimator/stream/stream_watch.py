@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from hc_estimator.estimate import Estimate, Rejection
-from hc_estimator.online.vocabulary import Counters, EventKind, SessionSettings
+from hc_estimator.stream.vocabulary import Counters, EventKind, SessionSettings
 
 MISFIT = "the contact law does not describe what the sensors say"
 

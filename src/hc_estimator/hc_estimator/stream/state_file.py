@@ -19,7 +19,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hc_estimator.online.session import EstimationSession
+from hc_estimator.stream.session import EstimationSession
 
 SAVED = "saved_state.json"
 RUNNING = "running_state.json"

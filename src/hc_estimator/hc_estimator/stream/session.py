@@ -14,10 +14,10 @@ import numpy as np
 
 from hc_estimator.estimate import Estimate
 from hc_estimator.estimator import Estimator
-from hc_estimator.input.stream_guard import Break, StreamGuard, StreamSample
-from hc_estimator.online.contacts import ContactSummary, ContactTracker
-from hc_estimator.online.stream_watch import StreamWatch
-from hc_estimator.online.vocabulary import (
+from hc_estimator.stream.contacts import ContactSummary, ContactTracker
+from hc_estimator.stream.stream_guard import Break, StreamGuard, StreamSample
+from hc_estimator.stream.stream_watch import StreamWatch
+from hc_estimator.stream.vocabulary import (
     Batch,
     Cause,
     Counters,

@@ -6,7 +6,7 @@ reading of a pose has a stamp of its own and is used at that (late_readings.py).
 
 from __future__ import annotations
 
-from hc_estimator.input.contact_frame import (
+from hc_estimator.stream.contact_frame import (
     UPRIGHT,
     Quaternion,
     Vector,

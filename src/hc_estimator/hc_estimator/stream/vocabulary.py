@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.estimate import Estimate, EstimateSeries, Rejection
-from hc_estimator.online.contacts import ContactSummary
+from hc_estimator.stream.contacts import ContactSummary
 
 LOADED_STATE = "loaded_state"
 """Name in a configuration for the state that was loaded: with it the estimates can be repeated."""

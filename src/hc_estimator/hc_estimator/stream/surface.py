@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.input.tare import TareResult
+from hc_estimator.stream.tare import TareResult
 
 FREE_SAMPLES = 100
 """Samples free of contact that say force zero and noise; fewer are not enough."""

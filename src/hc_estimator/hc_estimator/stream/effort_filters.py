@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.input.effort import DisturbanceObserver
-from hc_estimator.input.force_filter import LONGEST_GAP_S, ForceFilter
+from hc_estimator.stream.effort import DisturbanceObserver
+from hc_estimator.stream.force_filter import LONGEST_GAP_S, ForceFilter
 
 FloatArray = NDArray[np.float64]
 

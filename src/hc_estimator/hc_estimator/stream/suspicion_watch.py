@@ -10,8 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
-from hc_estimator.input.readings import Readings, Suspicion, usable
-from hc_estimator.input.sanity import check_channels
+from hc_estimator.stream.readings import Readings, Suspicion, usable
+from hc_estimator.stream.sanity import check_channels
 
 KEPT = 4096
 """Readings of each channel: four seconds at 1 kHz."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from hc_estimator.input.force_filter import ForceFilter
+from hc_estimator.stream.force_filter import ForceFilter
 
 SETTLING_PERIODS = 5.0
 """Of the low-pass after a gap: of what a pole did not know, e^-5 (0.7 %) is left."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hc_estimator.input.readings import FloatArray
+from hc_estimator.stream.readings import FloatArray
 
 LONGEST_GAP_NS = 500_000_000
 """Between displacements further apart than this nothing is interpolated."""

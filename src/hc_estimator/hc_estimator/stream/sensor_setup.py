@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.input.readings import CLEAR, LEAST_SAMPLES, FloatArray, noise, robust_range
-from hc_estimator.input.sanity import free_motion, pressed_way
-from hc_estimator.input.surface import find_surface
+from hc_estimator.stream.readings import CLEAR, LEAST_SAMPLES, FloatArray, noise, robust_range
+from hc_estimator.stream.sanity import free_motion, pressed_way
+from hc_estimator.stream.surface import find_surface
 
 AXIS_ALIGNED = math.cos(math.radians(10.0))
 """A direction that is so near to an axis is taken for that axis."""
