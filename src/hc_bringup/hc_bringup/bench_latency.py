@@ -235,7 +235,7 @@ def draw(cases: Sequence[Case], file: Path) -> None:
     from matplotlib.figure import Figure
 
     loads = sorted({case["loaded"] for case in cases})
-    figure = Figure(figsize=(5.0 * len(loads), 4.2), layout="constrained")
+    figure = Figure(figsize=(5.0 * len(loads) + 1.8, 4.2), layout="constrained")
     grid = figure.subplots(1, len(loads), sharex=True, sharey=True, squeeze=False)[0]
     rates = sorted({case["rate_hz"] for case in cases})
     most = max(case["subscribers"] for case in cases)
@@ -260,6 +260,8 @@ def draw(cases: Sequence[Case], file: Path) -> None:
         axes.set_yscale("log")
         axes.set_xlabel("latency, stamp to publication [ms]")
         axes.grid(which="major", alpha=0.3)
-        axes.legend(fontsize="small", loc="lower left")
     grid[0].set_ylabel("share of the estimates that are later")
+    # Beside the curves: they fill their frames from corner to corner.
+    labels = grid[0].get_legend_handles_labels()
+    figure.legend(*labels, loc="outside right center", fontsize="small")
     figure.savefig(file, dpi=120)
