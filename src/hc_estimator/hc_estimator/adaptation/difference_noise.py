@@ -83,6 +83,7 @@ SCATTERED = 2  # in jumped, until the next reading
 REFUSED = 3  # refused innovations that say whether they scatter
 SCATTER_RATIO = 9.0  # of their scatter to the noise variance known so far, at least
 REFUSED_WITHIN = 12  # accepted samples among which they lie
+PLAUSIBLE = 2.0  # deviations (Poisson) by which more may be accepted there than the scatter says
 
 # What is known of one channel.
 NOISE = record_type(
@@ -204,10 +205,17 @@ def cautious(channel: Any) -> float:
 
 
 @compiled
-def learn_refused(channel: Any, innovation: float) -> bool:
+def learn_refused(channel: Any, innovation: float, gate: float) -> bool:
     """Look at an innovation that the outlier gate refused; True if such innovations scatter.
 
-    The noise is then theirs, and the gate opens by it.
+    The noise is then theirs, and the gate opens by it. Readings between them that were accepted
+    must be likely by that noise as well: else they are single outliers of a sensor that is as good
+    as it was.
+
+    Args:
+        channel: record of the channel; changed.
+        innovation: that was refused, in the unit of the reading.
+        gate: innovation from which on readings are refused, in that unit.
     """
     place = channel.refused_count % REFUSED
     channel.refused[place] = innovation
@@ -216,7 +224,8 @@ def learn_refused(channel: Any, innovation: float) -> bool:
     if channel.refused_count < REFUSED or channel.count == 0:
         return False
     first = channel.refused_after[channel.refused_count % REFUSED]
-    if channel.taken - first > REFUSED_WITHIN:
+    accepted = float(channel.taken - first)
+    if accepted > REFUSED_WITHIN:
         return False
     mean = 0.0
     for k in range(REFUSED):
@@ -225,6 +234,9 @@ def learn_refused(channel: Any, innovation: float) -> bool:
     for k in range(REFUSED):
         scatter += (channel.refused[k] - mean) ** 2 / (REFUSED - 1)
     if not (scatter > mean * mean and scatter > SCATTER_RATIO * channel.mean):
+        return False
+    expected = (accepted + REFUSED) * math.erf(gate / math.sqrt(2.0 * scatter))
+    if accepted > expected + PLAUSIBLE * math.sqrt(expected):
         return False
     channel.mean = scatter
     channel.short_mean = scatter

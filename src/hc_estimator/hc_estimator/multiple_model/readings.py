@@ -41,7 +41,7 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
         counts[channel] = 0
         return False
     if settings.noise_adaptation == DIFFERENCES and difference_noise.learn_refused(
-        bank.noise[channel], innovation
+        bank.noise[channel], innovation, math.sqrt(limit_squared * variance)
     ):
         counts[channel] = 0
         _follow_noise(bank)

@@ -114,7 +114,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         readings.learn(settings, bank, place)
         clock.state_time = place
         return ACCEPTED
-    decision = _update(settings, bank)
+    decision = _update(settings, bank, place)
     clock.state_time = place
     if clock.present[1] != 0:
         clock.force_time = place
@@ -139,8 +139,8 @@ def note_held(bank: Any, time: float) -> None:
 
 
 @compiled
-def _update(settings: Any, bank: Any) -> int:
-    """Predict every row to the sample and update it with the readings that are there."""
+def _update(settings: Any, bank: Any, place: float) -> int:
+    """Predict every row to the sample's place [s] and update it with the readings that are there."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
     plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
@@ -160,10 +160,16 @@ def _update(settings: Any, bank: Any) -> int:
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
+        open_before = clock.outlier_counts[1] > settings.outlier_limit
         if readings.is_outlier(settings, bank, chosen, 1):
             _give(settings, bank, OUTLIER)
             _limit_wild(settings, rows)
             return OUTLIER
+        opens = not open_before and clock.outlier_counts[1] > settings.outlier_limit
+        # So many forces that cannot be are an alarm, and no row may be led astray by them before.
+        if opens and maneuvers.answer(settings, bank, place, True):
+            if not _foresee(settings, bank):
+                return NUMERICAL
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
                 use_force(rows[m], _hold(settings, bank, rows[m]), log_speed)

@@ -30,6 +30,7 @@ LARGEST_FACTOR = 3.0
 FELT_S = 0.5  # of contact before a prediction counts
 AHEAD_S, STRIDE_S = 0.5, 0.1
 NOISES = 10.0  # deviations of the force noise below which a force counts as none
+JUMP = 12.0  # deviations of the displacement's noise by which an outlier jumps, at least
 LARGEST_RATIO = 2.0  # to the last reading held
 WINDOW_S = 1.0
 
@@ -74,6 +75,15 @@ def arm_readings(seed: int) -> Readings:
     return time, reading, force_reading
 
 
+def _outliers(displacement: FloatArray) -> NDArray[np.bool_]:
+    """True where one or two readings jump away and back: no depth or speed that was felt."""
+    readings = np.where(np.isfinite(displacement), displacement, 0.0)
+    away = np.abs(readings - medfilt(readings, 5))
+    noise = float(np.median(np.abs(np.diff(readings, 2)))) / 0.6745 / np.sqrt(6.0)
+    smallest_jump = 0.01 * float(np.ptp(readings))
+    return np.asarray(away > np.maximum(JUMP * noise, smallest_jump))
+
+
 def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     """Largest predicted over largest felt force: one step ahead, and held half a second ahead.
 
@@ -85,6 +95,8 @@ def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     """
     time, displacement, force = readings
     usable = np.isfinite(displacement) & np.isfinite(force)
+    usable &= ~_outliers(displacement)
+    displacement = np.interp(time, time[usable], displacement[usable])
     step = float(np.median(np.diff(time)))
     noise = float(np.nanmedian(np.abs(np.diff(force[usable], 2)))) / 0.6745 / np.sqrt(6.0)
     touching = usable & (displacement > 0.0)
@@ -99,7 +111,7 @@ def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     predicted = np.abs(series.force_predicted)
     judged = inside & np.isfinite(predicted)
     one_step = float(np.max(predicted[judged] / np.maximum(largest[judged], 1e-9), initial=0.0))
-    velocity = np.gradient(np.where(usable, displacement, 0.0), time)
+    velocity = np.gradient(displacement, time)
     touch_speed = medfilt(np.where(touching & enough, np.abs(velocity), 0.0), 5)
     fastest = np.maximum.accumulate(touch_speed)
     frozen = Frozen.of(series)
