@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import batch_fit, beginning, sample
+from hc_estimator.multiple_model import batch_fit, beginning, delay_sensitivity, sample
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
@@ -51,6 +51,7 @@ def take_setting(settings: Any, bank: Any) -> None:
     if not math.isnan(given) and given != bank.delay.delay:
         bank.delay.delay = given
         bank.delay.deviation = 0.0
+        bank.delay.doubt = 0.0
         bank.held.first = bank.held.count
 
 
@@ -208,3 +209,5 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
         bank.held.first = bank.held.count
         if abs(finder.delay - before) > delays.BEGIN_ANEW:
             beginning.begin_aligned(settings, bank)
+        else:
+            delay_sensitivity.correct(bank.rows, finder.delay - before)

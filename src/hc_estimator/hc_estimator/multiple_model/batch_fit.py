@@ -21,8 +21,8 @@ from hc_estimator.linear_algebra import (
     clear_matrix,
     clear_vector,
 )
+from hc_estimator.multiple_model import delay_sensitivity, zero_fit
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import zero_fit
 from hc_estimator.multiple_model.fit_covariance import (
     invert,
     share_of_noise,
@@ -107,6 +107,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         row.log_likelihood = constant.log_likelihood
     history.fitted = 1
     row.model_error = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
+    delay_sensitivity.take(constant, row, LOG_STIFFNESS, LOG_STIFFNESS + 4)  # of the same data
     for i in range(4):
         k = LOG_STIFFNESS + i
         row.state[k] = history.fit[i]

@@ -55,6 +55,7 @@ APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 6.0  # standard deviations
+DOUBTFUL = 3.0  # the same, from which on it is no longer believed that there is none
 LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
 AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
@@ -68,6 +69,7 @@ def reset(finder: Any) -> None:
     """Nothing is known of the delay."""
     finder.delay = 0.0
     finder.deviation = math.nan
+    finder.doubt = 0.0
     finder.windows = 0
     finder.velocity_exponent = 1.0
     grids.restart(finder)
@@ -207,7 +209,10 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
     if few and (finder.delay != 0.0 or not _each_decides(finder, chosen, windows)):
         return False
     if finder.delay == 0.0:
-        finder.deviation = deviation
+        # Not enough to be used, too much for none.
+        doubtful = distance > DOUBTFUL * deviation
+        finder.deviation = math.hypot(deviation, mean) if doubtful else deviation
+        finder.doubt = finder.deviation**2 if doubtful else 0.0
         changes = distance > max(SIGNIFICANT * deviation, SMALLEST)
         changes = changes and (constant or distance > step)
         changes = changes and (few or _is_clear(finder, chosen, windows))
@@ -223,6 +228,7 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         finder.delay = mean
     if changes or finder.delay != 0.0:
         finder.deviation = math.hypot(deviation, mean - finder.delay)
+        finder.doubt = finder.deviation**2
     return bool(changes)
 
 

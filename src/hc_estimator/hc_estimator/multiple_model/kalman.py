@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import contact_force
-from hc_estimator.multiple_model import levels
+from hc_estimator.multiple_model import delay_sensitivity, levels
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
@@ -99,6 +99,7 @@ def _forget_rates(row: Any, kept: float) -> None:
     """Rates come to rest: what is not felt does not say how it goes on."""
     for i in range(OWN, COUNTS[row.index]):
         row.state[i] *= kept
+        row.by_delay[i] *= kept
         for j in range(COUNTS[row.index]):
             row.covariance[i, j] *= kept
             row.covariance[j, i] *= kept
@@ -117,6 +118,7 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool, away: bool)
     """
     state, covariance, m = row.state, row.covariance, row.index
     count = COUNTS[m]
+    delay_sensitivity.predict(row, elapsed, goes_on)
     half = 0.5 * elapsed * elapsed
     state[DEPTH] += elapsed * state[VELOCITY] + half * state[ACCELERATION]
     state[VELOCITY] += elapsed * state[ACCELERATION]
@@ -193,7 +195,8 @@ def use_displacement(
     row.innovation[0] = innovation
     row.innovation_variance[0] = variance
     row.nis[0] = innovation * innovation / variance
-    _apply(row, gain, innovation, variance, hold, log_speed)
+    by_delay = delay_sensitivity.of_displacement(row, offset)
+    _apply(row, gain, innovation, variance, by_delay, hold, log_speed)
 
 
 @compiled
@@ -210,6 +213,7 @@ def _apply(
     covariance_column: Any,
     innovation: float,
     variance: float,
+    by_delay: float,
     hold: int,
     log_speed: float,
 ) -> None:
@@ -220,6 +224,7 @@ def _apply(
         covariance_column: covariance of the state with the measurement, shape (STATES,).
         innovation: measured minus predicted.
         variance: of the innovation.
+        by_delay: derivative of the innovation by the error of the delay [1/s].
         hold: which parameters are only considered; the covariance is that of the reduced gain K',
             P - K' c^T - c K'^T + K' S K'^T.
         log_speed: see `levels`.
@@ -234,6 +239,7 @@ def _apply(
         for i in range(count):
             state[i] += column[i] * scaled
             gain = column[i] * inverse
+            row.by_delay[i] += gain * by_delay
             for j in range(i + 1):
                 element = covariance[i, j] - gain * column[j]
                 covariance[i, j] = element
@@ -245,6 +251,7 @@ def _apply(
         held_i = _is_held(i, hold)
         if not held_i:
             state[i] += column[i] * innovation * inverse
+            row.by_delay[i] += column[i] * inverse * by_delay
         for j in range(i + 1):
             if held_i and _is_held(j, hold):
                 continue
@@ -269,9 +276,11 @@ def use_force(row: Any, hold: int, log_speed: float) -> None:
     """Update with the force whose innovation is noted; the rest as in `use_displacement`."""
     count = COUNTS[row.index]
     factor, sensitivity = row.factor, row.sensitivity
+    by_delay = delay_sensitivity.of_force(row)
     for i in range(count - 1, -1, -1):  # c = L s, in place from the bottom
         total = 0.0
         for j in range(i + 1):
             total += factor[i, j] * sensitivity[j]
         sensitivity[i] = total
-    _apply(row, sensitivity, row.innovation[1], row.innovation_variance[1], hold, log_speed)
+    innovation, variance = row.innovation[1], row.innovation_variance[1]
+    _apply(row, sensitivity, innovation, variance, by_delay, hold, log_speed)

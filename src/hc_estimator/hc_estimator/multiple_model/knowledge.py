@@ -36,6 +36,9 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
     place = FRESH if memory["change"]["leads"] else judge["chosen"]
     row = memory["rows"][place]
     covariance = np.array(row["covariance"])[np.ix_(_ROW, _ROW)]
+    by_delay = np.array(row["by_delay"])[_ROW]
+    by_delay[:_FIRST_OF_TISSUE] = 0.0
+    covariance += memory["delay"]["doubt"] * np.outer(by_delay, by_delay)
     since = memory["tool"]["contact_clock"] - judge["varied_at"]
     if place <= FITTED and judge["varying"] > 0 and since < VARIED_FOR:
         other = memory["rows"][judge["varying"]]

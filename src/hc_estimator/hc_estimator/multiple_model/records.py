@@ -24,6 +24,7 @@ ROW = record_type(
         Field("active", np.int64, (), 0, 1),
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
+        Field("by_delay", np.float64, (STATES,), 0.0),  # derivative of the state [1/s]
         # Of a contact position that stays, at the row's start [mm]; 0: it moves, or is given.
         Field("position_deviation", np.float64, (), 0.0),
         # Variance of the force that the law misses [N^2].
@@ -50,6 +51,7 @@ ROW = record_type(
         Field("explained", np.float64, ()),  # force variance that the state explains [N^2]
         Field("force_noise", np.float64, ()),  # force variance used, tempering included [N^2]
         Field("sensitivity", np.float64, (STATES,)),  # of the force per column of the factor [N]
+        Field("whitened", np.float64, (STATES,)),  # see `delay_sensitivity`
         Field("sigma_force", np.float64, (STATES, 2)),  # at the sigma points [N]
         Field("factor", np.float64, (STATES, STATES)),  # Cholesky factor of the covariance
         Field("nis", np.float64, (2,)),  # displacement, force given displacement
@@ -232,6 +234,7 @@ DELAY = record_type(
     (
         Field("delay", np.float64),  # in use [s]
         Field("deviation", np.float64, (), 0.0, finite=False),  # of it; NaN: not known [s]
+        Field("doubt", np.float64, (), 0.0),  # variance of its error that the estimate owes [s^2]
         Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
         Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
         Field("raw_count", np.int64, (2,), 0),

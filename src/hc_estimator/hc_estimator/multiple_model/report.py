@@ -75,6 +75,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
             out[COVARIANCE + 4 * i + j] = element
             out[COVARIANCE + 4 * j + i] = element
+    _add_delay(row, bank.delay.doubt, out)
     _add_bend(row, bank.tool, out)
     since_varying = bank.tool.contact_clock - bank.judge.varied_at
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
@@ -107,6 +108,18 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             score = math.sqrt(max(bank.rows[m].score, 0.0))
             best = out[HYPOTHESIS_SCORES + CODES[m]]  # of the rows that are reported alike
             out[HYPOTHESIS_SCORES + CODES[m]] = score if math.isnan(best) else min(score, best)
+
+
+@compiled
+def _add_delay(row: Any, variance: float, out: NDArray[np.float64]) -> None:
+    """Add to the covariance what is not known of the delay in use [s^2]."""
+    if variance == 0.0:
+        return
+    for i in range(4):
+        first = row.by_delay[LOG_STIFFNESS + i] * (out[PARAMETERS + i] if i < 2 else 1.0)
+        for j in range(4):
+            second = row.by_delay[LOG_STIFFNESS + j] * (out[PARAMETERS + j] if j < 2 else 1.0)
+            out[COVARIANCE + 4 * i + j] += variance * first * second
 
 
 @compiled

@@ -12,6 +12,7 @@ from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import fixed_value
 from hc_estimator.linear_algebra import clear_matrix
+from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
@@ -78,6 +79,7 @@ def clear_adaptation(row: Any) -> None:
 @compiled
 def begin_own_states(row: Any) -> None:
     """Own states at their start, without ties to the others."""
+    delay_sensitivity.clear(row, OWN, STATES)
     for i in range(OWN, STATES):
         row.state[i] = 0.0
         for j in range(STATES):
@@ -107,6 +109,7 @@ def free_rate(row: Any) -> None:
 @compiled
 def clear_motion(row: Any) -> None:
     """Zero the motion's variances and its ties to everything else."""
+    delay_sensitivity.clear_motion(row)
     for i in MOTION:
         for j in range(STATES):
             row.covariance[i, j] = 0.0
@@ -128,6 +131,7 @@ def begin_motion(settings: Any, row: Any, displacement: float) -> None:
 @compiled
 def reset(settings: Any, row: Any, displacement: float) -> None:
     """Begin from the prior, with the tool at a displacement [mm]."""
+    delay_sensitivity.reset(row)
     clear_matrix(row.covariance)
     state = row.state
     state[LOG_STIFFNESS] = math.log(settings.initial_stiffness)
@@ -158,6 +162,7 @@ def seed(source: Any, row: Any, since: float, counts_from: float) -> None:
         row.state[i] = source.state[i]
         for j in range(OWN):
             row.covariance[i, j] = source.covariance[i, j]
+    delay_sensitivity.take(source, row, 0, OWN)
     begin_own_states(row)
     row.predicted_force = source.predicted_force
     contact_time, model_error = source.contact_time, source.model_error
