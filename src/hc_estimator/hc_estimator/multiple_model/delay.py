@@ -51,6 +51,7 @@ FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
 DECISIVE = 4.0  # log likelihood ratio of a window that does
 LEAD = 8.0  # log likelihood ratio to the delay in use
 CONSISTENT = 5.0  # mean over standard error of the windows' ratios
+INFLUENCE = 4.0  # of a window's log likelihood ratio in that mean, at most
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
@@ -283,6 +284,7 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     mean, square = 0.0, 0.0
     for w in range(windows):
         lead = finder.profile[w, used] - finder.profile[w, chosen]
+        lead = min(max(lead, -INFLUENCE), INFLUENCE)  # else the clearest make the mean unclear
         mean += lead / windows
         square += lead * lead / windows
     error = math.sqrt(max(square - mean * mean, 0.0) / max(windows - 1, 1))
