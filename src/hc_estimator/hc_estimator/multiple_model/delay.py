@@ -50,7 +50,8 @@ FEWEST_WINDOWS = 4
 FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
 DECISIVE = 4.0  # log likelihood ratio of a window that does
 LEAD = 8.0  # log likelihood ratio to the delay in use
-CONSISTENT = 5.0  # mean over standard error of the windows' ratios
+CONSISTENT = 4.0  # mean over standard error of the windows' ratios
+CONTRADICTED = 0.75  # of a step, between the fine value and the likeliest candidate
 INFLUENCE = 4.0  # of a window's log likelihood ratio in that mean, at most
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
@@ -273,7 +274,8 @@ def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
     used = centre + round(finder.delay / step)
     near = _used_windows(finder, chosen, windows)
     if used == chosen:  # between two candidates: by the fine values alone
-        return bool(near >= FEWEST_AGREEING)
+        away = abs(finder.fine[0] - (chosen - centre) * step)
+        return bool(near >= FEWEST_AGREEING and away < CONTRADICTED * step)
     distance = abs(finder.fine[0] - finder.delay)
     agreeing = near > AGREEING * _valid_windows(finder, windows) and 2 * near > windows
     agreeing = agreeing and near > AGREEING * FEWEST_AGREEING
