@@ -58,6 +58,7 @@ OWNERS = {
         "multiple_model/kalman",
         "multiple_model/unscented",
         "multiple_model/model_error",
+        "multiple_model/delay_sensitivity",
     ),
     "judge": ("multiple_model/judge",),
     "change": ("multiple_model/change",),
@@ -79,7 +80,7 @@ OWNERS = {
 }
 GUESTS = {
     "multiple_model/alignment": {
-        "delay": "delay deviation",
+        "delay": "delay deviation doubt",
         "judge": "chosen",
         "given": "latest_force",
     },

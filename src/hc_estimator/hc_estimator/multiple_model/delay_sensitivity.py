@@ -31,12 +31,20 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
 )
 
+LARGEST = 1e12  # derivative of a force [N/s] that is a number
+
 
 @compiled
 def clear(row: Any, first: int, last: int) -> None:
     """The states from `first` to before `last` do not depend on the delay."""
     for i in range(first, last):
         row.by_delay[i] = 0.0
+
+
+@compiled
+def reset(row: Any) -> None:
+    """Nothing depends on the delay."""
+    clear(row, 0, STATES)
 
 
 @compiled
@@ -70,7 +78,7 @@ def predict(row: Any, elapsed: float, goes_on: bool) -> None:
 
 @compiled
 def of_displacement(row: Any, offset: float) -> float:
-    """h' - H s of a displacement that was taken some time [s] later than the state [mm/s]."""
+    """Give h' - H s of a displacement that was taken some time [s] later than the state [mm/s]."""
     slope = row.by_delay
     depth = slope[DEPTH] + offset * (slope[VELOCITY] + 0.5 * offset * slope[ACCELERATION])
     return -depth  # type: ignore[no-any-return]
@@ -78,7 +86,7 @@ def of_displacement(row: Any, offset: float) -> float:
 
 @compiled
 def of_force(row: Any) -> float:
-    """h' - H s of the force [N/s], from its sensitivity to the columns of the factor, H L."""
+    """Give h' - H s of the force [N/s], from its sensitivity to the columns of the factor, H L."""
     state, factor, whitened = row.state, row.factor, row.whitened
     total = 0.0
     for j in range(COUNTS[row.index]):
@@ -91,6 +99,9 @@ def of_force(row: Any) -> float:
             rest -= factor[j, k] * whitened[k]
         whitened[j] = rest / factor[j, j] if factor[j, j] > 0.0 else 0.0
         total += row.sensitivity[j] * whitened[j]
+    if not abs(total) < LARGEST:
+        reset(row)
+        return 0.0
     return total
 
 
@@ -103,9 +114,3 @@ def correct(rows: Any, change: float) -> None:
             continue
         for i in range(FIRST_PARAMETER, LAST_PARAMETER):
             row.state[i] += change * row.by_delay[i]
-
-
-@compiled
-def reset(row: Any) -> None:
-    """Nothing depends on the delay."""
-    clear(row, 0, STATES)

@@ -46,7 +46,14 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
     VELOCITY_EXPONENT,
 )
-from hc_estimator.multiple_model.kalman import HOLD_ALL, HOLD_DAMPING, HOLD_NOTHING, depth_of
+from hc_estimator.multiple_model.kalman import (
+    HOLD_ALL,
+    HOLD_DAMPING,
+    HOLD_NOTHING,
+    depth_of,
+    predict,
+    use_displacement,
+)
 from hc_estimator.multiple_model.model_error import raise_model_error
 from hc_estimator.multiple_model.readings import last_displacement, since_displacement
 from hc_estimator.multiple_model.records import KEPT
@@ -218,6 +225,34 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
         changes.start_fresh_motion(settings, bank.rows, bank.motion, bank.sensor_noise[0], ahead)
     _go_back(bank, slot, time)
     maneuver.doubted = 1
+    return True
+
+
+@compiled
+def answer_at_once(settings: Any, bank: Any, time: float, log_speed: float) -> bool:
+    """Answer an alarm between the displacement and the force of a sample.
+
+    A fresh row has then the motion up to the sample before, and its displacement to come.
+
+    Args:
+        settings: settings record.
+        bank: rows, maneuver and change are changed.
+        time: of the sample [s].
+        log_speed: see `levels`.
+
+    Returns:
+        True if the rows have gone back; their force is to be foreseen anew.
+    """
+    if not answer(settings, bank, time, True):
+        return False
+    clock, fresh = bank.clock, bank.rows[FRESH]
+    if fresh.active != 0:
+        if motion_density.is_settled(bank.motion):
+            density = motion_density.jerk_density(settings, bank.motion)
+            predict(fresh, clock.elapsed, density, False, True)
+        if clock.present[0] != 0:
+            reading, noise = clock.measurement[0], bank.sensor_noise[0]
+            use_displacement(fresh, reading, clock.offset, noise, HOLD_NOTHING, log_speed)
     return True
 
 

@@ -24,7 +24,8 @@ ROW = record_type(
         Field("active", np.int64, (), 0, 1),
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
-        Field("by_delay", np.float64, (STATES,), 0.0),  # derivative of the state [1/s]
+        # Derivative of the state by the error of the delay in use; see `delay_sensitivity`.
+        Field("by_delay", np.float64, (STATES,)),
         # Of a contact position that stays, at the row's start [mm]; 0: it moves, or is given.
         Field("position_deviation", np.float64, (), 0.0),
         # Variance of the force that the law misses [N^2].

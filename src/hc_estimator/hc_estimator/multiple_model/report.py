@@ -119,7 +119,7 @@ def _add_delay(row: Any, variance: float, out: NDArray[np.float64]) -> None:
         first = row.by_delay[LOG_STIFFNESS + i] * (out[PARAMETERS + i] if i < 2 else 1.0)
         for j in range(4):
             second = row.by_delay[LOG_STIFFNESS + j] * (out[PARAMETERS + j] if j < 2 else 1.0)
-            out[COVARIANCE + 4 * i + j] += variance * first * second
+            out[COVARIANCE + 4 * i + j] += variance * (first * second)
 
 
 @compiled

@@ -140,7 +140,7 @@ def note_held(bank: Any, time: float) -> None:
 
 @compiled
 def _update(settings: Any, bank: Any, place: float) -> int:
-    """Predict every row to the sample's place [s] and update it with the readings that are there."""
+    """Predict every row to the sample's place [s] and update it with the readings there are."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
     plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
@@ -167,9 +167,9 @@ def _update(settings: Any, bank: Any, place: float) -> int:
             return OUTLIER
         opens = not open_before and clock.outlier_counts[1] > settings.outlier_limit
         # So many forces that cannot be are an alarm, and no row may be led astray by them before.
-        if opens and maneuvers.answer(settings, bank, place, True):
-            if not _foresee(settings, bank):
-                return NUMERICAL
+        goes_back = opens and maneuvers.answer_at_once(settings, bank, place, log_speed)
+        if goes_back and not _foresee(settings, bank):
+            return NUMERICAL
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
                 use_force(rows[m], _hold(settings, bank, rows[m]), log_speed)
