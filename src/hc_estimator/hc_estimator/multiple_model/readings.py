@@ -9,7 +9,7 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import tempering
-from hc_estimator.multiple_model.hypotheses import DEPTH
+from hc_estimator.multiple_model.hypotheses import DEPTH, FRESH
 from hc_estimator.multiple_model.kalman import displacement_of
 from hc_estimator.multiple_model.records import RAW
 
@@ -19,17 +19,25 @@ OPEN_SAMPLES = 30  # inside the gate before it closes again
 
 
 @compiled
+def _innovation(bank: Any, row: Any, channel: int) -> tuple[float, float]:
+    """Innovation of a row and its variance, of the displacement [mm] or the force [N]."""
+    clock = bank.clock
+    if channel == 1:
+        return row.innovation[1], row.innovation_variance[1]
+    innovation = clock.measurement[0] - displacement_of(row, clock.offset)
+    return innovation, row.covariance[DEPTH, DEPTH] + bank.sensor_noise[0]
+
+
+@compiled
 def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
     """Refuse an innovation far outside its distribution, unless many come one after another."""
     clock = bank.clock
     limit_squared = settings.outlier_gate * settings.outlier_gate
-    if channel == 0:
-        innovation = clock.measurement[0] - displacement_of(chosen, clock.offset)
-        variance = chosen.covariance[DEPTH, DEPTH] + bank.sensor_noise[0]
-    else:
-        innovation = chosen.innovation[1]
-        variance = chosen.innovation_variance[1]
+    innovation, variance = _innovation(bank, chosen, channel)
     outside = bank.calibrated != 0 and innovation * innovation > limit_squared * variance
+    if outside and bank.change.testing != 0:  # an outlier is what neither tissue explains
+        other, by_other = _innovation(bank, bank.rows[FRESH], channel)
+        outside = other * other > limit_squared * by_other
     counts = clock.outlier_counts
     count = counts[channel]
     if count > settings.outlier_limit:  # the gate is open

@@ -45,7 +45,7 @@ FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
-DOUBTFUL = 3.0  # deviations of a contact position that is off from which on it is believed
+DOUBTFUL = 2.0  # deviations of a contact position that is off from which on it is believed
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 
 
