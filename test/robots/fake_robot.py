@@ -59,6 +59,7 @@ DEFAULTS = {
         "delay_s": 0.0,  # from the measurement to the message
         "late_s": 0.0,  # so much later than the measurement is the stamp
         "jitter_s": 0.0,
+        "step": 0.0,  # if not 0: resolution of the reading
     },
     "payload": {"mass": 0.0, "center": [0.0, 0.0, 0.0]},
     "position": {
@@ -150,7 +151,9 @@ class Robot:
         )
         if told["in_base"]:
             force, torque = rotated(sensor, force), rotated(sensor, torque)
-        scale = told["scale"]
+        scale, step = told["scale"], told["step"]
+        if step:
+            force = tuple(step * round(f / step) for f in force)
         return tuple(scale * f for f in force), tuple(scale * t for t in torque)
 
     def pose(self, time_s):

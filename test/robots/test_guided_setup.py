@@ -131,3 +131,40 @@ def test_a_look_alike_without_stamps_is_named_and_why_it_does_not_do(bench):
     assert done.returncode == 1
     assert "carries no time of measurement; let its driver publish the type Wrench" in done.stdout
     assert done.stderr.count("\n") == 1
+
+
+def test_among_several_sensors_the_number_is_asked_for_until_it_is_one(bench):
+    robot = bench.robot(**ROBOT)
+    script = """if True:
+        import rclpy, time
+        from rclpy.qos import QoSProfile, DurabilityPolicy
+        from geometry_msgs.msg import PoseStamped, WrenchStamped
+        rclpy.init()
+        node = rclpy.create_node("other")
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        force = node.create_publisher(WrenchStamped, "base/wrench", latched)
+        pose = node.create_publisher(PoseStamped, "camera_pose", latched)
+        while True:
+            force.publish(WrenchStamped())
+            pose.publish(PoseStamped())
+            time.sleep(0.02)
+    """
+    bench.start("-c", script)
+    with bench.terminal("setup") as user:
+        found = user.wait_for(
+            r"(no position topic|number of the force topic \[Enter: /ft_sensor/wrench\])"
+        )
+        assert found[1].startswith("number"), user.seen
+        user.type("7\n")
+        user.wait_for(r"'7' is no answer here; type one of: Enter, 1, 2")
+        user.wait_for("number of the force topic")
+        user.type("1\n")
+        user.wait_for(r"number of the position topic \[Enter: /tool_pose\]")
+        user.type("\n")
+        user.wait_for("near the tissue; then press Enter")
+        user.type("\n")
+        user.wait_for("Now press into the tissue")
+        press(robot)  # which the chosen sensor, that of the base, does not feel
+        user.wait_for(r"waiting for the first press \(5\d s\): force changed by 0 N .*moved [1-9]")
+        user.type("\x03")
+        assert user.status() == 130
