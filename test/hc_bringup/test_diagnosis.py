@@ -92,3 +92,17 @@ def test_tissue_that_varies_is_no_zero_that_is_off():
     series = Rig(load_scenario("lump")).run(10.0)
     findings = diagnose(series.time_s, series.displacement_mm, series.force_n).findings
     assert not any(finding.settings for finding in findings), findings
+
+
+def test_noise_alone_is_no_tissue():
+    """Regression: K = 0.0002, "98 % known from the data", of a tool that moved in the air."""
+    time_s, depth, _force = presses()
+    noise = 0.01 * np.random.default_rng(4).standard_normal(time_s.size)
+    diagnosis = diagnose(time_s, depth, noise)
+    (finding,) = diagnosis.findings
+    assert "the force is noise alone (0.01 N) while the tool moves by 5." in finding.what
+    assert diagnosis.estimated is None
+    # A weak press in much noise is one all the same.
+    weak = diagnose(time_s, depth, 0.02 * presses()[2] + noise)
+    assert weak.estimated is not None
+    assert not any("noise alone" in finding.what for finding in weak.findings)

@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from rclpy.serialization import serialize_message
 
 from hc_bringup import recording_input
 from hc_bringup.cli import main
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_logger.writer import BagWriter
 
 START_NS = 1_700_000_000_000_000_000
@@ -326,3 +328,27 @@ def test_a_recording_without_forces_says_so(tmp_path: Path, capsys) -> None:
     path.write_text("time_s,displacement_mm,force_N\n" + rows + "\n")
     assert main(["estimate", str(path)]) == 1
     assert "there is no force in any of the 500 samples" in capsys.readouterr().err
+
+
+def test_what_the_doctor_says_to_type_mends_all_that_was_found_at_once(
+    tmp_path: Path, capsys
+) -> None:
+    """Regression: two signs were two commands, and each alone left the recording wrong."""
+    time_s = np.arange(0.0, 12.0, 0.005)
+    depth = 1.2 + 2.2 * np.sin(2.1 * time_s - 1.2) + 0.4 * np.sin(13.0 * time_s)
+    speed = np.gradient(depth, time_s)
+    force = [
+        hunt_crossley_force(d, v, 0.5, 0.05, 1.5, 1.0) for d, v in zip(depth, speed, strict=True)
+    ]
+    rows = zip(time_s, -depth - 7.0, -np.array(force), strict=True)
+    path = tmp_path / "pull test.csv"
+    path.write_text("t;way;load\n" + "".join(f"{t:.4f};{d:.6f};{f:.6f}\n" for t, d, f in rows))
+    said = ("--columns", "time=t,displacement=way,force=load")
+    said += ("--units", "time=s,displacement=mm,force=N")
+    assert main(["doctor", str(path), *said, "--json"]) == 1
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    command = shlex.split([c for finding in findings for c in finding["type"]][-1])
+    assert main([*command[1:], "--json"]) == 0
+    parameters = json.loads(capsys.readouterr().out)["parameters"]
+    assert parameters["stiffness"] == pytest.approx(0.5, rel=0.05)
+    assert parameters["displacement_exponent"] == pytest.approx(1.5, rel=0.05)

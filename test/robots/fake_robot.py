@@ -2,6 +2,7 @@
 
 Usage: fake_robot.py SPECIFICATION.json, a dictionary with the keys of DEFAULTS. The tool rests free
 of contact for `rest_s`, then presses again and again into a tissue of known parameters.
+SIGUSR1 asks one that presses `on_request` to do so; SIGUSR2 ends its force sensor.
 """
 
 import heapq
@@ -35,6 +36,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 DEFAULTS = {
     "tissue": [0.5, 0.05, 1.5, 1.0],
     "rest_s": 2.0,
+    "on_request": 0,  # if not 0: it presses so many times at each SIGUSR1, and else it rests
     "lift_mm": 3.0,  # so far the tool rests from the surface
     "depth_mm": 4.0,
     "surface": [0.4, 0.1, 0.2],  # m, a point of the tissue's surface in the base frame
@@ -57,6 +59,7 @@ DEFAULTS = {
         "delay_s": 0.0,  # from the measurement to the message
         "late_s": 0.0,  # so much later than the measurement is the stamp
         "jitter_s": 0.0,
+        "step": 0.0,  # if not 0: resolution of the reading
     },
     "payload": {"mass": 0.0, "center": [0.0, 0.0, 0.0]},
     "position": {
@@ -96,10 +99,21 @@ class Robot:
         self.attitude = unit_quaternion(self.s["attitude"])
         self.mounting = unit_quaternion(self.s["force"]["mounting"])
         self.random = random.Random(1)
+        self.requests = []  # times at which it was asked to press
+        self.force_is_dead = False
+
+    def since_start(self, time_s):
+        """For how long the tool has been pressing; 0 while it rests."""
+        presses = self.s["on_request"]
+        if not presses:
+            return max(time_s - self.s["rest_s"], 0.0)
+        begun = max((t for t in self.requests if t <= time_s), default=math.inf)
+        after = time_s - begun
+        return after if 0.0 < after < presses * 2.0 * math.pi / 2.2 else 0.0
 
     def depth(self, time_s):
         """Penetration [mm] and its rate [mm/s]."""
-        after = max(time_s - self.s["rest_s"], 0.0)
+        after = self.since_start(time_s)
         moving = float(after > 0.0)
         swing = 0.5 * (self.s["depth_mm"] + self.s["lift_mm"])
         slow, fast = 2.2 * after, 11.0 * after
@@ -137,7 +151,9 @@ class Robot:
         )
         if told["in_base"]:
             force, torque = rotated(sensor, force), rotated(sensor, torque)
-        scale = told["scale"]
+        scale, step = told["scale"], told["step"]
+        if step:
+            force = tuple(step * round(f / step) for f in force)
         return tuple(scale * f for f in force), tuple(scale * t for t in torque)
 
     def pose(self, time_s):
@@ -237,6 +253,15 @@ class Publisher:
 
     def run(self, stopped):
         begin_ns = time.time_ns()
+
+        def ask(*_):
+            self.robot.requests.append((time.time_ns() - begin_ns) * 1e-9)
+
+        def die(*_):
+            self.robot.force_is_dead = True
+
+        signal.signal(signal.SIGUSR1, ask)
+        signal.signal(signal.SIGUSR2, die)
         due = []
         counts = {"force": 0, "position": 0}
         for stream in counts:
@@ -247,7 +272,8 @@ class Publisher:
             if delay > 0.0:
                 time.sleep(delay)
             stamp_ns = begin_ns + round(time_s * 1e9)
-            self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
+            if not (stream == "force" and self.robot.force_is_dead):
+                self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
             told = self.robot.s[stream]
             counts[stream] += 1
             time_s = counts[stream] / told["rate_hz"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from hc_bringup.commands import setup
+from hc_bringup.guided_setup import LiveLine
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
@@ -171,19 +171,19 @@ def test_doctor_finds_a_delay_and_forecasts_what_the_motion_does_not_show(bench)
     assert " mm/s give" in text
 
 
-def test_the_seconds_that_are_left_do_not_stay_on_the_terminal(monkeypatch):
+def test_the_live_line_fits_the_terminal_and_does_not_stay_on_it(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
             return True
 
-    class FakeRecorder:
-        def spin(self, seconds, tell):
-            tell(seconds)
-
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
-    setup._record(FakeRecorder(), 3.0, "press")
-    assert shown.getvalue() == "\rpress:   3 s \r\x1b[K"
+    monkeypatch.setenv("COLUMNS", "20")
+    tell = LiveLine()
+    tell("press:  3 s")
+    tell("force changed by 2.34 N, tool moved 3.4 mm")
+    tell.clear()
+    assert shown.getvalue() == "\r\x1b[Kpress:  3 s\r\x1b[Kforce changed by 2.\r\x1b[K"
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    setup._record(FakeRecorder(), 3.0, "press")
+    LiveLine()("press:  3 s")
     assert sys.stderr.getvalue() == ""

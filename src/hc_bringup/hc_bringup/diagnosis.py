@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from hc_estimator import PARAMETER_NAMES, Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
-from hc_estimator.stream.readings import Check, Suspicion, moves, robust_range
+from hc_estimator.stream.readings import (
+    LEAST_SAMPLES,
+    Check,
+    Suspicion,
+    moves,
+    noise,
+    robust_range,
+)
 from hc_estimator.stream.sanity import check_samples
 from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
@@ -22,6 +29,8 @@ from hc_evaluation.forecast import Forecast, forecast
 FloatArray = NDArray[np.float64]
 
 MOST_REMEDIES = 5
+NOISE_ALONE = 6.5
+"""The range (99 %) of white noise is 5.2 times its deviation."""
 CLEAR_DELAY_S = 0.002
 """A delay below this changes B by less than anybody tells."""
 SPOILT = (Check.SATURATION, Check.STUCK, Check.QUANTISATION, Check.RATE)
@@ -137,6 +146,9 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
         force_n: contact force [N], shape (n,); NaN where there is no reading.
     """
     samples = _Samples(*(np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)))
+    untouched = _touches_nothing(samples)
+    if untouched is not None:
+        return Diagnosis((untouched,), None, (), 0.0)
     findings = []
     treated: set[tuple[Check, str]] = set()
     spoilt = False
@@ -181,6 +193,23 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
     return Diagnosis(tuple(findings), after, tuple(plans), depth)
+
+
+def _touches_nothing(samples: _Samples) -> Finding | None:
+    """Say so if the force is noise alone while the tool moves: what fits it is no tissue."""
+    places = samples.displacement_mm[np.isfinite(samples.displacement_mm)]
+    forces = samples.force_n[np.isfinite(samples.force_n)]
+    if min(len(places), len(forces)) < LEAST_SAMPLES or not moves(places):
+        return None
+    low, high = robust_range(forces)
+    least, most = robust_range(places)
+    noise_n = noise(forces)
+    if not 0.0 < high - low < NOISE_ALONE * noise_n:
+        return None
+    return Finding(
+        f"the force is noise alone ({noise_n:.2g} N) while the tool moves by {most - least:.3g} "
+        "mm: it touched nothing, or this is another axis, topic or column than that which presses"
+    )
 
 
 def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:

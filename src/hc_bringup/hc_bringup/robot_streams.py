@@ -10,6 +10,7 @@ import numpy as np
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
+from hc_estimator.stream.readings import FloatArray
 from hc_estimator.stream.sensor_setup import VectorReadings
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
@@ -23,7 +24,25 @@ POSITIONS = {
     "sensor_msgs/msg/JointState": "joint",
 }
 """Types of position topics, and what the parameter input.position.type calls them; best first."""
+_NO_STAMP = "carries no time of measurement; let its driver publish the type "
+_OTHER_TYPE = "is not read; let its driver publish "
+_UNUSABLE = {
+    "geometry_msgs/msg/Wrench": f"{_NO_STAMP}WrenchStamped",
+    "geometry_msgs/msg/Pose": f"{_NO_STAMP}PoseStamped",
+    "geometry_msgs/msg/Point": f"{_NO_STAMP}PoseStamped",
+    "geometry_msgs/msg/Transform": f"{_NO_STAMP}TransformStamped",
+    "std_msgs/msg/Float64": f"{_NO_STAMP}WrenchStamped or JointState",
+    "std_msgs/msg/Float64MultiArray": f"{_NO_STAMP}WrenchStamped or JointState",
+    "geometry_msgs/msg/PointStamped": f"{_OTHER_TYPE}PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": f"{_OTHER_TYPE}PoseStamped",
+    "nav_msgs/msg/Odometry": f"{_OTHER_TYPE}PoseStamped",
+    "tf2_msgs/msg/TFMessage": "frames are read, but not proposed: docs/robots.md, type tf",
+}
+"""Types of topics that somebody may take for a sensor, and what is in the way."""
 _XYZ = ("x", "y", "z")
+SILENT_S = 2.0
+"""A sensor that sent nothing for so long is told to be silent."""
+_KEPT_WHILE_IDLE = 20_000
 
 
 class Stream(NamedTuple):
@@ -42,34 +61,64 @@ class Stream(NamedTuple):
     frame: str
 
 
-def find_streams(graph: Graph, seconds: float) -> list[Stream]:
-    """Return all topics that may be sensors, with their rates measured for a while."""
+def find_streams(graph: Graph, seconds: float, patience_s: float = 0.0) -> list[Stream]:
+    """Return all topics that may be sensors, with their rates.
+
+    Args:
+        graph: where to look.
+        seconds: for so long rates are measured.
+        patience_s: so long a live force and a live position are waited for: discovery takes
+            seconds on a busy machine, and a driver that has just been started sends nothing yet.
+
+    Raises:
+        KeyboardInterrupt: if a signal asks to end.
+    """
     graph.settle()
     kinds = {WRENCH: "wrench"} | POSITIONS
     counts: dict[str, list[Any]] = {}
-    found, subscriptions = [], []
-    for name, types in graph.topics():
-        kind = next((kinds[t] for t in types if t in kinds), None)
-        if kind is None or name.endswith(f"/{RECONSTRUCTED_WRENCH}"):
-            continue
-        heard: list[Any] = []
-        counts[name] = heard
-        subscriptions.append(
-            graph.node.create_subscription(
-                interface_class(types[0]), name, _keeper(heard), SAMPLE_QOS
+    found: dict[str, str] = {}
+    subscriptions = []
+    now = time.monotonic()
+    latest = now + max(patience_s, seconds)
+    end = latest
+    complete = False
+    while (now := time.monotonic()) < end:
+        for name, types in graph.topics():
+            interface = next((t for t in types if t in kinds), None)
+            if interface is None or name in found or name.endswith(f"/{RECONSTRUCTED_WRENCH}"):
+                continue
+            found[name] = kinds[interface]
+            counts[name] = []
+            subscriptions.append(
+                graph.node.create_subscription(
+                    interface_class(interface), name, _keeper(counts[name]), SAMPLE_QOS
+                )
             )
-        )
-        found.append((name, kind))
-    graph.spin(seconds)
+        if not graph.spin(min(0.25, end - now)):
+            raise KeyboardInterrupt
+        alive = {found[name] for name, heard in counts.items() if heard}
+        if not complete and "wrench" in alive and alive & set(POSITIONS.values()):
+            complete = True
+            end = min(latest, time.monotonic()) + seconds
     for subscription in subscriptions:
         graph.node.destroy_subscription(subscription)
     streams = []
-    for name, kind in found:
+    for name, kind in sorted(found.items()):
         arrivals = [arrival for arrival, _frame in counts[name]]
         apart = arrivals[-1] - arrivals[0] if len(arrivals) > 1 else 0.0
         rate = (len(arrivals) - 1) / apart if apart > 0.0 else float(bool(arrivals))
         streams.append(Stream(name, kind, rate, counts[name][-1][1] if arrivals else ""))
     return streams
+
+
+def unusable(graph: Graph) -> list[str]:
+    """Say of topics that look like sensors why they cannot be proposed, one line each."""
+    return [
+        f"{name} ({kind}): {_UNUSABLE[kind]}"
+        for name, types in graph.topics()
+        for kind in types
+        if kind in _UNUSABLE and name != "/tf_static"
+    ]
 
 
 def best(streams: list[Stream], kinds: tuple[str, ...]) -> Stream | None:
@@ -82,10 +131,14 @@ def best(streams: list[Stream], kinds: tuple[str, ...]) -> Stream | None:
 
 
 class Recorder:
-    """Records a force and a position stream into arrays."""
+    """Records a force and a position stream into arrays. Use as a context manager."""
 
     def __init__(self, graph: Graph, force: Stream, position: Stream) -> None:
         self._graph = graph
+        self.topics = (force.topic, position.topic)
+        self.is_joint = position.kind == "joint"
+        self._arrived = [time.monotonic(), time.monotonic()]
+        self._subscriptions = []
         self._force: list[tuple[float, ...]] = []
         self._position: list[tuple[float, ...]] = []
         self._names: tuple[str, ...] = ()
@@ -96,14 +149,25 @@ class Recorder:
             "transform": lambda m: _mm(m.transform.translation),
             "joint": self._joints,
         }
-        for stream, kind, keep, values in (
-            (force, WRENCH, self._force, _wrench),
-            (position, types[position.kind], self._position, read[position.kind]),
+        for i, (stream, kind, keep, values) in enumerate(
+            (
+                (force, WRENCH, self._force, _wrench),
+                (position, types[position.kind], self._position, read[position.kind]),
+            )
         ):
-            graph.node.create_subscription(
-                interface_class(kind), stream.topic, self._taker(keep, values), SAMPLE_QOS
+            self._subscriptions.append(
+                graph.node.create_subscription(
+                    interface_class(kind), stream.topic, self._taker(i, keep, values), SAMPLE_QOS
+                )
             )
         graph.wait_for(lambda: bool(self._force and self._position))
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        for subscription in self._subscriptions:
+            self._graph.node.destroy_subscription(subscription)
 
     def start(self) -> None:
         """Forget what was recorded so far."""
@@ -111,17 +175,40 @@ class Recorder:
         self._position.clear()
         self._origin_ns = None
 
-    def spin(self, seconds: float, tell: Callable[[float], None]) -> None:
+    def spin(self, seconds: float, tell: Callable[[float], None] = lambda _left: None) -> None:
         """Record for a while; `tell` hears how many seconds are left.
 
         Raises:
-            UserError: if a signal asks to end.
+            KeyboardInterrupt: if a signal asks to end.
         """
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
             tell(left)
-            if not self._graph.spin(min(left, 0.5)):
-                raise UserError("interrupted", FAILURE)
+            if not self._graph.spin(min(left, 0.25)):
+                raise KeyboardInterrupt
+
+    def idle(self, seconds: float) -> None:
+        """Listen while a question waits for its answer: what is old is forgotten."""
+        self.spin(seconds)
+        for rows in (self._force, self._position):
+            del rows[:-_KEPT_WHILE_IDLE]
+
+    def silent(self, seconds: float = SILENT_S) -> str:
+        """Say which sensor has sent nothing for so long; nothing if both send."""
+        now = time.monotonic()
+        return "; ".join(
+            f"{topic} has sent nothing for {now - arrived:.0f} s"
+            for topic, arrived in zip(self.topics, self._arrived, strict=True)
+            if now - arrived > seconds
+        )
+
+    def since(self, force: int, position: int) -> tuple[FloatArray, FloatArray]:
+        """Return force [N] and position [mm] after so many rows, shapes (n, components)."""
+        forces, places = np.array(self._force[force:]), np.array(self._position[position:])
+        return (
+            forces[:, 1:] if len(forces) else np.empty((0, 3)),
+            places[:, 1:] if len(places) else np.empty((0, 1)),
+        )
 
     @property
     def elapsed_s(self) -> float:
@@ -144,9 +231,13 @@ class Recorder:
         )
 
     def _taker(
-        self, keep: list[tuple[float, ...]], values: Callable[[Any], tuple[float, ...] | None]
+        self,
+        which: int,
+        keep: list[tuple[float, ...]],
+        values: Callable[[Any], tuple[float, ...] | None],
     ) -> Callable[[Any], None]:
         def take(message: Any) -> None:
+            self._arrived[which] = time.monotonic()
             stamp_ns = nanoseconds_from_stamp(message.header.stamp)
             if self._origin_ns is None:
                 self._origin_ns = stamp_ns

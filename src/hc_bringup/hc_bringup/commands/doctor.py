@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         wrong = reading._replace(force_alone=0, displacement_alone=0, notes=())
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
-        settings, type_it = dict(arguments.sensors), _for_recording(arguments.input, recording)
+        settings, type_it = dict(arguments.sensors), _for_recording(arguments, recording)
         where = f"{arguments.input}, {len(recording.time_s)} samples"
     diagnosis = None
     if rows is not None:
@@ -68,17 +68,39 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _for_node(node: str) -> Any:
-    return lambda name, value: f"hc param set {node} input.{name} {value}"
+    """Say how a running node gets settings; returns (those that change, all) -> commands."""
+    return lambda changed, _present: [
+        f"hc param set {node} input.{name} {value}" for name, value in changed.items()
+    ]
 
 
-def _for_recording(path: str, recording: Any) -> Any:
-    """Say how a recording is read with a setting."""
-    quoted = shlex.quote(path)
+def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
+    """Say how a recording is read with settings; returns (those that change, all) -> commands.
 
-    def type_it(name: str, value: Any) -> str:
-        if recording.is_bag or name in recording_input.OF_A_TABLE:
-            return f"hc estimate {quoted} --input {name}={value}"
-        return f"in the robot's parameter file: input.{name}: {value}"
+    A command keeps nothing for the next one: each has all settings so far, and what the file's
+    columns were said to be.
+    """
+    words = ["hc", "estimate", arguments.input]
+    for option in ("columns", "units", "separator", "decimal", "header_lines", "encoding"):
+        value = getattr(arguments, option, None)
+        if value is not None:
+            words += [f"--{option.replace('_', '-')}", str(value)]
+
+    def type_it(changed: dict[str, Any], present: dict[str, Any]) -> list[str]:
+        usable = {
+            name: value
+            for name, value in present.items()
+            if recording.is_bag or name in recording_input.OF_A_TABLE
+        }
+        lines = []
+        if usable.keys() & changed.keys():
+            settings = [w for name, value in usable.items() for w in ("--input", f"{name}={value}")]
+            lines.append(shlex.join(words + settings))
+        return lines + [
+            f"in the robot's parameter file: input.{name}: {value}"
+            for name, value in changed.items()
+            if name not in usable
+        ]
 
     return type_it
 
@@ -115,8 +137,8 @@ def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_
         print(f"{i}. {finding.what}")
         if finding.cost:
             print(f"   costs: {finding.cost}")
-        for name, value in apply(settings, finding.settings).items():
-            print(f"   type:  {type_it(name, value)}")
+        for command in type_it(apply(settings, finding.settings), settings):
+            print(f"   type:  {command}")
     if findings:
         print("docs/robots.md says what each means")
     if diagnosis is not None and diagnosis.estimated is not None:
@@ -139,7 +161,7 @@ def _print_json(
                 "what": finding.what,
                 "cost": finding.cost,
                 "settings": {f"input.{name}": value for name, value in changed.items()},
-                "type": [type_it(name, value) for name, value in changed.items()],
+                "type": type_it(changed, settings),
             }
         )
     summary: dict[str, Any] = {

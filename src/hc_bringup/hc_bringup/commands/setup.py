@@ -11,12 +11,8 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
 
 HELP = "find how your robot's sensors are to be read, write it down and start a run"
-LOOK_S = 1.5
-LOOKS = 3
-POSITION_KINDS = ("pose", "transform", "joint")
-REST_S = 3.0
-PRESS_S = 12.0
 ONE_GO_S = 15.0
+INTERRUPTED = 130
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--seconds",
         type=positive,
         metavar="S",
-        help=f"record so long (default: {PRESS_S:g} s of presses, with --yes {ONE_GO_S:g} s)",
+        help=f"record so long (default: 12 s of presses, with --yes {ONE_GO_S:g} s)",
     )
     parser.add_argument(
         "--yes",
@@ -54,66 +50,73 @@ def run(arguments: argparse.Namespace) -> int:
     check_free(output)
     if not (arguments.yes or sys.stdin.isatty()):
         raise UserError("there is no terminal to ask at: give --yes", WRONG_USE)
-    run_file = _set_up(arguments, output)
-    if arguments.no_run:
+    try:
+        run_file = _set_up(arguments, output)
+    except KeyboardInterrupt:
+        print(file=sys.stderr)  # behind the ^C of the terminal
+        raise UserError("ended: nothing was written", INTERRUPTED) from None
+    print(f"written: {output}, {run_file}", flush=True)
+    if arguments.no_run or not (arguments.yes or _run_now(run_file)):
         print(f"start it with: hc run {run_file}")
-        return 0
-    if not arguments.yes and not _agrees("start a run with it now?"):
         return 0
     from hc_bringup import cli
 
     return cli.main(["run", str(run_file)])
 
 
+def _run_now(run_file: Path) -> bool:
+    """Ask whether the run is to be started; what was written stays where nobody answers."""
+    from hc_bringup.asking import Asker, yes_or_no
+
+    try:
+        return yes_or_no(Asker(), "start a run with it now?")
+    except (KeyboardInterrupt, UserError):
+        print()
+        return False
+
+
 def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     """Find everything out and write the files; returns that of the run."""
-    from hc_bringup.diagnosis import assumed_line, diagnose, estimate_lines
     from hc_bringup.graph import Graph
+    from hc_bringup.guided_setup import PRESS_S, BackError, Guide, LiveLine, at_once
     from hc_bringup.robot_files import write_files
-    from hc_bringup.robot_streams import Recorder, best, find_streams
+
+    tell = LiveLine()
+    names = (arguments.force, arguments.position)
+    with Graph() as graph:
+        if arguments.yes:
+            recorded = at_once(graph, *names, arguments.seconds or ONE_GO_S, tell)
+            judged = _judge(recorded)
+            return write_files(output, recorded.force, recorded.position, *judged)
+        from hc_bringup.asking import Asker
+
+        guide = Guide(graph, Asker(), tell, arguments.seconds or PRESS_S)
+        streams = guide.choose(*names)
+        while True:
+            try:
+                recorded = guide.record(*streams)
+                try:
+                    judged = _judge(recorded)
+                except UserError as error:
+                    guide.again(str(error))
+                    continue
+                if guide.accepts(f"write this to {output}"):
+                    return write_files(output, *streams, *judged)
+            except BackError:
+                streams = guide.choose(None, None)
+
+
+def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
+    """Say how the sensors are to be read; returns that, and the time offsets [s].
+
+    Raises:
+        UserError: if the readings do not show it.
+    """
+    from hc_bringup.diagnosis import assumed_line, diagnose, estimate_lines
     from hc_estimator.stream.sensor_setup import SetupError, propose
 
-    with Graph() as graph:
-        print("looking for sensors ...", flush=True)
-        streams = find_streams(graph, LOOK_S)
-        for _ in range(LOOKS - 1):  # a driver that has just been started
-            if best(streams, ("wrench",)) and best(streams, POSITION_KINDS):
-                break
-            streams = find_streams(graph, LOOK_S)
-        for stream in streams:
-            alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
-            print(f"  {stream.topic} ({stream.kind}): {alive}")
-        force = _choose(
-            streams,
-            arguments.force,
-            "force",
-            ("wrench",),
-            best(streams, ("wrench",)),
-            arguments.yes,
-        )
-        position = _choose(
-            streams,
-            arguments.position,
-            "position",
-            POSITION_KINDS,
-            best(streams, POSITION_KINDS),
-            arguments.yes,
-        )
-        recorder = Recorder(graph, force, position)
-        rest_s = None
-        if arguments.yes:
-            recorder.start()
-            _record(recorder, arguments.seconds or ONE_GO_S, "recording presses")
-        else:
-            input("Bring the tool to rest free of contact, near the tissue; then press Enter. ")
-            recorder.start()
-            _record(recorder, REST_S, "let it rest")
-            rest_s = recorder.elapsed_s
-            print("Now press into the tissue and leave it again, several times, slow and fast.")
-            _record(recorder, arguments.seconds or PRESS_S, "press")
-        readings = recorder.readings()
     try:
-        found = propose(*readings, rest_s=rest_s)
+        found = propose(*recorded.readings, rest_s=recorded.rest_s)
     except SetupError as error:
         raise UserError(str(error), FAILURE) from error
     diagnosis = diagnose(found.time_s, found.displacement_mm, found.force_n)
@@ -123,64 +126,21 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     found = found.corrected(
         corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0)
     )
-    _tell(force, found.force, "N")
-    _tell(position, found.position, "mm")
+    _tell(recorded.force, found.force, "N")
+    _tell(recorded.position, found.position, "mm")
     print(assumed_line(found.displacement_mm, found.force_n))
     for finding in diagnosis.findings:
         if not _are_zeros(finding.settings):  # those are told above
             print(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
     for note in found.notes:
         print(note)
-    print("\n".join(estimate_lines(diagnosis)))
+    print("\n".join(estimate_lines(diagnosis)), flush=True)
     offsets = {
         name: corrections[f"{name}.time_offset"]
         for name in ("force", "position")
         if f"{name}.time_offset" in corrections
     }
-    run_file = write_files(output, force, position, found, offsets)
-    print(f"written: {output}, {run_file}")
-    return run_file
-
-
-def _choose(
-    streams: list[Any],
-    given: str | None,
-    what: str,
-    kinds: tuple[str, ...],
-    proposed: Any,
-    yes: bool,
-) -> Any:
-    """Return the stream that the user wants.
-
-    Raises:
-        UserError: if there is none, or it sends nothing.
-    """
-    fitting = [s for s in streams if s.kind in kinds]
-    names = ", ".join(s.topic for s in fitting) or "none"
-    if given is not None:
-        full = given if given.startswith("/") else f"/{given}"
-        stream = next((s for s in fitting if s.topic == full), None)
-        if stream is None:
-            raise UserError(f"there is no {what} topic {full}; there are: {names}", FAILURE)
-    elif proposed is None:
-        raise UserError(
-            f"no {what} topic of type {' or '.join(kinds)} sends anything (there are: {names}): is "
-            "the robot's driver running, in this ROS_DOMAIN_ID and on this machine "
-            "(ROS_AUTOMATIC_DISCOVERY_RANGE)?",
-            FAILURE,
-        )
-    elif yes or len(fitting) == 1 or _agrees(f"take {proposed.topic} for the {what}?"):
-        stream = proposed
-    else:
-        for i, one in enumerate(fitting, 1):
-            print(f"  {i}. {one.topic}")
-        answer = input(f"number of the {what} topic: ")
-        if not answer.isdigit() or not 1 <= int(answer) <= len(fitting):
-            raise UserError(f"{answer!r} is no number from 1 to {len(fitting)}", WRONG_USE)
-        stream = fitting[int(answer) - 1]
-    if stream.rate_hz == 0.0:
-        raise UserError(f"{stream.topic} sends no message: is its driver running?", FAILURE)
-    return stream
+    return found, offsets
 
 
 def _tell(stream: Any, found: Any, unit: str) -> None:
@@ -196,21 +156,3 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
 
 def _are_zeros(settings: dict[str, Any]) -> bool:
     return bool(settings) and all(name.endswith(".zero") for name in settings)
-
-
-def _agrees(question: str) -> bool:
-    return input(f"{question} [Y/n] ").strip().lower() in ("", "y", "yes")
-
-
-def _record(recorder: Any, seconds: float, what: str) -> None:
-    """Record for a while; a terminal shows the seconds that are left, and an empty line after."""
-    if not sys.stderr.isatty():
-        recorder.spin(seconds, lambda _left: None)
-        return
-    try:
-        recorder.spin(
-            seconds,
-            lambda left: print(f"\r{what}: {left:3.0f} s ", end="", file=sys.stderr, flush=True),
-        )
-    finally:
-        print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,322 @@
+"""The questions of `hc setup`: which sensors, a rest, some presses; each can be done again."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from hc_bringup.asking import Asker, yes_or_no
+from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.felt import Felt, resting
+from hc_bringup.graph import Graph
+from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, best, find_streams, unusable
+
+LOOK_S = 1.5
+PATIENCE_S = 12.0
+"""So long sensors are waited for before somebody is asked whether to go on."""
+REST_S = 3.0
+PRESS_S = 12.0
+FIRST_PRESS_S = 60.0
+"""So long the first press is waited for; only then the time of the presses begins."""
+FEWEST_PRESSES = 3
+LONGEST = 3.0
+"""Times the time of the presses that is waited for further ones."""
+SILENT_S = 8.0
+"""A recording ends when a sensor has sent nothing for so long."""
+KINDS = {"force": ("wrench",), "position": ("pose", "transform", "joint")}
+_HELP = (
+    "is the robot's driver running, in this ROS_DOMAIN_ID and on this machine "
+    "(ROS_AUTOMATIC_DISCOVERY_RANGE)?"
+)
+
+
+class Recorded(NamedTuple):
+    """What was recorded: both streams, their readings, and until when the tool rested."""
+
+    force: Stream
+    position: Stream
+    readings: tuple[Any, Any]
+    rest_s: float | None
+
+
+class GoneSilentError(Exception):
+    """A sensor sent nothing any more; says which."""
+
+
+class BackError(Exception):
+    """The user wants to choose the sensors again."""
+
+
+def at_once(
+    graph: Graph, force: str | None, position: str | None, seconds: float, tell: LiveLine
+) -> Recorded:
+    """Record what is proposed while the tool presses, and ask nothing.
+
+    Raises:
+        UserError: if there are no such sensors, or they send nothing.
+    """
+    streams = look(graph)
+    chosen = [
+        _given(streams, name, what) for what, name in zip(KINDS, (force, position), strict=True)
+    ]
+    with Recorder(graph, *chosen) as recorder:
+        recorder.start()
+        recorder.spin(seconds, lambda left: tell(f"recording presses: {left:3.0f} s"))
+        tell.clear()
+        if recorder.silent():
+            raise UserError(f"{recorder.silent()}: is its driver still running?", FAILURE)
+        return Recorded(chosen[0], chosen[1], recorder.readings(), None)
+
+
+def look(graph: Graph) -> list[Stream]:
+    """Look for sensors and say which there are."""
+    print(f"looking for sensors (at most {PATIENCE_S:g} s) ...", flush=True)
+    streams = find_streams(graph, LOOK_S, PATIENCE_S)
+    for stream in streams:
+        alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
+        print(f"  {stream.topic} ({stream.kind}): {alive}")
+    if not all(best(streams, kinds) for kinds in KINDS.values()):
+        for line in unusable(graph):
+            print(f"  {line}")
+    sys.stdout.flush()
+    return streams
+
+
+def _given(streams: list[Stream], name: str | None, what: str) -> Stream:
+    """Return the stream of a name, or else the one to propose.
+
+    Raises:
+        UserError: if there is none, or it sends nothing.
+    """
+    fitting = [s for s in streams if s.kind in KINDS[what]]
+    names = ", ".join(s.topic for s in fitting) or "none"
+    if name is None:
+        proposed = best(streams, KINDS[what])
+        if proposed is None:
+            kinds = {"force": "WrenchStamped", "position": _position_types()}[what]
+            raise UserError(
+                f"no {what} topic of type {kinds} sends anything (there are: {names}): {_HELP}",
+                FAILURE,
+            )
+        return proposed
+    full = name if name.startswith("/") else f"/{name}"
+    stream = next((s for s in fitting if s.topic == full), None)
+    if stream is None:
+        raise UserError(f"there is no {what} topic {full}; there are: {names}", FAILURE)
+    if stream.rate_hz == 0.0:
+        raise UserError(f"{stream.topic} sends no message: is its driver running?", FAILURE)
+    return stream
+
+
+def _position_types() -> str:
+    *first, last = (name.rpartition("/")[2] for name in POSITIONS)
+    return f"{', '.join(first)} or {last}"
+
+
+class LiveLine:
+    """A line on the terminal that is written over again and again; nothing elsewhere."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+
+    def __call__(self, text: str) -> None:
+        """Show a text instead of the present one; what is wider than the terminal is cut off."""
+        if self._shown:
+            width = shutil.get_terminal_size().columns - 1  # a line that wraps cannot be undone
+            print(f"\r\x1b[K{text[:width]}", end="", file=sys.stderr, flush=True)
+
+    def clear(self) -> None:
+        """Leave an empty line."""
+        if self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+class Guide:
+    """Asks for what is needed, step by step."""
+
+    def __init__(self, graph: Graph, asker: Asker, tell: LiveLine, seconds: float) -> None:
+        """Begin.
+
+        Args:
+            graph: where the sensors are.
+            asker: who is asked.
+            tell: where the live line goes.
+            seconds: of presses.
+        """
+        self._graph = graph
+        self._asker = asker
+        self._tell = tell
+        self._seconds = seconds
+
+    def choose(self, force: str | None, position: str | None) -> tuple[Stream, Stream]:
+        """Let the user choose both sensors; look again as often as wished.
+
+        Raises:
+            UserError: if the user does not want to look again.
+        """
+        while True:
+            streams = look(self._graph)
+            try:
+                # Both are there before anything is asked.
+                proposed = [
+                    _given(streams, name, what)
+                    for what, name in zip(KINDS, (force, position), strict=True)
+                ]
+            except UserError as error:
+                print(error)
+                if not yes_or_no(self._asker, "look again?"):
+                    raise
+                continue
+            chosen = [
+                stream if name is not None else self._pick(streams, stream, what)
+                for what, name, stream in zip(KINDS, (force, position), proposed, strict=True)
+            ]
+            return chosen[0], chosen[1]
+
+    def _pick(self, streams: list[Stream], proposed: Stream, what: str) -> Stream:
+        alive = [s for s in streams if s.kind in KINDS[what] and s.rate_hz > 0.0]
+        if len(alive) == 1:
+            print(f"{what}: {proposed.topic}")
+            return proposed
+        answers = {"": "0"}
+        for i, stream in enumerate(alive, 1):
+            print(f"  {i}. {stream.topic}")
+            answers[str(i)] = str(i)
+        number = self._asker.choose(
+            f"number of the {what} topic [Enter: {proposed.topic}]", answers, self._wait
+        )
+        return alive[int(number) - 1] if number != "0" else proposed
+
+    def _wait(self, seconds: float) -> None:
+        if not self._graph.spin(seconds):
+            raise KeyboardInterrupt
+
+    def record(self, force: Stream, position: Stream) -> Recorded:
+        """Let the tool rest, then press; again and again until something was felt.
+
+        Raises:
+            BackError: if other sensors are wanted.
+            UserError: if the user ends it.
+        """
+        while True:
+            with Recorder(self._graph, force, position) as recorder:
+                try:
+                    rest_s = self._rest(recorder)
+                    felt = self._presses(recorder)
+                except GoneSilentError as error:
+                    self._tell.clear()
+                    self.again(f"{error}: is its driver still running?", recorder.idle)
+                    continue
+                if felt.felt:
+                    print(f"felt: {felt.sentence}")
+                    return Recorded(force, position, recorder.readings(), rest_s)
+                self.again(
+                    f"no press was felt: {felt.sentence}. Does the tool touch the tissue, and is "
+                    f"{force.topic} its sensor?",
+                    recorder.idle,
+                )
+
+    def again(self, why: str, meanwhile: Callable[[float], None] | None = None) -> None:
+        """Say what went wrong and return if the user wants to press again.
+
+        Raises:
+            BackError: if other sensors are wanted.
+            UserError: if the user ends it.
+        """
+        print(why)
+        answers = {"": "", "r": "", "b": "b", "q": "q"}
+        answer = self._asker.choose(
+            "press again [Enter], choose other sensors [b], or end [q]?",
+            answers,
+            meanwhile or self._wait,
+        )
+        if answer == "b":
+            raise BackError
+        if answer == "q":
+            raise UserError("ended: nothing was written", FAILURE)
+
+    def accepts(self, question: str) -> bool:
+        """Ask whether what was found is right; False: press again.
+
+        Raises:
+            BackError: if other sensors are wanted.
+            UserError: if the user ends it.
+        """
+        answers = {"": "y", "y": "y", "yes": "y", "r": "r", "b": "b", "q": "q"}
+        answer = self._asker.choose(
+            f"{question} [Enter], press again [r], choose other sensors [b], or end [q]?",
+            answers,
+            self._wait,
+        )
+        if answer == "b":
+            raise BackError
+        if answer == "q":
+            raise UserError("ended: nothing was written", FAILURE)
+        return answer == "y"
+
+    def _rest(self, recorder: Recorder) -> float:
+        """Let the tool rest; returns until when it did, on the clock of the readings."""
+        while True:
+            self._asker.ask(
+                "Bring the tool to rest free of contact, near the tissue; then press Enter.",
+                recorder.idle,
+            )
+            recorder.start()
+            self._spin(recorder, REST_S, lambda left: f"let it rest: {left:3.0f} s")
+            self._tell.clear()
+            doubt = resting(recorder)
+            if not doubt:
+                return recorder.elapsed_s
+            print(f"{doubt}: was it at rest, and in the air?")
+            answers = {"": "", "r": "", "g": "g"}
+            if self._asker.choose("rest again [Enter], or go on all the same [g]?", answers) == "g":
+                return recorder.elapsed_s
+
+    def _presses(self, recorder: Recorder) -> Felt:
+        """Let the tool press; the time runs from the first press that is felt."""
+        felt = Felt(recorder)
+        print(
+            "Now press into the tissue and leave it again, several times, slow and fast "
+            f"({self._seconds:g} s from the first press on).",
+            flush=True,
+        )
+        began = time.monotonic()
+        first: float | None = None
+        while True:
+            now = time.monotonic()
+            if first is None:
+                left = FIRST_PRESS_S - (now - began)
+                if left <= 0.0:
+                    break
+                line = f"waiting for the first press ({left:.0f} s): {felt.sentence}"
+            else:
+                left = self._seconds - (now - first)
+                enough = felt.presses >= FEWEST_PRESSES
+                if left <= 0.0 and (enough or now - first > LONGEST * self._seconds):
+                    break
+                wanted = f"{left:3.0f} s" if left > 0.0 else "leave the tissue and press again"
+                line = f"press: {wanted}; {felt.sentence}"
+            self._spin(recorder, 0.25, lambda _left, line=line: line)  # type: ignore[misc]
+            felt.update()
+            if first is None and felt.felt:
+                first = time.monotonic()
+        self._tell.clear()
+        return felt
+
+    def _spin(self, recorder: Recorder, seconds: float, line: Callable[[float], str]) -> None:
+        """Record for a while with a live line.
+
+        Raises:
+            GoneSilentError: if a sensor has sent nothing for long.
+        """
+
+        def tell(left: float) -> None:
+            silent = recorder.silent()
+            self._tell(silent or line(left))
+            if recorder.silent(SILENT_S):
+                raise GoneSilentError(silent)
+
+        recorder.spin(seconds, tell)
