@@ -161,6 +161,11 @@ def on_interrupt(number: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def was_interrupted() -> bool:
+    """Whether SIGINT has come, whatever error was made of it."""
+    return bool(_interrupts)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the hc command.
 

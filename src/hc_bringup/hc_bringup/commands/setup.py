@@ -42,6 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from hc_bringup import cli
     from hc_bringup.robot_files import check_free
 
     output = Path(arguments.output)
@@ -52,15 +53,18 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("there is no terminal to ask at: give --yes", WRONG_USE)
     try:
         run_file = _set_up(arguments, output)
-    except KeyboardInterrupt:
+    except UserError:
+        raise
+    except (KeyboardInterrupt, Exception) as error:
+        # Ctrl-C within a callback comes out of the middleware as another error.
+        if not (isinstance(error, KeyboardInterrupt) or cli.was_interrupted()):
+            raise
         print(file=sys.stderr)  # behind the ^C of the terminal
         raise UserError("ended: nothing was written", INTERRUPTED) from None
     print(f"written: {output}, {run_file}", flush=True)
     if arguments.no_run or not (arguments.yes or _run_now(run_file)):
         print(f"start it with: hc run {run_file}")
         return 0
-    from hc_bringup import cli
-
     return cli.main(["run", str(run_file)])
 
 
