@@ -45,7 +45,6 @@ FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
-DOUBTFUL = 2.0  # deviations of a contact position that is off from which on it is believed
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 
 
@@ -81,8 +80,6 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     since_varying = bank.tool.contact_clock - bank.judge.varied_at
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
         _add_spread(row, bank.rows[bank.judge.varying], out)
-    if _is_position_doubtful(row, bank.rows[SURFACE_ROW], bank.onset):
-        _add_spread(row, bank.rows[SURFACE_ROW], out)
     if bank.onset.zero[0] != 0.0 and not SURFACE[row.index]:
         _add_position(bank, state[EXPONENT], out)
     write_fixed_parameters(settings, out)
@@ -136,18 +133,6 @@ def _add_bend(row: Any, tool: Any, out: NDArray[np.float64]) -> None:
         for j in range(2):
             both = out[PARAMETERS + i] * out[PARAMETERS + j]
             out[COVARIANCE + 4 * i + j] += variance * both
-
-
-@compiled
-def _is_position_doubtful(row: Any, surface: Any, onset: Any) -> bool:
-    """True if a row takes a contact position for exact that another one finds to be off.
-
-    Only where the tool was never seen to touch, so that nothing but the force speaks of it.
-    """
-    if SURFACE[row.index] or surface.active == 0 or onset.decided != 0 or onset.free != 0:
-        return False
-    position, variance = surface.state[OWN], surface.covariance[OWN, OWN]
-    return bool(position * position > DOUBTFUL * DOUBTFUL * variance)
 
 
 @compiled

@@ -39,6 +39,7 @@ SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.6, 4.0
 SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT = 0.4, 2.0
 LARGEST_RATE = 20.0  # of an own state that drives a parameter [1/s]
 TURNED_RATE = 1.0  # deviation of a rate of ln K that has turned [1/s]
+WILD = 100.0  # ln K beyond which a row is limited even after a refused force
 LARGEST_SOUND = 1e100  # beyond it a number is no estimate
 
 
@@ -220,6 +221,15 @@ def limit(settings: Any, row: Any) -> None:
         )
     for i in range(OWN, COUNTS[row.index]):
         state[i] = min(max(state[i], -LARGEST_RATE), LARGEST_RATE)
+
+
+@compiled
+def limit_wild(settings: Any, rows: Any) -> None:
+    """Keep rows numbers that only a displacement has moved: the next force limits the others."""
+    for m in range(rows.shape[0]):
+        row = rows[m]
+        if row.active != 0 and not abs(row.state[LOG_STIFFNESS]) <= WILD:
+            limit(settings, row)
 
 
 @compiled

@@ -56,6 +56,7 @@ from hc_estimator.multiple_model.rows import (
     is_sound,
     let_surface_move,
     limit,
+    limit_wild,
     seed,
 )
 from hc_estimator.multiple_model.unscented import foresee_force
@@ -65,7 +66,6 @@ PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
 FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
-WILD = 100.0  # ln K beyond which a row is limited even after a refused force
 CONTACT_READINGS = 3  # readings in a row that say there is a force
 SURE = 5.0  # a force beyond so many standard deviations is one
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
@@ -163,7 +163,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
         open_before = clock.outlier_counts[1] > settings.outlier_limit
         if readings.is_outlier(settings, bank, chosen, 1):
             _give(settings, bank, OUTLIER)
-            _limit_wild(settings, rows)
+            limit_wild(settings, rows)
             return OUTLIER
         opens = not open_before and clock.outlier_counts[1] > settings.outlier_limit
         # So many forces that cannot be are an alarm, and no row may be led astray by them before.
@@ -178,15 +178,6 @@ def _update(settings: Any, bank: Any, place: float) -> int:
         if rows[m].active != 0:
             limit(settings, rows[m])
     return ACCEPTED if _keep_sound(settings, bank) else NUMERICAL
-
-
-@compiled
-def _limit_wild(settings: Any, rows: Any) -> None:
-    """Keep rows numbers that only a displacement has moved: the next force limits the others."""
-    for m in range(rows.shape[0]):
-        row = rows[m]
-        if row.active != 0 and not abs(row.state[LOG_STIFFNESS]) <= WILD:
-            limit(settings, row)
 
 
 @compiled
