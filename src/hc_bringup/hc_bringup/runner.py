@@ -17,6 +17,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
+from hc_bringup.silence import is_silent
 from hc_bringup.statistics import EstimateStatistics
 from hc_logger.session import INCOMPLETE
 from hc_msgs_py.background import STARTING
@@ -26,8 +27,6 @@ from hc_msgs_py.topics import NODE_ESTIMATOR
 RUNNING, DONE = "running", "done"
 """Phases of a run in which it waits for nobody."""
 POLL_S = 0.1
-SILENT_S = 1.0
-"""Without an estimate for so long, a run is silent."""
 START_TIMEOUT_S = 240.0
 """Until a node offers ~/ready: the first start on a machine compiles the estimator."""
 MATCH_TIMEOUT_S = 15.0
@@ -80,7 +79,7 @@ class RunState:
     @property
     def silent(self) -> bool:
         """Whether estimates came and come no more, or came no more when the run was ended."""
-        return self.silent_s > SILENT_S
+        return is_silent(self.silent_s)
 
     @property
     def silent_reason(self) -> str:

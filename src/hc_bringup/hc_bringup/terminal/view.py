@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from hc_bringup.runner import SILENT_S
+from hc_bringup.silence import is_silent
 
 NO_SAMPLES: Final = "no samples come"
 BEYOND_REASON_MM: Final = 50.0
@@ -114,12 +114,12 @@ class PanelView:
     @property
     def silent(self) -> bool:
         """Whether estimates came and come no more, or came no more when the run was ended."""
-        return self.silent_s > SILENT_S
+        return is_silent(self.silent_s)
 
     @property
     def waits(self) -> bool:
         """Whether the run goes on and no estimate has come yet."""
-        return self.phase == "running" and self.contact is None and self.elapsed_s > SILENT_S
+        return self.phase == "running" and self.contact is None and is_silent(self.elapsed_s)
 
     def state(self) -> tuple[str, str]:
         """Return the state in a few words, and how good it is: good, idle, warn or bad."""
