@@ -57,6 +57,7 @@ APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
 SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 4.5  # standard deviations
+SMALL = 4.0  # the same, of a normal distribution, for a delay of less than a step
 DOUBTFUL = 3.0  # the same, from which on it is no longer believed that there is none
 LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
 AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
@@ -158,39 +159,76 @@ def _is_used(finder: Any, w: int, chosen: int) -> bool:
 def _join(settings: Any, finder: Any, chosen: int) -> bool:
     """Delay and its deviation from all windows, in finder.fine; False if too few say something.
 
-    The p that goes with it is that of the next window.
+    Windows in separation or over an edge are off by more than their own deviation. How much the
+    windows differ beyond that is found by the method of moments and counts for each of them
+    (random effects; DerSimonian and Laird 1986): else the one window that claims to know the delay
+    best would decide. The p that goes with it is that of the next window.
     """
-    deviation = prior_deviation(settings, 3)
-    of_p = 1.0 / max(deviation, SMALLEST_DEVIATION) ** 2
+    windows = min(finder.windows, WINDOWS)
+    if _used_windows(finder, chosen, windows) < FEWEST_DECISIVE:
+        return False
+    _weigh(finder, chosen, windows, 0.0)
+    if not _solve(settings, finder, windows):
+        return False
+    between = _variance_between(finder, windows)
+    if between > 0.0:
+        _weigh(finder, chosen, windows, between)
+        return _solve(settings, finder, windows)
+    return True
+
+
+@compiled
+def _weigh(finder: Any, chosen: int, windows: int, between: float) -> None:
+    """Share of each window's information that counts, for a variance between them [s^2]."""
+    for w in range(windows):
+        used = _is_used(finder, w, chosen)
+        own = finder.fine_information[w, 0]
+        finder.weight[w] = 1.0 / (1.0 + own * between) if used and own > 0.0 else 0.0
+
+
+@compiled
+def _solve(settings: Any, finder: Any, windows: int) -> bool:
+    """Delay, its deviation and the p that goes with it, from the windows' information."""
+    of_p = 1.0 / max(prior_deviation(settings, 3), SMALLEST_DEVIATION) ** 2
     vector_p = of_p * settings.initial_velocity_exponent
     of_delay, both, vector = 0.0, 0.0, 0.0
-    windows = min(finder.windows, WINDOWS)
-    used = _used_windows(finder, chosen, windows)
     for w in range(windows):
-        if _is_used(finder, w, chosen):
+        weight = finder.weight[w]
+        if weight > 0.0:
             information = finder.fine_information[w]
-            of_delay += information[0]
-            both += information[1]
-            of_p += information[2]
-            vector += finder.fine_vector[w, 0]
-            vector_p += finder.fine_vector[w, 1]
+            of_delay += weight * information[0]
+            both += weight * information[1]
+            of_p += weight * information[2]
+            vector += weight * finder.fine_vector[w, 0]
+            vector_p += weight * finder.fine_vector[w, 1]
     known = of_delay - both * both / of_p
-    if used < FEWEST_DECISIVE or not known > 0.0:
+    if not known > 0.0:
         return False
     mean = (vector - both * vector_p / of_p) / known
     p = (vector_p - both * mean) / of_p
-    p = min(max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-    square = 0.0
-    for w in range(windows):
-        if _is_used(finder, w, chosen):
-            information = finder.fine_information[w]
-            own = (finder.fine_vector[w, 0] - information[1] * p) / information[0]
-            square += information[0] * (own - mean) ** 2
-    scatter = square / max(used - 1, 1)  # 1 where the windows' own variances are right
     finder.fine[0] = mean
-    finder.fine[1] = math.sqrt(max(scatter, 1.0) / known + SMALLEST_DEVIATION**2)
-    finder.velocity_exponent = p
+    finder.fine[1] = math.sqrt(1.0 / known + SMALLEST_DEVIATION**2)
+    finder.velocity_exponent = min(
+        max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
+    )
     return True
+
+
+@compiled
+def _variance_between(finder: Any, windows: int) -> float:
+    """Variance of the windows' delays beyond their own [s^2], by the method of moments."""
+    square, total, squares, used = 0.0, 0.0, 0.0, 0
+    for w in range(windows):
+        if finder.weight[w] > 0.0:
+            information = finder.fine_information[w]
+            of_p = information[1] * finder.velocity_exponent
+            own = (finder.fine_vector[w, 0] - of_p) / information[0]
+            square += information[0] * (own - finder.fine[0]) ** 2
+            total += information[0]
+            squares += information[0] ** 2
+            used += 1
+    freedom = total - squares / total if total > 0.0 else 0.0
+    return max((square - (used - 1)) / freedom, 0.0) if freedom > 0.0 else 0.0
 
 
 @compiled
@@ -215,7 +253,10 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         doubtful = distance > DOUBTFUL * deviation
         finder.deviation = math.hypot(deviation, mean) if doubtful else deviation
         finder.doubt = finder.deviation**2 if doubtful else 0.0
-        changes = distance > max(SIGNIFICANT * deviation, SMALLEST)
+        significant = SIGNIFICANT
+        if distance < step:  # the scatter of the fine values alone decides
+            significant = _quantile(_used_windows(finder, chosen, windows) - 1)
+        changes = distance > max(significant * deviation, SMALLEST)
         changes = changes and (constant or distance > step)
         changes = changes and (few or _is_clear(finder, chosen, windows))
     else:
@@ -232,6 +273,12 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         finder.deviation = math.hypot(deviation, mean - finder.delay)
         finder.doubt = finder.deviation**2
     return bool(changes)
+
+
+@compiled
+def _quantile(freedom: int) -> float:
+    """Student's distribution at `SMALL` deviations of the normal one (Cornish and Fisher 1937)."""
+    return SMALL + (SMALL**3 + SMALL) / (4.0 * max(freedom, 1))
 
 
 @compiled

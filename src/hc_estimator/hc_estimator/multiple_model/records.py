@@ -257,6 +257,7 @@ DELAY = record_type(
         # Information on delay, both and p; and the vector that goes with it.
         Field("fine_information", np.float64, (WINDOWS, 3)),
         Field("fine_vector", np.float64, (WINDOWS, 2)),
+        Field("weight", np.float64, (WINDOWS,), 0.0, 1.0),  # share of it that counts
         Field("fit", np.float64, (3,)),  # K, B, n of the last window
         # Within one window:
         Field("smooth", np.float64, (GRID, 4)),  # its points smoothed, slots as in `grid`
