@@ -21,7 +21,8 @@ from hc_estimator.linear_algebra import (
     clear_matrix,
     clear_vector,
 )
-from hc_estimator.multiple_model import delay_sensitivity, zero_fit
+from hc_estimator.multiple_model import delay_sensitivity, smoothing, zero_fit
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.fit_covariance import (
     invert,
@@ -46,9 +47,7 @@ SETTLED = 1.1  # misfit that gave the weights over what is left, up to which the
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
 CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
-# What is known of the delay when a zero is looked for.
-FEWEST_WINDOWS = 8
-LARGEST_DELAY_DEVIATION = 0.004  # [s]
+FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -74,7 +73,6 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         True if the points tell of a zero that is off, by onset.shift (`zero_fit`).
     """
     history, finder = bank.history, bank.delay
-    velocity_noise = _velocity_noise(finder, bank.sensor_noise[0])
     if not histories.learn(history, finder, bank.sensor_noise):
         return False
     count = history.count - histories.oldest(history)
@@ -87,14 +85,9 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
             history.fit[i] = constant.state[LOG_STIFFNESS + i]
     share = period / (finder.grid_step * history.every)  # of a reading's variance
     force_noise = share * bank.sensor_noise[1]
-    # Of the points, which overlap, and of how many there would be if they did not.
-    variance = velocity_noise * period / max(finder.grid_width, period)
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
-    _share_cubic(history, variance, independent)
-    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
-    velocity_noise *= noisier
-    variance *= noisier
-    left = _fit(settings, history, force_noise, share * velocity_noise, variance, independent)
+    _take_velocity_noise(history, finder, bank.sensor_noise[0], independent)
+    left = _fit(settings, history, force_noise, independent)
     if left < 0.0:
         row.active = 0
         _forget(history)
@@ -121,14 +114,12 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     onset = bank.onset
     if onset.decided != 0 or onset.free != 0 or not is_tried(settings, SURFACE_ROW):
         return False
-    # A delay passes for zeros that are off as long as it is not known itself, and so does what is
-    # left of one that was found.
-    known = finder.windows >= FEWEST_WINDOWS and finder.deviation <= LARGEST_DELAY_DEVIATION
-    if math.isnan(settings.channel_delay) and (not known or finder.delay != 0.0):
+    # A delay of many milliseconds must have been found before, or ruled out.
+    if math.isnan(settings.channel_delay) and finder.windows < FEWEST_WINDOWS:
         return False
     # Of the middle of a parabola: 9/4 of a reading's variance over their number.
     expected = 2.25 * finder.grid_step * history.every / finder.grid_width
-    return zero_fit.look(settings, bank, force_noise, share * velocity_noise, expected)
+    return zero_fit.look(settings, bank, force_noise, expected)
 
 
 @compiled
@@ -161,10 +152,27 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
 
 
 @compiled
-def _velocity_noise(finder: Any, displacement_noise: float) -> float:
-    """Variance of a parabola's slope [mm^2/s^2], times the number of readings in it."""
-    half = 0.5 * max(finder.grid_width, 1e-9)
-    return float(3.0 * displacement_noise / (half * half))
+def _take_velocity_noise(history: Any, finder: Any, noise: float, independent: float) -> None:
+    """Noise of the points' velocities, of the narrow parabolas and of the wide cubics.
+
+    Args:
+        history: velocity_std and velocity_noise are set, and the share of the cubic.
+        finder: record of `delay`.
+        noise: variance of a displacement [mm^2].
+        independent: number of points whose errors are independent of one another.
+    """
+    spacing, width = finder.grid_step * history.every, finder.grid_width
+    variance = grids.velocity_variance(finder, noise)
+    _share_cubic(history, variance, independent)
+    noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
+    history.velocity_std[0] = math.sqrt(noisier * variance)
+    history.velocity_noise[0] = noisier * variance * width / spacing
+    if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
+        value = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
+        variance = smoothing.wide_variance(finder, value)
+    history.velocity_std[1] = math.sqrt(variance)
+    # Slopes that overlap are off by differences of the same readings, which cancel over many.
+    history.velocity_noise[1] = variance / history.every
 
 
 @compiled
@@ -172,8 +180,6 @@ def _fit(
     settings: Any,
     history: Any,
     force_noise: float,
-    velocity_noise: float,
-    velocity_variance: float,
     independent: float,
 ) -> float:
     """Fit the law; its covariance is found with it.
@@ -182,18 +188,15 @@ def _fit(
         settings: settings record.
         history: points; the fit is changed.
         force_noise: variance of a point's force by its share in the information [N^2].
-        velocity_noise: of its velocity, by the same share [mm^2/s^2].
-        velocity_variance: of its velocity [mm^2/s^2].
         independent: number of points whose errors are independent of one another.
 
     Returns:
         Variance of the force that the law misses [N^2]; -1 if the fit says nothing.
     """
     count = history.count - histories.oldest(history)
-    history.velocity_std = math.sqrt(velocity_variance)
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
-        total = weigh(settings, history, history, force_noise, velocity_noise)
+        total = weigh(settings, history, history, force_noise)
         before = max(gather(settings, history, history, history.fit) / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
             return -1.0
@@ -295,7 +298,7 @@ def _is_at_rest(history: Any) -> bool:
     total, first = 0.0, histories.oldest(history)
     for k in range(first, history.count):
         total += velocity_at(history, history.points[k % POINTS]) ** 2
-    noise = (history.count - first) * history.velocity_std**2
+    noise = (history.count - first) * history.velocity_std[0] ** 2
     return noise > LARGEST_SHARE_OF_NOISE * total  # type: ignore[no-any-return]
 
 

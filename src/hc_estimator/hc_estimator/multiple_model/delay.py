@@ -208,9 +208,7 @@ def _solve(settings: Any, finder: Any, windows: int) -> bool:
     p = (vector_p - both * mean) / of_p
     finder.fine[0] = mean
     finder.fine[1] = math.sqrt(1.0 / known + SMALLEST_DEVIATION**2)
-    finder.velocity_exponent = min(
-        max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
-    )
+    finder.velocity_exponent = min(max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
     return True
 
 

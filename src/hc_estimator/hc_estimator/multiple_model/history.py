@@ -13,6 +13,8 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.records import GRID, POINTS
 
 LONGEST = 0.02  # time between two remembered points [s]
@@ -45,9 +47,11 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     """
     shift = round(finder.delay / finder.grid_step)
     rest = shift * finder.grid_step - finder.delay
-    here = finder.grid_count - 1 - max(-shift, 0)  # of the force
+    around = finder.neighbours if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS else 0
+    here = finder.grid_count - 1 - max(around - shift, 0)  # of the force
     there = here - shift  # of the displacement
-    if min(here, there) < max(finder.grid_count - GRID, 0):
+    first = max(finder.grid_count - GRID, 0)
+    if min(here, there) < first:
         return False
     place = finder.grid[there % GRID]
     depth = place[0] + rest * (place[1] + 0.5 * rest * place[2])
@@ -67,6 +71,14 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[1] = place[1] + rest * place[2]
     point[2] = force
     point[4] = place[6]
+    velocity, acceleration, is_cubic = place[1], place[2], around == 0
+    if around > 0 and there - around >= first:
+        variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
+        is_cubic = smoothing.take_wide(finder, there, variance)
+        velocity, acceleration = finder.wide[0], finder.wide[1]
+    point[5] = velocity + rest * acceleration
+    point[6] = acceleration
+    point[7] = 1.0 if is_cubic else 0.0
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)

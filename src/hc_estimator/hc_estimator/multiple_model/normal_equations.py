@@ -3,7 +3,8 @@
 The prior is on ln K, ln (B / K), n and p. What is held (`work.held`) stays at its first guess.
 One pass over the points (`gather`) finds all that they say; the prior is added to it as often as
 what is held changes, without another pass. The work is done in a record of arrays for four unknowns
-or for six, of which the last two are the contact position and the zero of the force (`zero_fit`).
+or for seven, of which the last three are the contact position, the zero of the force and the delay
+of the channels (`zero_fit`).
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ from hc_estimator.multiple_model.rows import (
 )
 
 HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
-ANYWHERE = 1e3  # deviation of a zero that is unknown [mm], [N]
+ANYWHERE = 1e3  # deviation of a zero or a delay that is unknown [mm], [N], [s]
+DELAY = 6  # of the unknowns
 STEPS = 8  # of Levenberg-Marquardt at most
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
@@ -72,6 +74,18 @@ def law_at(
 
 
 @compiled
+def is_used(point: Any, size: int) -> bool:
+    """True if a point counts: with so many unknowns, only where a wide cubic shows the motion."""
+    return bool(size == 4 or point[7] != 0.0)
+
+
+@compiled
+def velocity_in(history: Any, point: Any, size: int) -> float:
+    """Velocity at a point [mm/s] in a fit with so many unknowns."""
+    return velocity_at(history, point) if size == 4 else float(point[5])
+
+
+@compiled
 def velocity_at(history: Any, point: Any) -> float:
     """Velocity at a point [mm/s]."""
     return point[1] + history.cubic_share * point[4]  # type: ignore[no-any-return]
@@ -79,10 +93,19 @@ def velocity_at(history: Any, point: Any) -> float:
 
 @compiled
 def sensitivity(gradient: Any, i: int) -> float:
-    """Derivative of the force after ln K, ln B, n, p, contact position or its own zero (0 to 5)."""
+    """Derivative of the force after an unknown (0 to 6): ln K, ln B, n, p, zeros or delay."""
     if i < 4:
         return gradient[2 + i]  # type: ignore[no-any-return]
+    if i == DELAY:
+        return gradient[DELAY]  # type: ignore[no-any-return]
     return -gradient[0] if i == 4 else 1.0
+
+
+@compiled
+def _note_delay(gradient: Any, velocity: float, acceleration: float) -> None:
+    """The derivative after the delay: later is where the tool was before."""
+    if gradient.shape[0] > DELAY:
+        gradient[DELAY] = -gradient[0] * velocity - gradient[1] * acceleration
 
 
 @compiled
@@ -92,9 +115,7 @@ def exp_limited(logarithm: float) -> float:
 
 
 @compiled
-def weigh(
-    settings: Any, history: Any, work: Any, force_noise: float, velocity_noise: float
-) -> float:
+def weigh(settings: Any, history: Any, work: Any, force_noise: float) -> float:
     """Give each point its weight by the law at work.fit: the motion is not exact either.
 
     Args:
@@ -102,20 +123,26 @@ def weigh(
         history: its points are changed.
         work: its fit is read, its gradient is changed.
         force_noise: variance of a point's force by its share in the information [N^2].
-        velocity_noise: of its velocity, by the same share [mm^2/s^2].
 
     Returns:
         Summed variance of the points' forces [N^2].
     """
     fit, gradient = work.fit, work.gradient
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
-    position = fit[4] if fit.shape[0] > 4 else 0.0
+    size = fit.shape[0]
+    position = fit[4] if size > 4 else 0.0
+    delay = fit[DELAY] if size > DELAY else 0.0
+    noise = history.velocity_noise[0 if size == 4 else 1]
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        velocity = velocity_at(history, point)
-        law_at(settings, stiffness, damping, fit, point[0] - position, velocity, gradient)
-        variance = force_noise + gradient[1] * gradient[1] * velocity_noise
+        if not is_used(point, size):
+            continue
+        velocity = velocity_in(history, point, size)
+        depth = point[0] - position - delay * velocity
+        velocity -= delay * point[6]
+        law_at(settings, stiffness, damping, fit, depth, velocity, gradient)
+        variance = force_noise + gradient[1] * gradient[1] * noise
         total += variance
         point[3] = 1.0 / variance
     return total
@@ -136,7 +163,7 @@ def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
         history: points.
         work: `seen`, `pull` and `false` are set: normal equations of the squares at `values`,
             and what of `seen` is only noise of the velocity.
-        values: ln K, ln B, n and p, and what else is unknown, shape (4,) or (6,).
+        values: ln K, ln B, n and p, and what else is unknown, shape (4,) or (7,).
 
     Returns:
         Weighted sum of squares.
@@ -147,15 +174,21 @@ def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
     position = values[4] if size > 4 else 0.0
     zero = values[5] if size > 4 else 0.0
-    spread = history.velocity_std
+    delay = values[DELAY] if size > DELAY else 0.0
+    spread = history.velocity_std[0 if size == 4 else 1]
     clear_vector(pull)
     clear_matrix(seen)
     clear_matrix(false)
     total = 0.0
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
-        depth, velocity, weight = point[0] - position, velocity_at(history, point), point[3]
+        if not is_used(point, size):
+            continue
+        velocity, weight, acceleration = velocity_in(history, point, size), point[3], point[6]
+        depth = point[0] - position - delay * velocity
+        velocity -= delay * acceleration
         force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+        _note_delay(gradient, velocity, acceleration)
         residual = point[2] - zero - force
         total += weight * residual * residual
         for i in range(size):
@@ -167,6 +200,8 @@ def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
             continue
         change = law_at(settings, stiffness, damping, values, depth, velocity + spread, above)
         change -= law_at(settings, stiffness, damping, values, depth, velocity - spread, below)
+        _note_delay(above, velocity + spread, acceleration)
+        _note_delay(below, velocity - spread, acceleration)
         total -= 0.25 * weight * change * change
         for i in range(size):
             share = 0.25 * weight * (sensitivity(above, i) - sensitivity(below, i))
@@ -231,7 +266,7 @@ def add_prior(settings: Any, work: Any, values: Any, weight: float) -> None:
     Args:
         settings: settings record.
         work: `information` and `slope` are set.
-        values: the unknowns, shape (4,) or (6,).
+        values: the unknowns, shape (4,) or (7,).
         weight: of the squares beside the prior.
     """
     information, slope = work.information, work.slope

@@ -157,9 +157,10 @@ POINTS = 512  # remembered samples
 # What was felt before, and the least-squares fit to it.
 HISTORY = record_type(
     (
-        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], and what a cubic
-        # would add to the velocity [mm/s].
-        Field("points", np.float64, (POINTS, 5)),
+        # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], what a cubic adds
+        # to the velocity [mm/s]; velocity and acceleration by a wide cubic [mm/s, mm/s^2], and 1 if
+        # the motion is one.
+        Field("points", np.float64, (POINTS, 8)),
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
         Field("first", np.int64, (), 0),  # that counts, if it is still there
         Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
@@ -170,7 +171,10 @@ HISTORY = record_type(
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
         Field("guessed", np.int64, (), 0, 1),  # 1 if something was held in the last fit
         # Within one fit:
-        Field("velocity_std", np.float64, (), 0.0),  # of a point [mm/s]
+        # Of a point's velocity, and of that by a wide cubic: deviation [mm/s], and variance by the
+        # share of the point in the information [mm^2/s^2].
+        Field("velocity_std", np.float64, (2,), 0.0),
+        Field("velocity_noise", np.float64, (2,), 0.0),
         Field("cubic_share", np.float64, (), 0.0, 1.0),  # of what a cubic adds to the velocity
         Field("next", np.float64, (4,)),
         Field("slope", np.float64, (4,)),
@@ -187,28 +191,30 @@ HISTORY = record_type(
     )
 )
 
-# The same fit with contact position and force zero as unknowns five and six.
+# The same fit with contact position, force zero and delay as unknowns five to seven.
 ZEROS = record_type(
     (
-        Field("fit", np.float64, (6,)),  # ln K, ln B, n, p, contact position [mm], force zero [N]
-        Field(
-            "unknown", np.int64, (), 0, 3
-        ),  # of which zeros were off: 1 position, 2 force, 3 both
+        # ln K, ln B, n, p, contact position [mm], force zero [N], delay [s]
+        Field("fit", np.float64, (7,)),
+        # Which zeros were off: 1 position, 2 force, 3 both.
+        Field("unknown", np.int64, (), 0, 3),
         Field("candidate", np.int64, (), 0, 3),  # the same, before it has lasted
         Field("since", np.float64),  # contact clock at which it became one [s]
         Field("deviation", np.float64, (), 0.0),  # of the one that was found first [mm] or [N]
-        Field("held", np.int64, (6,), 0, 1),
-        Field("next", np.float64, (6,)),
-        Field("slope", np.float64, (6,)),
-        Field("gradient", np.float64, (6,)),
-        Field("above", np.float64, (6,)),
-        Field("below", np.float64, (6,)),
-        Field("seen", np.float64, (6, 6)),
-        Field("pull", np.float64, (6,)),
-        Field("information", np.float64, (6, 6)),
-        Field("damped", np.float64, (6, 6)),
-        Field("factor", np.float64, (6, 6)),
-        Field("false", np.float64, (6, 6)),
+        Field("held", np.int64, (7,), 0, 1),
+        Field("next", np.float64, (7,)),
+        Field("slope", np.float64, (7,)),
+        Field("gradient", np.float64, (7,)),
+        Field("above", np.float64, (7,)),
+        Field("below", np.float64, (7,)),
+        Field("seen", np.float64, (7, 7)),
+        Field("pull", np.float64, (7,)),
+        Field("information", np.float64, (7, 7)),
+        Field("damped", np.float64, (7, 7)),
+        Field("factor", np.float64, (7, 7)),
+        Field("false", np.float64, (7, 7)),
+        Field("covariance", np.float64, (3, 3)),  # of contact position, force zero and delay
+        Field("cost", np.float64, (8,), finite=False),  # of each choice of unknowns
     )
 )
 
@@ -262,6 +268,7 @@ DELAY = record_type(
         # Within one window:
         Field("smooth", np.float64, (GRID, 4)),  # its points smoothed, slots as in `grid`
         Field("sums", np.float64, (6,)),
+        Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64, (), 0.1),  # p of the fits
         Field("velocity_variance", np.float64, (), 0.0),  # noise of its points [mm^2/s^2]
