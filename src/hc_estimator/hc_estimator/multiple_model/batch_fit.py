@@ -112,7 +112,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
     # Where the tool was seen free, the first touch shows the zeros (`contact_onset`).
     onset = bank.onset
-    if onset.decided != 0 or onset.free != 0 or not is_tried(settings, SURFACE_ROW):
+    if onset.decided != 0 or onset.in_air != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay of many milliseconds must have been found before, or ruled out.
     if math.isnan(settings.channel_delay) and finder.windows < FEWEST_WINDOWS:

@@ -40,13 +40,13 @@ ZERO_UNKNOWNS = 7
 NONE, OF_POSITION, OF_FORCE, OF_DELAY = 0, 1, 2, 4
 ZEROS = OF_POSITION + OF_FORCE
 ALL = ZEROS + OF_DELAY
-SIGNIFICANT = 25.0  # decrease of the weighted squares: five deviations
+SIGNIFICANT = 8.0  # decrease of the weighted squares beyond that
 PENALTY = 9.0  # of the same, that another unknown must be worth: three deviations
 CONSISTENT = 1.5  # largest mean square left, in that of the noise
 REFUTED = 6.0  # at which zeros that were found are taken back
 LEAST_TIME = 2.0  # in contact [s]
 LASTING = 2.0  # time in contact for which a candidate must stay the same [s]
-TOLD_APART = 25.0  # decrease by which one candidate is better than the other
+TOLD_APART = 16.0  # decrease by which one candidate is better than the other
 FINER = 0.5  # of the deviation with which a zero was found, at which it is found anew
 LEAST_POSITION = 0.05  # [mm]
 LEAST_ZERO = 0.005  # of the largest force
@@ -184,7 +184,7 @@ def _promises(settings: Any, history: Any, zeros: Any, force_noise: float) -> bo
     promised = 0.0
     for i in range(zeros.next.shape[0]):
         promised += zeros.slope[i] * zeros.next[i]
-    return bool(promised > SIGNIFICANT)
+    return bool(promised > SIGNIFICANT + PENALTY)
 
 
 @compiled
