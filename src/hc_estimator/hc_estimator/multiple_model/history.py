@@ -47,11 +47,10 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     """
     shift = round(finder.delay / finder.grid_step)
     rest = shift * finder.grid_step - finder.delay
-    around = finder.neighbours if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS else 0
-    here = finder.grid_count - 1 - max(around - shift, 0)  # of the force
+    here = finder.grid_count - 1 - max(-shift, 0)  # of the force
     there = here - shift  # of the displacement
-    first = max(finder.grid_count - GRID, 0)
-    if min(here, there) < first:
+    _look_around(history, finder, rest, noise[0])
+    if min(here, there) < max(finder.grid_count - GRID, 0):
         return False
     place = finder.grid[there % GRID]
     depth = place[0] + rest * (place[1] + 0.5 * rest * place[2])
@@ -71,18 +70,47 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[1] = place[1] + rest * place[2]
     point[2] = force
     point[4] = place[6]
-    velocity, acceleration, is_cubic = place[1], place[2], around == 0
-    if around > 0 and there - around >= first:
-        variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
-        is_cubic = smoothing.take_wide(finder, there, variance)
-        velocity, acceleration = finder.wide[0], finder.wide[1]
-    point[5] = velocity + rest * acceleration
-    point[6] = acceleration
-    point[7] = 1.0 if is_cubic else 0.0
+    point[5] = point[1]
+    point[6] = place[2]
+    # A parabola of readings that are far apart is wide enough.
+    point[7] = 1.0 if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else 0.0
+    point[8] = _time_of(finder, there)
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)
     return True
+
+
+@compiled
+def _time_of(finder: Any, k: int) -> float:
+    """Time of a point of the grid [s]."""
+    return float(finder.grid_next - finder.grid_step * (finder.grid_count - k))
+
+
+@compiled
+def _look_around(history: Any, finder: Any, rest: float, noise: float) -> None:
+    """Take the wide cubic of the point whose last neighbour is the newest point of the grid.
+
+    Args:
+        history: the point is changed, if it was remembered.
+        finder: record of `delay`.
+        rest: by how much later than the grid's the point's displacement belongs [s].
+        noise: variance of a displacement [mm^2].
+    """
+    around = finder.neighbours
+    there = finder.grid_count - 1 - around
+    if around < smoothing.FEWEST_NEIGHBOURS or there - around < max(finder.grid_count - GRID, 0):
+        return
+    time = _time_of(finder, there)
+    for k in range(history.count - 1, max(oldest(history), history.count - 2 - around) - 1, -1):
+        point = history.points[k % POINTS]
+        if abs(point[8] - time) < 0.5 * finder.grid_step:
+            variance = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
+            if smoothing.take_wide(finder, there, variance):
+                point[5] = finder.wide[0] + rest * finder.wide[1]
+                point[6] = finder.wide[1]
+                point[7] = 1.0
+            return
 
 
 @compiled

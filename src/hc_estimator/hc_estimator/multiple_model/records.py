@@ -158,9 +158,9 @@ POINTS = 512  # remembered samples
 HISTORY = record_type(
     (
         # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], what a cubic adds
-        # to the velocity [mm/s]; velocity and acceleration by a wide cubic [mm/s, mm/s^2], and 1 if
-        # the motion is one.
-        Field("points", np.float64, (POINTS, 8)),
+        # to the velocity [mm/s]; velocity and acceleration by a wide cubic [mm/s, mm/s^2], 1 if the
+        # motion is known to be one, and the time of the grid's point [s].
+        Field("points", np.float64, (POINTS, 9)),
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
         Field("first", np.int64, (), 0),  # that counts, if it is still there
         Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
