@@ -49,7 +49,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     rest = shift * finder.grid_step - finder.delay
     here = finder.grid_count - 1 - max(-shift, 0)  # of the force
     there = here - shift  # of the displacement
-    _look_around(history, finder, rest, noise[0])
+    _look_around(history, finder, shift, rest, noise)
     if min(here, there) < max(finder.grid_count - GRID, 0):
         return False
     place = finder.grid[there % GRID]
@@ -88,14 +88,27 @@ def _time_of(finder: Any, k: int) -> float:
 
 
 @compiled
-def _look_around(history: Any, finder: Any, rest: float, noise: float) -> None:
+def _is_felt_around(finder: Any, here: int, noise: float) -> bool:
+    """True if the force of a point and of its neighbours is more than noise."""
+    for k in range(here - finder.neighbours, here + finder.neighbours + 1):
+        known = max(finder.grid_count - GRID, 0) <= k < finder.grid_count
+        if known and finder.grid[k % GRID, 3] ** 2 < TOUCHING**2 * noise:
+            return False
+    return True
+
+
+@compiled
+def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any) -> None:
     """Take the wide cubic of the point whose last neighbour is the newest point of the grid.
+
+    Where the tissue is about to let go, a force is no power of the depth, and shows no zero.
 
     Args:
         history: the point is changed, if it was remembered.
         finder: record of `delay`.
+        shift: by how many points of the grid the force is late.
         rest: by how much later than the grid's the point's displacement belongs [s].
-        noise: variance of a displacement [mm^2].
+        noise: variances of a reading, shape (2,).
     """
     around = finder.neighbours
     there = finder.grid_count - 1 - around
@@ -105,8 +118,9 @@ def _look_around(history: Any, finder: Any, rest: float, noise: float) -> None:
     for k in range(history.count - 1, max(oldest(history), history.count - 2 - around) - 1, -1):
         point = history.points[k % POINTS]
         if abs(point[8] - time) < 0.5 * finder.grid_step:
-            variance = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
-            if smoothing.take_wide(finder, there, variance):
+            variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
+            touching = _is_felt_around(finder, there + shift, noise[1])
+            if touching and smoothing.take_wide(finder, there, variance):
                 point[5] = finder.wide[0] + rest * finder.wide[1]
                 point[6] = finder.wide[1]
                 point[7] = 1.0
