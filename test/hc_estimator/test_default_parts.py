@@ -144,6 +144,12 @@ def remember(bank, depth, velocity, force):
     kept.points[: depth.size, 2] = force
 
 
+def fit_to(options, kept, force_noise, velocity_noise, independent):
+    kept.velocity_std[0] = np.sqrt(velocity_noise)
+    kept.velocity_noise[0] = velocity_noise
+    return batch_fit._fit(options, kept, force_noise, independent)
+
+
 def press(rng, count=300):
     """Depth and velocity that show all four parameters."""
     time = np.arange(count) * 0.01
@@ -177,7 +183,7 @@ def test_the_fit_is_that_of_scipy_with_the_same_prior(seed, parts):
         ]
     )
     bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
-    left = batch_fit._fit(options, bank.history, deviation**2, 0.0, 0.0, 300.0)
+    left = fit_to(options, bank.history, deviation**2, 0.0, 300.0)
 
     def residuals(values):
         off = np.array([values[0], values[1] - values[0], values[2], values[3]]) - mean
@@ -207,7 +213,7 @@ def test_noise_of_the_velocity_is_no_knowledge(held, parts):
         force = law(depth, velocity, in_logarithms(TISSUE)) + 0.01 * rng.standard_normal(300)
         remember(bank, depth, velocity + noise * rng.standard_normal(300), force)
         bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
-        left = batch_fit._fit(options, bank.history, 0.01**2, noise**2, noise**2, 300.0)
+        left = fit_to(options, bank.history, 0.01**2, noise**2, 300.0)
         assert left >= 0.0
         off = bank.history.fit - in_logarithms(TISSUE)
         deviation = np.sqrt(np.diag(bank.history.covariance))
@@ -228,7 +234,7 @@ def test_at_rest_the_noise_of_the_velocity_is_not_taken_for_damping(parts):
         force = law(depth, 0.0 * depth, in_logarithms(TISSUE)) + 0.004 * rng.standard_normal(100)
         remember(bank, depth, 0.06 * rng.standard_normal(100), force)
         bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
-        left = batch_fit._fit(options, bank.history, 0.004**2, 0.06**2, 0.06**2, 100.0)
+        left = fit_to(options, bank.history, 0.004**2, 0.06**2, 100.0)
         assert left >= 0.0
         ratio = bank.history.fit[1] - bank.history.fit[0]
         first = np.log(options.initial_damping / options.initial_stiffness)
@@ -242,7 +248,7 @@ def test_a_fit_to_nonsense_stays_where_the_law_means_something(parts):
     rng = np.random.default_rng(0)
     remember(bank, 400.0 + rng.uniform(-9.0, 9.0, 60), rng.normal(size=60), rng.normal(size=60))
     bank.history.fit[:] = (-10.8, -13.8, 4.0, 1.0)
-    batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 60.0)
+    fit_to(options, bank.history, 1e-4, 0.0, 60.0)
     assert np.all(np.abs(bank.history.fit) <= 16.0)
 
 
@@ -306,12 +312,10 @@ def test_a_fit_with_misfit_tells_it_and_one_that_explains_nothing_is_none(parts)
     wrong = 0.05 * np.sqrt(np.mean(exact**2))
     remember(bank, depth, velocity, exact + wrong * rng.standard_normal(300))
     bank.history.fit[:] = start
-    assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) == pytest.approx(
-        wrong**2, rel=0.3
-    )
+    assert fit_to(options, bank.history, 1e-4, 0.0, 300.0) == pytest.approx(wrong**2, rel=0.3)
     remember(bank, depth, velocity, np.abs(20.0 * rng.standard_normal(300)))
     bank.history.fit[:] = start
-    assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) == -1.0
+    assert fit_to(options, bank.history, 1e-4, 0.0, 300.0) == -1.0
 
 
 def test_parameters_that_are_held_fixed_stay_and_have_no_variance(records_of):
@@ -321,7 +325,7 @@ def test_parameters_that_are_held_fixed_stay_and_have_no_variance(records_of):
     depth, velocity = press(None)
     remember(bank, depth, velocity, law(depth, velocity, in_logarithms([0.3, 0.015, 1.7, 1.0])))
     bank.history.fit[:] = in_logarithms([1.0, 0.05, 1.5, 1.0])
-    assert batch_fit._fit(options, bank.history, 1e-4, 0.0, 0.0, 300.0) >= 0.0
+    assert fit_to(options, bank.history, 1e-4, 0.0, 300.0) >= 0.0
     assert bank.history.fit[3] == 1.0
     assert not bank.history.covariance[3].any()
     np.testing.assert_allclose(np.exp(bank.history.fit[:2]), [0.3, 0.015], rtol=0.01)

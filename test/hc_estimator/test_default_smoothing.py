@@ -1,4 +1,4 @@
-"""The wider parabolas of the delay's windows: exact on parabolas, as calm as they say."""
+"""Wider parabolas and cubics: exact on parabolas and cubics, as calm as they say."""
 
 import numpy as np
 import pytest
@@ -75,3 +75,50 @@ def test_the_variance_of_a_velocity_is_the_one_that_is_said(rate):
         assert said < 0.2 * narrow
     # The parabolas' values are those of densely read channels in the formula.
     assert np.mean(squares) == pytest.approx(said, rel=0.2)
+
+
+def gridded(displacement, rate):
+    """Finder with a grid of the readings' points, and the number of one with all its neighbours."""
+    finder = hc.create_estimator("self_tuning_ukf")._memory.view(np.recarray)[0].delay
+    grid.restart(finder)
+    for k in range(displacement.size):
+        grid.take(finder, 0, k / rate, displacement[k])
+        grid.take(finder, 1, k / rate, 0.0)
+        grid.advance(finder)
+    return finder, finder.grid_count - 1 - finder.neighbours
+
+
+@given(
+    st.lists(st.floats(-50.0, 50.0), min_size=4, max_size=4),
+    st.sampled_from([200.0, 500.0, 1000.0]),
+)
+@settings(max_examples=20, deadline=None)
+def test_a_cubic_is_found_as_it_is(motion, rate):
+    time = np.arange(round(0.4 * rate)) / rate
+    finder, here = gridded(np.polyval(motion, time), rate)
+    assert finder.neighbours >= smoothing.FEWEST_NEIGHBOURS
+    assert smoothing.take_wide(finder, here, 1e-6)
+    at = finder.grid_next - finder.grid_step * (finder.grid_count - here)
+    velocity = np.polyval(np.polyder(motion), at)
+    acceleration = np.polyval(np.polyder(motion, 2), at)
+    np.testing.assert_allclose(finder.wide, [velocity, acceleration], rtol=1e-6, atol=1e-2)
+
+
+def test_a_corner_is_no_cubic():
+    rate, time = 1000.0, np.arange(400) / 1000.0
+    finder, here = gridded(np.zeros(400), rate)
+    corner = finder.grid_next - finder.grid_step * (finder.grid_count - here)
+    finder, here = gridded(20.0 * np.abs(time - corner), rate)
+    assert not smoothing.take_wide(finder, here, 1e-6)
+
+
+def test_the_variance_of_a_wide_cubic_is_the_one_that_is_said():
+    rng, rate, squares = np.random.default_rng(8), 1000.0, []
+    for _ in range(300):
+        finder, here = gridded(0.01 * rng.standard_normal(250), rate)
+        assert smoothing.take_wide(finder, here, 1.0)
+        squares.append(finder.wide[0] ** 2)
+    value = 0.01**2 * smoothing.VALUE_VARIANCE / grid.readings_of(finder)
+    said = smoothing.wide_variance(finder, value)
+    assert said < grid.velocity_variance(finder, 0.01**2) / 2.0
+    assert np.mean(squares) == pytest.approx(said, rel=0.3)  # 8 % by chance

@@ -59,6 +59,37 @@ def test_a_force_zero_that_is_off_is_found(zero):
         assert not series.change_detected.any()
 
 
+def test_both_zeros_are_found_together():
+    for seed in range(3):
+        series = hc.create_estimator(FILTER).run(*readings(seed, position=0.3, zero=-0.3))
+        assert series.contact_position[-1] == pytest.approx(0.3, abs=0.08)
+        assert series.force_zero[-1] == pytest.approx(-0.3, abs=0.1)
+        assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.1)
+
+
+def test_what_is_claimed_has_the_doubt_about_a_zero_in_it():
+    """Regression of 2026-11-24: half of the estimates were more than three deviations off."""
+    off = []
+    for seed in range(12):
+        series = hc.create_estimator(FILTER).run(*readings(seed, zero=0.4))
+        off.append((series.parameters[-1] - TISSUE) / series.parameters_std[-1])
+    assert np.mean(np.abs(off) < 3.0) > 0.9
+
+
+def test_forces_that_read_nothing_are_no_free_motion():
+    """Regression of 2026-11-24: a zero of -0.4 N hid small forces; none was looked for then."""
+    time, depth, velocity = motion()
+    depth = depth - 0.5  # 0.5 mm at least; the law's smallest force is 0.2 N
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        force = law(depth, velocity) - 0.4 + NOISE[1] * rng.standard_normal(time.size)
+        assert np.mean(force < 5.0 * NOISE[1]) > 0.03
+        displacement = depth + NOISE[0] * rng.standard_normal(time.size)
+        series = hc.create_estimator(FILTER).run(time, displacement, force)
+        assert series.force_zero[-1] == pytest.approx(-0.4, abs=0.05)
+        assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.05)
+
+
 def test_zeros_that_are_right_stay_where_they_are():
     for seed in range(4):
         series = hc.create_estimator(FILTER).run(*readings(seed))
