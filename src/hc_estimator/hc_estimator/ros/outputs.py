@@ -182,10 +182,9 @@ class Outputs:
 
     def _latency_of(self, stamp_ns: int) -> int:
         """From a stamp to now [ns]; that the system's clock is set meanwhile does not count."""
-        now_ns: int = self._clock.now().nanoseconds
         if self._clock.ros_time_is_active:
-            return now_ns - stamp_ns
-        return self._latency.latency_ns(stamp_ns, now_ns, time.monotonic_ns())
+            return int(self._clock.now().nanoseconds) - stamp_ns
+        return self._latency.latency_ns(stamp_ns, time.time_ns(), time.monotonic_ns())
 
     def _publish_arrays(
         self,
