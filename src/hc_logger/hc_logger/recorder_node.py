@@ -34,6 +34,8 @@ from hc_msgs_py.topics import NODE_RECORDER
 DRAIN_PERIOD_S = 0.01
 """How often the queues are emptied: they hold seconds of messages, so this loses none."""
 DISCOVERY_PERIOD_S = 0.1
+FULL_DISCOVERY_EVERY = 10
+"""Looks at all that is known of every publisher; in between, at topics whose number changed."""
 MOST_AT_ONCE = 5000
 """Messages taken from one queue before the others and the services get their turn."""
 
@@ -61,6 +63,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """
         self._taps: dict[str, Tap] = {}
         self._tapped: frozenset[int] = frozenset()
+        self._looks = 0
+        self._numbers: dict[str, int] = {}  # of publishers, at the last look
         super().__init__(NODE_RECORDER)
         output = declare(self, "output", "", "folder of the new bag", read_only=True)
         when_exists = declare(
@@ -165,8 +169,14 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _discover(self) -> None:
         """Subscribe to what is new, and again where publishers came that need other QoS."""
+        whole = self._looks % FULL_DISCOVERY_EVERY == 0
+        self._looks += 1
         for topic, types in self.get_topic_names_and_types():
             if topic not in self._selection or topic in self._skipped:
+                continue
+            before, number = self._numbers.get(topic), self.count_publishers(topic)
+            self._numbers[topic] = number
+            if number == before and not whole:
                 continue
             endpoints = self.get_publishers_info_by_topic(topic)
             if not endpoints:

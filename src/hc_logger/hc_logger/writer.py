@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mcap.writer import CompressionType, IndexType, Writer
+from mcap.writer import CompressionType, IndexType
 
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, BagExistsError
@@ -29,6 +29,7 @@ from hc_logger.metadata import (
     write_metadata,
 )
 from hc_logger.new_file import RawFile, sync
+from hc_logger.quick_mcap import QuickWriter
 
 CHUNK_BYTES = 256 * 1024
 LIBRARY = "hc_logger"
@@ -96,7 +97,7 @@ class BagWriter:
         self._files.append(self._file)
         with self._files_lock:
             self._stream = RawFile(self.path / self._file.path)
-        self._writer = Writer(
+        self._writer = QuickWriter(
             self._stream,
             chunk_size=self._chunk_bytes,
             compression=CompressionType.ZSTD,

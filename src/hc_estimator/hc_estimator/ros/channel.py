@@ -26,6 +26,8 @@ from rclpy.subscription import Subscription
 from hc_estimator.stream.publishers import PublisherLines
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 
+FEWEST_TOGETHER = 12
+"""Fewer messages that wait are cheaper one by one than with whole-array calls made for many."""
 MOST_TOGETHER = 256
 """Messages that are handed on in one piece."""
 SLICE_S = 0.01
@@ -104,7 +106,7 @@ class Channel:
             skip: hears how many samples were left out.
             fail: hears of what `take` raised where no executor would.
             raw: hand on the messages' bytes.
-            take_many: takes several messages that wait; None hands them to `take`.
+            take_many: takes many messages that wait; None hands them to `take`, and so do few.
             samples_in: returns how many samples a message holds; None: one.
             qos: quality of service, unless parameters qos_overrides.TOPIC.subscription.* of the
                 node say otherwise.
@@ -226,7 +228,7 @@ class Channel:
     def _work(self, deadline_s: float) -> None:
         waiting = self._waiting
         while waiting:
-            if self._take_many is not None and len(waiting) > 1:
+            if self._take_many is not None and len(waiting) >= FEWEST_TOGETHER:
                 several = [waiting.popleft() for _ in range(min(len(waiting), MOST_TOGETHER))]
                 messages = [message for message, info in several if self._follows(info)]
                 if messages:

@@ -45,7 +45,7 @@ class Block(NamedTuple):
     """
 
     due: deque[tuple[int, list[Message]]]
-    after: list[Message]
+    after: list[tuple[Any, list[bytes]]]
 
 
 class SeriesEncoder:

@@ -30,7 +30,7 @@ from hc_msgs_py.topics import (
     WRENCH,
 )
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
-from hc_msgs_py.wire import SampleEncoder, TruthEncoder
+from hc_msgs_py.wire import SampleEncoder, TruthEncoder, publish_bytes
 from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
 from hc_sim_rig.records import RigSample, RigSeries, Truth
 from hc_sim_rig.ros.ahead import Block, Message, SeriesEncoder
@@ -201,12 +201,12 @@ class Outputs:
         stamps = np.array(stamps_ns, np.int64)
         count, together = len(stamps), self._together
         due: list[list[Message]] = [[] for _ in range(-(-count // together))]
-        after: list[Message] = []
+        after: list[tuple[Any, list[bytes]]] = []
 
         def place(topic: str, messages: list[bytes]) -> None:
             publisher, listeners = self._by_topic[topic], self._listeners[topic]
             if topic == TRUTH or listeners.recorder_only:
-                after.extend((publisher, data) for data in messages)
+                after.append((publisher, messages))
             else:
                 for i, data in enumerate(messages):
                     due[i // together].append((publisher, data))
@@ -256,11 +256,11 @@ class Outputs:
         """Publish what is due at the next deadline, and what comes after the last of them."""
         count, messages = block.due.popleft()
         for publisher, data in messages:
-            publisher.publish(data)
+            publish_bytes(publisher, (data,))
         self.published += count
         if not block.due:
-            for publisher, data in block.after:
-                publisher.publish(data)
+            for publisher, several in block.after:
+                publish_bytes(publisher, several)
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read."""
