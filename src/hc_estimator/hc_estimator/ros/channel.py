@@ -26,8 +26,6 @@ from rclpy.subscription import Subscription
 from hc_estimator.stream.publishers import PublisherLines
 from hc_msgs_py.qos import SAMPLE_QOS, STREAM_DEPTH
 
-FEWEST_TOGETHER = 12
-"""Fewer messages that wait are cheaper one by one than with whole-array calls made for many."""
 MOST_TOGETHER = 256
 """Messages that are handed on in one piece."""
 SLICE_S = 0.01
@@ -92,6 +90,7 @@ class Channel:
         fail: Callable[[Exception], None],
         raw: bool = False,
         take_many: Callable[[list[Any]], None] | None = None,
+        fewest: Callable[[], int] = lambda: 2,
         samples_in: Callable[[Any], int] | None = None,
         qos: QoSProfile = SAMPLE_QOS,
         one_publisher: bool = True,
@@ -106,7 +105,8 @@ class Channel:
             skip: hears how many samples were left out.
             fail: hears of what `take` raised where no executor would.
             raw: hand on the messages' bytes.
-            take_many: takes many messages that wait; None hands them to `take`, and so do few.
+            take_many: takes several messages that wait; None hands them to `take`.
+            fewest: returns how many that wait go to `take_many`, 2 at least; fewer go to `take`.
             samples_in: returns how many samples a message holds; None: one.
             qos: quality of service, unless parameters qos_overrides.TOPIC.subscription.* of the
                 node say otherwise.
@@ -129,7 +129,7 @@ class Channel:
         self._message_type = message_type
         self._raw = raw
         self._take, self._skip, self._fail = take, skip, fail
-        self._take_many, self._samples_in = take_many, samples_in
+        self._take_many, self._fewest, self._samples_in = take_many, fewest, samples_in
         self._waiting: deque[tuple[Any, dict[str, Any]]] = deque()
         self._continues = False
         self._closed = False
@@ -228,7 +228,7 @@ class Channel:
     def _work(self, deadline_s: float) -> None:
         waiting = self._waiting
         while waiting:
-            if self._take_many is not None and len(waiting) >= FEWEST_TOGETHER:
+            if self._take_many is not None and len(waiting) >= self._fewest():
                 several = [waiting.popleft() for _ in range(min(len(waiting), MOST_TOGETHER))]
                 messages = [message for message, info in several if self._follows(info)]
                 if messages:
