@@ -305,6 +305,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if self._simulated is not None:
             self._simulated.close()
         self._sampler.stop()
+        if self._block is not None and not self._sampler.error:
+            self._outputs.publish_after(self._block)
         self._diagnostics.publish_last()
 
 

@@ -259,8 +259,13 @@ class Outputs:
             publish_bytes(publisher, (data,))
         self.published += count
         if not block.due:
-            for publisher, several in block.after:
-                publish_bytes(publisher, several)
+            self.publish_after(block)
+
+    def publish_after(self, block: Block) -> None:
+        """Publish what belongs to the samples that were published: all of them, or so far."""
+        waiting = sum(count for count, _messages in block.due)
+        for publisher, several in block.after:
+            publish_bytes(publisher, several[: len(several) - waiting])
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read."""
