@@ -15,7 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mcap.writer import CompressionType, IndexType
+from mcap.writer import CompressionType, IndexType, Writer
 
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, BagExistsError
@@ -29,7 +29,6 @@ from hc_logger.metadata import (
     write_metadata,
 )
 from hc_logger.new_file import RawFile, sync
-from hc_logger.quick_mcap import QuickWriter
 
 CHUNK_BYTES = 256 * 1024
 LIBRARY = "hc_logger"
@@ -97,7 +96,7 @@ class BagWriter:
         self._files.append(self._file)
         with self._files_lock:
             self._stream = RawFile(self.path / self._file.path)
-        self._writer = QuickWriter(
+        self._writer = Writer(
             self._stream,
             chunk_size=self._chunk_bytes,
             compression=CompressionType.ZSTD,
