@@ -1,7 +1,6 @@
 """Bytes made and read without message objects are those of rclpy's own serialisation."""
 
 import struct
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
+from hc_estimator import Estimate
+from hc_estimator import estimate as columns
 from hc_estimator.ros.estimate_messages import EstimateEncoder
 from hc_msgs_py import conversion, wire
 
@@ -93,32 +94,15 @@ def test_the_truth_is_encoded_in_si_as_rclpy_does(stamp, sequence, values, conta
 @given(stamps, sequences, frames, st.integers(0, 2**32 - 1))
 def test_an_estimate_fills_every_field_of_its_message(stamp, sequence, frame, seed):
     generator = np.random.default_rng(seed)
-    estimate = SimpleNamespace(
-        parameters=generator.random(4) + 1,
-        parameters_std=generator.random(4) + 1,
-        covariance=generator.random((4, 4)) + 1,
-        identifiability=generator.random(4) + 0.1,
-        innovation=np.array([3.0, 4.0]),
-        displacement=5.0,
-        velocity=6.0,
-        force_predicted=7.0,
-        force_reconstructed=8.0,
-        nis=9.0,
-        force_noise_std=10.0,
-        displacement_noise_std=11.0,
-        channel_delay=-0.5,
-        channel_delay_std=0.25,
-        contact_position=17.0,
-        contact_position_std=18.0,
-        force_zero=19.0,
-        force_zero_std=20.0,
-        hypothesis=5,
-        hypothesis_scores=generator.random(6),
-        contact=True,
-        change_detected=bool(seed & 1),
-        model_mismatch=bool(seed & 2),
-        rejected=4,
-    )
+    row = generator.random(columns.COLUMNS) + 1
+    row[columns.INNOVATION : columns.INNOVATION + 2] = 3.0, 4.0
+    row[columns.DISPLACEMENT], row[columns.VELOCITY] = 5.0, 6.0
+    row[columns.DISPLACEMENT_NOISE_STD] = 11.0
+    row[columns.CONTACT_POSITION], row[columns.CONTACT_POSITION_STD] = 17.0, 18.0
+    row[columns.CONTACT] = 1.0
+    row[columns.CHANGE_DETECTED], row[columns.MODEL_MISMATCH] = bool(seed & 1), bool(seed & 2)
+    row[columns.REJECTED], row[columns.HYPOTHESIS] = 4, 5
+    estimate = Estimate(row)
     expected = HuntCrossleyEstimate()
     expected.header.frame_id = frame
     expected.header.stamp.sec, expected.header.stamp.nanosec = divmod(stamp, 10**9)

@@ -155,6 +155,11 @@ class Estimate(_Rows):
         self._values: list[float] = row.tolist()
 
     @property
+    def values(self) -> list[float]:
+        """The whole row, by the columns named in this file; not to be changed."""
+        return self._values
+
+    @property
     def force_predicted(self) -> float:
         """Force [N] expected before the sample was used; NaN if it was rejected unseen."""
         return self._values[FORCE_PREDICTED]

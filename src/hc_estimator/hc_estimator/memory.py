@@ -7,6 +7,7 @@ sample; they are written before they are read and are no part of the saved state
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -89,8 +90,13 @@ SCRATCH_FIELDS: tuple[Field, ...] = (
 _FIELDS_OF: dict[np.dtype[np.void], tuple[Field, ...]] = {}  # of the types made here
 
 
+@functools.cache
 def record_type(fields: tuple[Field, ...]) -> np.dtype[np.void]:
-    """Structured type of the given fields."""
+    """Structured type of the given fields: one and the same object for the same fields.
+
+    numba looks a type up at each call of a kernel: at once if it is the object that it knows, and
+    13 us later, field by field, if it is an equal one.
+    """
     description: Any = [(field.name, field.kind, field.shape) for field in fields]
     result: np.dtype[np.void] = np.dtype(description, align=True)
     _FIELDS_OF[result] = fields

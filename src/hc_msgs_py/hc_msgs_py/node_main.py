@@ -58,6 +58,7 @@ def run_node(
     *,
     at_clean_end: Callable[[Any], None] | None = None,
     at_hang_up: Callable[[Any], None] | None = None,
+    below: int = 0,
 ) -> int:
     """Make a node, spin it until a signal or until it has finished, and end it cleanly.
 
@@ -68,6 +69,7 @@ def run_node(
         at_clean_end: called with the node after its close, if it had done its work or somebody
             asked for the end; not if the node failed.
         at_hang_up: the same, if it ends because its terminal or its runner is gone.
+        below: priorities below that of the other nodes, where real time is asked for.
 
     Returns:
         Exit status: 0 after a clean end, 2 when the node could not start for what it was given,
@@ -112,7 +114,7 @@ def run_node(
         gc.freeze()
         status = 0
         try:
-            realtime.enter()
+            realtime.enter(below)
             # spin() of this executor busy-loops in these wheels; spin_once with a timeout works.
             # Nothing but this function shuts the context down, so it is not asked each time.
             with ClockWatch(executor, lambda: node.timers):

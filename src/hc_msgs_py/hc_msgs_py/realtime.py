@@ -101,11 +101,14 @@ def check_permission(priority: int = DEFAULT_PRIORITY) -> None:
         raise problems[0]
 
 
-def enter() -> bool:
+def enter(below: int = 0) -> bool:
     """Do what the environment asks for, at the end of a node's start; returns whether it asks.
 
     The main thread and the middleware's become real-time threads, and so do those that they start
     from now on. Python's other threads (the compiler's) stay ordinary.
+
+    Args:
+        below: so many priorities below the wanted one, for who may wait while others may not.
 
     Raises:
         RealtimeError: if the system does not permit it, or the environment is wrong.
@@ -113,6 +116,7 @@ def enter() -> bool:
     priority = wanted_priority()
     if not priority:
         return False
+    priority = max(1, priority - below)
     ordinary = {thread.native_id for thread in threading.enumerate()}
     ordinary.discard(threading.main_thread().native_id)
     for task in Path("/proc/self/task").iterdir():

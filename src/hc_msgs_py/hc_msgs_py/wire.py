@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import functools
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from hc_msgs.msg import IndenterSample, IndenterTruth
@@ -62,6 +62,14 @@ def stamped_layout(message_type: Any, frame_bytes: int) -> struct.Struct:
         layout += "x" * (start - end) + (f"{length}s" if count else code)
         end = start + length
     return struct.Struct(layout)
+
+
+def publish_bytes(publisher: Any, messages: Iterable[bytes]) -> None:
+    """Publish serialised messages, without the looks of rclpy at what each of them is."""
+    handle = publisher.handle
+    with handle:
+        for data in messages:
+            handle.publish_raw(data)
 
 
 class StampedEncoder:

@@ -26,6 +26,7 @@ from hc_msgs_py.topics import NODE_INDENTER
 from hc_sim_rig.drives import Teleoperation
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.rig import Rig
+from hc_sim_rig.ros.ahead import Block, messages_ahead
 from hc_sim_rig.ros.options import declare_options
 from hc_sim_rig.ros.outputs import Outputs
 from hc_sim_rig.ros.remote_side import RemoteSide
@@ -72,6 +73,10 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._remote = None
         if options.side != "both":
             self._remote = RemoteSide(self, self._rig, options.remote_topic)
+        self._ahead = 1
+        if self._simulated is None and self._remote is None:
+            self._ahead = messages_ahead(self._rig.rate_hz / self._together)
+        self._block: Block | None = None
         self._sampler = self._make_sampler()
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._missing)
@@ -89,7 +94,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def _make_sampler(self) -> DeadlineThread:
         return DeadlineThread(
             self._rig.rate_hz * self._options.rate / self._together,
-            self._publish,
+            self._publish if self._ahead * self._together == 1 else self._publish_due,
             time.time_ns,  # the node's clock, unless that is the simulated one made here
         )
 
@@ -152,7 +157,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return rig
 
     def _change_scenario(self) -> None:
-        """Go on with another scenario from its beginning; samples are counted on."""
+        """Go on with another scenario from its beginning, if one is wanted; samples count on."""
         rig, self._next_rig = self._next_rig, None
         if rig is None:
             return
@@ -180,6 +185,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _begin(self) -> None:
         """Take the first sample now."""
+        self._outputs.look_who_listens()
         if self._simulated is not None:
             self._simulated.begin()
         self._sampler.start()
@@ -207,22 +213,46 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return lines
 
     def _publish(self, _index: int, stamp_ns: int) -> bool:
-        """Take and publish a sample, or those of one message; the sampler's thread calls this.
-
-        Of several samples the last is due now.
-        """
+        """Take and publish a sample; the sampler's thread calls this."""
         with self._changing:
-            period_ns = 1e9 / self._rig.rate_hz
-            for place in range(1 - self._together, 1):
-                if self._rig.finished:
-                    self._outputs.flush()
-                    return False
-                if self._simulated is not None:
-                    stamp_ns = self._simulated.move_to(self._rig.sequence)
-                self._outputs.publish(stamp_ns + round(place * period_ns), self._rig.step())
+            if self._rig.finished:
+                return False
+            if self._simulated is not None:
+                stamp_ns = self._simulated.move_to(self._rig.sequence)
+            self._outputs.publish(stamp_ns, self._rig.step())
         if self._simulated is not None:
             self._simulated.wait()
         return True
+
+    def _publish_due(self, index: int, _stamp_ns: int) -> bool:
+        """Publish samples that were made before; the sampler's thread calls this.
+
+        Of several samples in one message the last is due now.
+        """
+        if self._block is None:
+            self._block = self._make_block(index)
+        if self._block is None:
+            return False
+        self._outputs.publish_due(self._block)
+        if not self._block.due:
+            self._block = self._make_block(index + 1)
+        return True
+
+    def _make_block(self, index: int) -> Block | None:
+        """Take the samples of some deadlines, from one on; None at the scenario's end."""
+        with self._changing:
+            rig, together = self._rig, self._together
+            count = self._ahead * together
+            if rig.scenario.at_end == "stop":
+                count = min(count, rig.samples_in(rig.scenario.duration_s) - rig.sequence)
+            if count <= 0:
+                return None
+            places = [(i % together + 1 - together) * 1e9 / rig.rate_hz for i in range(count)]
+            stamps_ns = [
+                self._sampler.stamp_ns(index + i // together) + round(place)
+                for i, place in enumerate(places)
+            ]
+            return self._outputs.make(stamps_ns, rig.run(count / rig.rate_hz))
 
     def _status(self) -> Status:
         """Return what /diagnostics says."""
@@ -275,6 +305,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if self._simulated is not None:
             self._simulated.close()
         self._sampler.stop()
+        if self._block is not None and not self._sampler.error:
+            self._outputs.publish_after(self._block)
         self._diagnostics.publish_last()
 
 

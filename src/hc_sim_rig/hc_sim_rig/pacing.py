@@ -50,11 +50,12 @@ class DeadlineThread:
                 stamps' clock [ns]; returns False to end.
             clock_ns: the stamps' clock [ns].
         """
-        self._rate_hz = rate_hz
         self._act = act
         self._clock_ns = clock_ns
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sampler", daemon=True)
+        self._period_ns = NANOSECONDS / rate_hz
+        self._start_ns = 0
         self.report = PacingReport()
         self.error: Exception | None = None
 
@@ -67,6 +68,10 @@ class DeadlineThread:
     def running(self) -> bool:
         """Whether the thread still acts."""
         return self._thread.is_alive()
+
+    def stamp_ns(self, index: int) -> int:
+        """Return the deadline of an act by the stamps' clock [ns]; for `act` to look ahead."""
+        return self._start_ns + round(index * self._period_ns)
 
     def start(self) -> None:
         """Start acting: the first deadline is now."""
@@ -102,13 +107,13 @@ class DeadlineThread:
 
     def _loop(self) -> None:
         report = self.report
-        period_ns = NANOSECONDS / self._rate_hz
-        start_ns = self._clock_ns()
+        period_ns = self._period_ns
+        start_ns = self._start_ns = self._clock_ns()
         offset_ns = start_ns - time.monotonic_ns()
         check_ns = start_ns + RESYNCHRONISE_NS
         index = 0
         while not self._stop.is_set():
-            stamp_ns = start_ns + round(index * period_ns)
+            stamp_ns = self.stamp_ns(index)
             deadline_ns = stamp_ns - offset_ns
             wait_ns = deadline_ns - time.monotonic_ns()
             if wait_ns > 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -38,6 +39,11 @@ class Truth(NamedTuple):
     parameters: Any
     """(4,) or (N, 4): K, B, n, p; NaN where the plant has no such parameter."""
     contact: Any
+
+    def each(self) -> Iterator[Truth]:
+        """Yield the truth of every sample."""
+        for i in range(len(self.force_n)):
+            yield Truth(*(column[i] for column in self))
 
 
 class Joint(NamedTuple):

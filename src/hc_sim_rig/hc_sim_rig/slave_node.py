@@ -114,6 +114,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self._start()
 
     def _start(self) -> None:
+        self._outputs.look_who_listens()
         self._sampler.start()
         self._zeros.begin()
 

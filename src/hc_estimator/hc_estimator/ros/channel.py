@@ -90,6 +90,7 @@ class Channel:
         fail: Callable[[Exception], None],
         raw: bool = False,
         take_many: Callable[[list[Any]], None] | None = None,
+        fewest: Callable[[], int] = lambda: 2,
         samples_in: Callable[[Any], int] | None = None,
         qos: QoSProfile = SAMPLE_QOS,
         one_publisher: bool = True,
@@ -105,6 +106,7 @@ class Channel:
             fail: hears of what `take` raised where no executor would.
             raw: hand on the messages' bytes.
             take_many: takes several messages that wait; None hands them to `take`.
+            fewest: returns how many that wait go to `take_many`, 2 at least; fewer go to `take`.
             samples_in: returns how many samples a message holds; None: one.
             qos: quality of service, unless parameters qos_overrides.TOPIC.subscription.* of the
                 node say otherwise.
@@ -127,7 +129,7 @@ class Channel:
         self._message_type = message_type
         self._raw = raw
         self._take, self._skip, self._fail = take, skip, fail
-        self._take_many, self._samples_in = take_many, samples_in
+        self._take_many, self._fewest, self._samples_in = take_many, fewest, samples_in
         self._waiting: deque[tuple[Any, dict[str, Any]]] = deque()
         self._continues = False
         self._closed = False
@@ -226,7 +228,7 @@ class Channel:
     def _work(self, deadline_s: float) -> None:
         waiting = self._waiting
         while waiting:
-            if self._take_many is not None and len(waiting) > 1:
+            if self._take_many is not None and len(waiting) >= self._fewest():
                 several = [waiting.popleft() for _ in range(min(len(waiting), MOST_TOGETHER))]
                 messages = [message for message, info in several if self._follows(info)]
                 if messages:

@@ -5,12 +5,38 @@ K, B, n and p keep the units of the literature (docs/design.md).
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
 from hc_msgs.msg import HuntCrossleyEstimate
 
 from hc_estimator import Estimate
+from hc_estimator.estimate import (
+    CHANGE_DETECTED,
+    CHANNEL_DELAY,
+    CHANNEL_DELAY_STD,
+    CONTACT,
+    CONTACT_POSITION,
+    CONTACT_POSITION_STD,
+    COVARIANCE,
+    DISPLACEMENT,
+    DISPLACEMENT_NOISE_STD,
+    FORCE_NOISE_STD,
+    FORCE_PREDICTED,
+    FORCE_RECONSTRUCTED,
+    FORCE_ZERO,
+    FORCE_ZERO_STD,
+    HYPOTHESIS,
+    HYPOTHESIS_SCORES,
+    IDENTIFIABILITY,
+    INNOVATION,
+    MODEL_MISMATCH,
+    NIS,
+    PARAMETERS,
+    REJECTED,
+    VELOCITY,
+)
 from hc_estimator.stream.contacts import ContactSummary
 from hc_msgs_py.cdr import ENCAPSULATION
 from hc_msgs_py.conversion import PARAMETER_FIELDS
@@ -24,6 +50,8 @@ class EstimateEncoder(StampedEncoder):
 
     def __init__(self, frame_id: str = FRAME_INDENTER_TIP) -> None:
         super().__init__(HuntCrossleyEstimate, frame_id)
+        self._pack_covariance = struct.Struct("<16d").pack
+        self._pack_scores = struct.Struct("<6d").pack
 
     def encode(
         self,
@@ -37,7 +65,8 @@ class EstimateEncoder(StampedEncoder):
     ) -> bytes:
         """Return an estimate as a serialised HuntCrossleyEstimate, in SI but for the parameters."""
         frame = self._frame
-        innovation_displacement, innovation_force = estimate.innovation.tolist()
+        values = estimate.values
+        innovation = values[INNOVATION : INNOVATION + 2]
         return self._pack(
             ENCAPSULATION,
             *divmod(stamp_ns, NANOSECONDS),
@@ -45,34 +74,34 @@ class EstimateEncoder(StampedEncoder):
             frame,
             sequence,
             configuration_revision,
-            *estimate.parameters.tolist(),
+            *values[PARAMETERS : PARAMETERS + 4],
             *estimate.parameters_std.tolist(),
-            *estimate.identifiability.tolist(),
-            estimate.displacement / METRE_IN_MM,
-            estimate.velocity / METRE_IN_MM,
+            *values[IDENTIFIABILITY : IDENTIFIABILITY + 4],
+            values[DISPLACEMENT] / METRE_IN_MM,
+            values[VELOCITY] / METRE_IN_MM,
             force_measured_n,
-            estimate.force_predicted,
-            estimate.force_reconstructed,
-            innovation_displacement / METRE_IN_MM,
-            innovation_force,
-            estimate.nis,
-            estimate.force_noise_std,
-            estimate.displacement_noise_std / METRE_IN_MM,
-            estimate.channel_delay,
-            estimate.channel_delay_std,
-            estimate.contact_position / METRE_IN_MM,
-            estimate.contact_position_std / METRE_IN_MM,
-            estimate.force_zero,
-            estimate.force_zero_std,
+            values[FORCE_PREDICTED],
+            values[FORCE_RECONSTRUCTED],
+            innovation[0] / METRE_IN_MM,
+            innovation[1],
+            values[NIS],
+            values[FORCE_NOISE_STD],
+            values[DISPLACEMENT_NOISE_STD] / METRE_IN_MM,
+            values[CHANNEL_DELAY],
+            values[CHANNEL_DELAY_STD],
+            values[CONTACT_POSITION] / METRE_IN_MM,
+            values[CONTACT_POSITION_STD] / METRE_IN_MM,
+            values[FORCE_ZERO],
+            values[FORCE_ZERO_STD],
             computation_time_s,
             latency_s,
-            estimate.contact,
-            estimate.change_detected,
-            estimate.model_mismatch,
-            estimate.rejected,
-            estimate.hypothesis,
-            estimate.covariance.tobytes(),
-            estimate.hypothesis_scores.tobytes(),
+            values[CONTACT] != 0.0,
+            values[CHANGE_DETECTED] != 0.0,
+            values[MODEL_MISMATCH] != 0.0,
+            int(values[REJECTED]),
+            int(values[HYPOTHESIS]),
+            self._pack_covariance(*values[COVARIANCE : COVARIANCE + 16]),
+            self._pack_scores(*values[HYPOTHESIS_SCORES : HYPOTHESIS_SCORES + 6]),
         )
 
 

@@ -27,6 +27,9 @@ class Receiver(Protocol):
     def on_samples(self, batch: Batch) -> None:
         """Take in samples that wait together."""
 
+    def fewest_together(self) -> int:
+        """Return how many samples it likes better as a batch than one by one, 2 at least."""
+
     def on_skip(self, number: int) -> None:
         """Hear that samples were left out, and their numbers with them."""
 
@@ -98,6 +101,7 @@ class SampleInput:
             fail=receiver.on_failure,
             raw=True,
             take_many=self._take_many,
+            fewest=receiver.fewest_together,
         )
 
     def configure(self, values: Mapping[str, Any]) -> None:

@@ -42,6 +42,7 @@ from hc_msgs_py.topics import (
     FRAME_INDENTER_TIP,
     RECONSTRUCTED_WRENCH,
 )
+from hc_msgs_py.wire import publish_bytes
 from hc_msgs_py.wire_arrays import (
     ArraysEncoder,
     Samples,
@@ -134,17 +135,16 @@ class Outputs:
             if self.form == ARRAYS:
                 self._publish_wrench(stamp_ns, estimate.force_reconstructed)
                 return latency_ns
-        self._estimate.publish(
-            self._encoder.encode(
-                estimate,
-                stamp_ns,
-                sequence,
-                force_n,
-                revision,
-                computation_ns * 1e-9,
-                latency_ns * 1e-9,
-            )
+        data = self._encoder.encode(
+            estimate,
+            stamp_ns,
+            sequence,
+            force_n,
+            revision,
+            computation_ns * 1e-9,
+            latency_ns * 1e-9,
         )
+        publish_bytes(self._estimate, (data,))
         self._publish_wrench(stamp_ns, estimate.force_reconstructed)
         return latency_ns
 
@@ -171,8 +171,10 @@ class Outputs:
         if self.form != ARRAYS:
             seconds = computation_ns * 1e-9
             samples = Samples(*batch)
-            for data in encode_estimates(series, samples, self.frame_id, revision, seconds, now_ns):
-                self._estimate.publish(data)
+            publish_bytes(
+                self._estimate,
+                encode_estimates(series, samples, self.frame_id, revision, seconds, now_ns),
+            )
         # The wrench is for looking at: of samples that waited the newest will do.
         if self.wrench_wanted:
             self._publish_wrench(int(batch.stamps_ns[-1]), float(series.force_reconstructed[-1]))
@@ -182,10 +184,9 @@ class Outputs:
 
     def _latency_of(self, stamp_ns: int) -> int:
         """From a stamp to now [ns]; that the system's clock is set meanwhile does not count."""
-        now_ns: int = self._clock.now().nanoseconds
         if self._clock.ros_time_is_active:
-            return now_ns - stamp_ns
-        return self._latency.latency_ns(stamp_ns, now_ns, time.monotonic_ns())
+            return int(self._clock.now().nanoseconds) - stamp_ns
+        return self._latency.latency_ns(stamp_ns, time.time_ns(), time.monotonic_ns())
 
     def _publish_arrays(
         self,

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
+import numpy as np
 from geometry_msgs.msg import PointStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth, TactileSample
+from numpy.typing import NDArray
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from hc_msgs_py.conversion import fill_force
@@ -15,6 +21,7 @@ from hc_msgs_py.qos import SAMPLE_QOS
 from hc_msgs_py.topics import (
     FRAME_INDENTER_TIP,
     JOINT_STATES,
+    NODE_RECORDER,
     SAMPLE,
     SAMPLES,
     TACTILE_SAMPLE,
@@ -23,18 +30,32 @@ from hc_msgs_py.topics import (
     WRENCH,
 )
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
-from hc_msgs_py.wire import SampleEncoder, TruthEncoder
+from hc_msgs_py.wire import SampleEncoder, TruthEncoder, publish_bytes
 from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
-from hc_sim_rig.records import RigSample
+from hc_sim_rig.records import RigSample, RigSeries, Truth
+from hc_sim_rig.ros.ahead import Block, Message, SeriesEncoder
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.taxels import TaxelPad
 
-LISTENERS_EVERY = 20
-"""Samples between two looks at who listens to the topics that not everybody needs."""
+LISTENERS_PERIOD_S = 0.05
+"""Between two looks at who listens to the topics that not everybody needs."""
+JOINT_NAMES = ("master", "slave")
 TIP_EVERY = 10
 """Samples between two positions of the tip: sideways it is slow."""
 FRAME_STAGE = "stage"
 FRAME_PAD = "tactile_pad"
+
+
+class Listeners(NamedTuple):
+    """Who listens to a topic.
+
+    Attributes:
+        number: how many.
+        recorder_only: recorders, and nobody else.
+    """
+
+    number: int
+    recorder_only: bool
 
 
 class Outputs:
@@ -65,7 +86,6 @@ class Outputs:
         self._with_sensors = with_sensors
         self._with_truth = with_sensors if with_truth is None else with_truth
         self._together = together
-        self._waiting: list[tuple[int, int, float, float]] = []
         kind = IndenterSample if together == 1 else IndenterSamples
         self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_QOS)
         self._samples_encoder = SamplesEncoder()
@@ -77,7 +97,8 @@ class Outputs:
         self._truth_encoder = TruthEncoder()
         self._wrench_message = WrenchStamped()
         self._wrench_message.header.frame_id = FRAME_INDENTER_TIP
-        self._joints_message = JointState(name=["master", "slave"])
+        self._joints_message = JointState(name=list(JOINT_NAMES))
+        self._series_encoder = SeriesEncoder(JOINT_NAMES)
         self._tip_message = PointStamped()
         self._tip_message.header.frame_id = FRAME_STAGE
         self._by_topic = {
@@ -96,6 +117,10 @@ class Outputs:
                 minimum=0,
                 maximum=1000,
             )
+        self._listeners: dict[str, Listeners] = {}
+        self.look_who_listens()
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(LISTENERS_PERIOD_S, self.look_who_listens, clock=steady)
         self._pad: TaxelPad | None = None
         self._tactile: Any = None
         self._tactile_encoder = ArraysEncoder(TactileSample, FRAME_PAD)
@@ -133,70 +158,145 @@ class Outputs:
                 lines.append(f"{topic} has {found} of {expected} subscribers")
         return lines
 
+    def look_who_listens(self) -> None:
+        """Ask who listens to the topics that not everybody needs: now and then, and at a start."""
+        for topic in (TRUTH, WRENCH, JOINT_STATES, TIP):
+            count = self._by_topic[topic].get_subscription_count()
+            before = self._listeners.get(topic)
+            if before is not None and before.number == count:
+                continue
+            name = self._by_topic[topic].topic_name
+            found = self._node.get_subscriptions_info_by_topic(name) if count else ()
+            others = {info.node_name for info in found} - {NODE_RECORDER}
+            self._listeners[topic] = Listeners(count, count > 0 and not others)
+
+    def _wanted(self, topic: str) -> bool:
+        return self._listeners[topic].number > 0
+
     def publish(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish one sample on all topics that are listened to."""
-        if self.published % LISTENERS_EVERY == 0:
-            self._truth_wanted = self._truth.get_subscription_count() > 0
-            self._wrench_wanted = self._wrench.get_subscription_count() > 0
-            self._joints_wanted = self._joints.get_subscription_count() > 0
-            self._tip_wanted = self._tip.get_subscription_count() > 0
         if self._with_sensors:
             self._publish_sensors(stamp_ns, sample)
         if self._pad is not None:
-            self._publish_taxels(self._pad, stamp_ns, sample)
-        if self._with_truth and self._truth_wanted:
+            self._tactile.publish(
+                self._taxels_of(self._pad, stamp_ns, sample.sequence, sample.truth)
+            )
+        if self._with_truth and self._wanted(TRUTH):
             sequence = self.first_sequence + sample.sequence
             self._truth.publish(self._truth_encoder.encode(stamp_ns, sequence, *sample.truth))
-        if self._joints_wanted:
+        if self._wanted(JOINT_STATES):
             self._publish_joints(stamp_ns, sample)
         self.published += 1
+
+    def make(self, stamps_ns: Sequence[int], series: RigSeries) -> Block:
+        """Make the messages of samples that are not due yet.
+
+        What only a recorder listens to, and the truth, which is for evaluation, goes out after
+        the last of them: a bag is the same, and nobody is woken for each.
+
+        Args:
+            stamps_ns: of the samples [ns].
+            series: the samples, whole messages of them unless the scenario ends.
+        """
+        stamps = np.array(stamps_ns, np.int64)
+        count, together = len(stamps), self._together
+        due: list[list[Message]] = [[] for _ in range(-(-count // together))]
+        after: list[tuple[Any, list[bytes]]] = []
+
+        def place(topic: str, messages: list[bytes]) -> None:
+            publisher, listeners = self._by_topic[topic], self._listeners[topic]
+            if topic == TRUTH or listeners.recorder_only:
+                after.append((publisher, messages))
+            else:
+                for i, data in enumerate(messages):
+                    due[i // together].append((publisher, data))
+
+        if self._with_sensors:
+            for k, data in enumerate(self._sample_messages(stamps, series)):
+                due[k].append((self._sample, data))
+            if self._wanted(WRENCH):
+                place(WRENCH, self._series_encoder.wrenches(stamps, series))
+            if self._wanted(TIP):
+                self._place_tips(due, stamps, series)
+        if self._pad is not None:
+            for i, truth in enumerate(series.truth.each()):
+                taxels = self._taxels_of(self._pad, stamps_ns[i], int(series.sequence[i]), truth)
+                due[i // together].append((self._tactile, taxels))
+        if self._with_truth and self._wanted(TRUTH):
+            place(TRUTH, self._series_encoder.truths(stamps, self.first_sequence, series))
+        if self._wanted(JOINT_STATES):
+            place(JOINT_STATES, self._series_encoder.joints(stamps, series))
+        counts = [min(together, count - k * together) for k in range(len(due))]
+        return Block(deque(zip(counts, due, strict=True)), after)
+
+    def _sample_messages(self, stamps: NDArray[np.int64], series: RigSeries) -> list[bytes]:
+        if self._together == 1:
+            return self._series_encoder.samples(stamps, self.first_sequence, series)
+        first = self.first_sequence + int(series.sequence[0])
+        return [
+            self._samples_encoder.encode(
+                stamps[i : i + self._together],
+                first + i,
+                series.displacement_mm[i : i + self._together],
+                series.force_n[i : i + self._together],
+            )
+            for i in range(0, len(stamps), self._together)
+        ]
+
+    def _place_tips(
+        self, due: list[list[Message]], stamps: NDArray[np.int64], series: RigSeries
+    ) -> None:
+        for i in range(len(stamps)):
+            if series.sequence[i] % TIP_EVERY == 0:
+                self._fill_tip(int(stamps[i]), series.lateral_mm[i], series.slave.position_mm[i])
+                data = serialize_message(self._tip_message)
+                due[i // self._together].append((self._tip, data))
+
+    def publish_due(self, block: Block) -> None:
+        """Publish what is due at the next deadline, and what comes after the last of them."""
+        count, messages = block.due.popleft()
+        for publisher, data in messages:
+            publish_bytes(publisher, (data,))
+        self.published += count
+        if not block.due:
+            self.publish_after(block)
+
+    def publish_after(self, block: Block) -> None:
+        """Publish what belongs to the samples that were published: all of them, or so far."""
+        waiting = sum(count for count, _messages in block.due)
+        for publisher, several in block.after:
+            publish_bytes(publisher, several[: len(several) - waiting])
 
     def _publish_sensors(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish what the sensors read."""
         sequence = self.first_sequence + sample.sequence
-        if self._together == 1:
-            self._sample.publish(
-                self._sample_encoder.encode(
-                    stamp_ns, sequence, sample.displacement_mm, sample.force_n
-                )
-            )
-        else:
-            self._waiting.append((stamp_ns, sequence, sample.displacement_mm, sample.force_n))
-            if len(self._waiting) == self._together:
-                self.flush()
-        if self._wrench_wanted:
+        self._sample.publish(
+            self._sample_encoder.encode(stamp_ns, sequence, sample.displacement_mm, sample.force_n)
+        )
+        if self._wanted(WRENCH):
             fill_force(self._wrench_message, stamp_ns, sample.force_n)
             self._wrench.publish(self._wrench_message)
-        if self._tip_wanted and self.published % TIP_EVERY == 0:
-            self._publish_tip(stamp_ns, sample)
+        if self._wanted(TIP) and sample.sequence % TIP_EVERY == 0:
+            self._fill_tip(stamp_ns, sample.lateral_mm, sample.slave.position_mm)
+            self._tip.publish(self._tip_message)
 
-    def flush(self) -> None:
-        """Publish the samples that wait for their message to be full."""
-        if self._waiting:
-            stamps, sequences, displacements, forces = zip(*self._waiting, strict=True)
-            self._waiting.clear()
-            self._sample.publish(
-                self._samples_encoder.encode(stamps, sequences[0], displacements, forces)
-            )
-
-    def _publish_taxels(self, pad: TaxelPad, stamp_ns: int, sample: RigSample) -> None:
-        """Publish what the taxels read."""
-        displacements_mm, forces_n = pad.readings(sample.truth)
+    def _taxels_of(self, pad: TaxelPad, stamp_ns: int, sequence: int, truth: Truth) -> bytes:
+        """Return what the taxels read."""
+        displacements_mm, forces_n = pad.readings(truth)
         record = self._tactile_encoder.record(len(forces_n), stamp_ns)
-        record["sequence"] = self.first_sequence + sample.sequence
+        record["sequence"] = self.first_sequence + sequence
         record["columns"] = pad.taxels.columns
         record["pitch"] = pad.taxels.pitch_mm / METRE_IN_MM
         record["displacement"] = displacements_mm / METRE_IN_MM
         record["force"] = forces_n
-        self._tactile.publish(record.tobytes())
+        return record.tobytes()
 
-    def _publish_tip(self, stamp_ns: int, sample: RigSample) -> None:
-        """Publish where the tip is: x sideways, z up, so that penetration is negative."""
+    def _fill_tip(self, stamp_ns: int, lateral_mm: float, depth_mm: float) -> None:
+        """Say where the tip is: x sideways, z up, so that penetration is negative."""
         set_stamp(self._tip_message.header.stamp, stamp_ns)
         point = self._tip_message.point
-        point.x = sample.lateral_mm / METRE_IN_MM
-        point.z = -sample.slave.position_mm / METRE_IN_MM
-        self._tip.publish(self._tip_message)
+        point.x = float(lateral_mm) / METRE_IN_MM
+        point.z = -float(depth_mm) / METRE_IN_MM
 
     def _publish_joints(self, stamp_ns: int, sample: RigSample) -> None:
         """Publish both joints; of a side that is on another host, what this one knows."""
