@@ -49,6 +49,7 @@ EXPONENTS = np.arange(0.8, 3.3, 0.4)
 FEWEST_WINDOWS = 4
 FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
 DECISIVE = 4.0  # log likelihood ratio of a window that does
+LEAST_NEAR = 0.4  # share of the windows that must have a fine value near the candidate
 LEAD = 8.0  # log likelihood ratio to the delay in use
 CONSISTENT = 4.0  # mean over standard error of the windows' ratios
 CONTRADICTED = 0.75  # of a step, between the fine value and the likeliest candidate
@@ -257,6 +258,9 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         changes = distance > max(significant * deviation, SMALLEST)
         changes = changes and (constant or distance > step)
         changes = changes and (few or _is_clear(finder, chosen, windows))
+        # Windows of a tissue that lets go may prefer a delay, but find none near it.
+        near = _used_windows(finder, chosen, windows)
+        changes = changes and near > LEAST_NEAR * windows
     else:
         changes = distance > max(CORRECTED * deviation, CORRECTION)
         if changes and distance > step:
