@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import matplotlib as mpl
@@ -30,6 +31,9 @@ def test_its_cells_run(capsys, monkeypatch):
         exec(compile(source, f"cell {number}", "exec"), names)
     told = capsys.readouterr().out
     assert told.startswith("5001 samples, nothing unusual")
-    assert "the displacement is 31.2 ms late" in told
+    delay = re.search(r"the displacement is ([0-9.]+) ms late", told)
+    assert delay is not None
+    # The line of the least force error over all shifts has its foot between 30 and 33 ms.
+    assert 30.0 < float(delay[1]) < 33.0
     assert 2.0 * names["aligned_rms"] < names["ahead_rms"]
     assert "force_predicted_N" in told

@@ -156,7 +156,7 @@ class Estimate(_Rows):
 
     @property
     def values(self) -> list[float]:
-        """The whole row, by the columns named in this file; not to be changed."""
+        """The whole row, by the columns named in `hc_estimator.estimate`; not to be changed."""
         return self._values
 
     @property
@@ -267,6 +267,11 @@ class EstimateSeries(_Rows):
     """
 
     __slots__ = ()
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The whole rows, shape (samples, COLUMNS), by the columns named in `hc_estimator.estimate`."""
+        return self._rows
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return everything as arrays of shape (samples,) by name, with the unit in the name.
