@@ -270,7 +270,10 @@ class EstimateSeries(_Rows):
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """The whole rows, shape (samples, COLUMNS), by the columns named in `hc_estimator.estimate`."""
+        """The whole rows, by the columns named in `hc_estimator.estimate`.
+
+        Shape (samples, COLUMNS); not to be changed.
+        """
         return self._rows
 
     def columns(self) -> dict[str, NDArray[Any]]:
