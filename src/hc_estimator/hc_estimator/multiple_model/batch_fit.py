@@ -167,6 +167,7 @@ def _take_velocity_noise(history: Any, finder: Any, noise: float, independent: f
     noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
     history.velocity_std[0] = math.sqrt(noisier * variance)
     history.velocity_noise[0] = noisier * variance * width / spacing
+    variance *= 1.0 + CUBIC_NOISE
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
         value = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
         variance = smoothing.wide_variance(finder, value)
