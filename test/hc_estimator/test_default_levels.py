@@ -95,8 +95,9 @@ def test_moving_along_the_ridge(k, ratio, p, move_k, move_b, log_speed):
     assert after - before == pytest.approx((1.0 - share) * move_k + share * move_b, abs=1e-9)
     stays = levels.moved(k, b, p, 0.0, 0.0, 0.0, level, share, log_speed)
     assert stays == pytest.approx((k, b), abs=1e-9)
-    plain = levels.moved(k, b, p, move_k, move_b, 0.3, k, 0.0, levels.UNBENT)
-    assert plain == pytest.approx((k + move_k, b + move_b), abs=1e-9)
+    for move_p in (0.3, -2.0 * p):  # to an exponent below zero as well
+        plain = levels.moved(k, b, p, move_k, move_b, move_p, k, 0.0, levels.UNBENT)
+        assert plain == pytest.approx((k + move_k, b + move_b), abs=1e-9)
 
 
 def alone(seed, pose_hz, wrench_hz, seconds=6.0, first_pose=0.004):
