@@ -86,7 +86,9 @@ def test_the_main_job(command_line) -> None:
     }
     assert counts["/indenter/sample"] == counts["/hc/estimate"] == summary["samples"]
 
-    estimated = json.loads(command_line.run("estimate", str(bag), "--json").stdout)
+    estimated = json.loads(command_line.run("estimate", str(bag), "--json", "--verify").stdout)
+    assert estimated["compared"] == summary["samples"]
+    assert estimated["different"] == 0
     for name, value in summary["parameters"].items():
         assert estimated["parameters"][name] == pytest.approx(value, rel=1e-9)
 
