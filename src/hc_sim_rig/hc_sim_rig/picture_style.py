@@ -29,7 +29,7 @@ WIDTH = 8.0
 """Of every picture [inches]."""
 DPI = 140
 
-STYLE: dict[str, Any] = {
+STYLE: Any = {  # as matplotlib.rcParams
     "font.size": 9.0,
     "figure.titlesize": 10.0,
     "axes.titlesize": 9.5,

@@ -103,7 +103,7 @@ def _draw_special(axes: Any, scenario: Scenario, series: RigSeries) -> None:
             relative = parameters[:, column] / parameters[0, column]
             axes.plot(across, relative, label=f"{name} / {parameters[0, column]:.3g}")
         axes.set_xlabel("sideways [mm]" if by_place else "time [s]")
-        axes.set_ylabel("true parameters, relative")
+        axes.set_ylabel("true, relative")
         legend_above(axes, 2)
         return
     errors = (

@@ -39,7 +39,7 @@ def _draw_side(axes: Any, centre: float, tip: float) -> None:
     outline = np.column_stack([np.r_[x, x[-1], x[0]], np.r_[surface, 0.4, 0.4]])
     axes.add_patch(Polygon(outline, fc="#f6dcd0", ec=ORANGE, lw=LINE))
     axes.text(centre - 3.2, 0.6, "tissue", va="bottom")
-    box = {"ec": BLACK, "lw": LINE}
+    box: Any = {"ec": BLACK, "lw": LINE}
     axes.add_patch(Rectangle((centre - TIP_RADIUS, tip), 2 * TIP_RADIUS, 1.9, fc="#dddddd", **box))
     axes.add_patch(Rectangle((centre - 0.7, tip + 1.9), 1.4, 0.7, fc="#cfe3f3", **box))
     axes.add_patch(Rectangle((centre - 0.95, tip + 2.6), 1.9, 0.9, fc="#eeeeee", **box))
