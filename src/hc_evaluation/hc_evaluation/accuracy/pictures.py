@@ -88,12 +88,12 @@ def _say_beyond(axis: Axes, time: Any, value: Any, limit: float) -> None:
     beyond = value > limit
     if np.any(beyond):
         axis.text(
-            0.98,
-            0.95,
+            1.0,
+            1.03,  # above the frame, which curves may fill
             f"up to {np.max(value):.3g} within {time[beyond][0]:.1f} to {time[beyond][-1]:.1f} s",
             transform=axis.transAxes,
             ha="right",
-            va="top",
+            va="bottom",
         )
 
 
