@@ -9,7 +9,7 @@ import pytest
 from hc_bringup.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = ROOT / "docs" / "guide" / "recordings.md"
+PAGE = ROOT / "docs/guide/recordings.md"
 SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
 SHOWN = "./hc estimate ../shared/data/palpation_scan.csv"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
