@@ -66,7 +66,7 @@ def test_a_surface_that_sinks_is_chosen_where_it_is_likelier_by_far(likelihood, 
 
 
 def test_a_surface_that_sinks_refutes_nobody_before_it_is_chosen(parts):
-    """Regression: on the flank of a lump it kept the row that follows the lump out of the choice."""
+    """Regression: at a lump's flank it kept the row that follows the lump out of the choice."""
     options, bank = parts
     rows_of(options, bank, (9.0, 9.0, 1.0, 0.1, 9.0, 9.0), misfits=(3,))
     bank.rows[3].log_likelihood = 50.0
