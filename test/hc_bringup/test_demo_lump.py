@@ -1,4 +1,4 @@
-"""The first thing that a newcomer sees: the default filter over the lump of the rig's demo."""
+"""The first thing that a new user sees: the default filter over the lump of the rig's demo."""
 
 import numpy as np
 

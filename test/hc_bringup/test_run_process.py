@@ -15,6 +15,7 @@ import yaml
 
 from hc_bringup.plan import load_plan
 from hc_logger.recording import read_recording
+from hc_logger.verify import verify
 
 HC = [sys.executable, "-m", "hc_bringup"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -86,6 +87,9 @@ def test_the_main_job(command_line) -> None:
     }
     assert counts["/indenter/sample"] == counts["/hc/estimate"] == summary["samples"]
 
+    report = verify(read_recording(bag))
+    assert report.compared == summary["samples"]
+    assert report.different == 0
     estimated = json.loads(command_line.run("estimate", str(bag), "--json").stdout)
     for name, value in summary["parameters"].items():
         assert estimated["parameters"][name] == pytest.approx(value, rel=1e-9)

@@ -1,4 +1,4 @@
-"""A newcomer adds a hypothesis with one line in one file, and the bank tries it.
+"""A contributor adds a hypothesis with one line in one file, and the bank tries it.
 
 A copy of the package gets one more row: a stiffness that wanders without a rate of its own. Nothing
 else is touched. The copy is compiled in a process of its own, which takes a minute or two.

@@ -23,6 +23,7 @@ needs_recordings = pytest.mark.skipif(
     data_folder() is None, reason="the recordings in ../shared/data are absent"
 )
 SEEDS = range(700, 706)
+QUICK = ("reference", "soft_100hz", "tapping")  # one of each kind; the others are `slow`
 
 
 def columns(function, scenario, seeds=SEEDS):
@@ -30,7 +31,13 @@ def columns(function, scenario, seeds=SEEDS):
     return {key: np.array([r[key] for r in runs]) for key in runs[0]}
 
 
-@pytest.mark.parametrize("scenario", catalogue.TISSUES, ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        pytest.param(s, id=s.name, marks=[] if s.name in QUICK else [pytest.mark.slow])
+        for s in catalogue.TISSUES
+    ],
+)
 def test_quiet_tissue_is_found_near_the_bound_and_with_honest_uncertainty(scenario):
     runs = columns(measure.quiet_run, scenario, range(700, 704))
     row = quiet_rows([scenario], [runs])[0]

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from hc_evaluation.places import read_csv
 from hc_evaluation.reproduction import ReproductionResult, available_experiments, load_experiment
-from hc_evaluation.reproduction.page import markdown
+from hc_evaluation.reproduction.page import experiment_page, markdown
 from hc_evaluation.reproduction.tables import QUICK_BEGIN, QUICK_END, number, quick_numbers
 
 pytestmark = pytest.mark.slow  # a whole campaign: two minutes
@@ -20,6 +21,7 @@ Campaign = tuple[ReproductionResult, list[tuple[str, int, int]]]
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT = ROOT / "docs/reproduction.md"
+PAGES = ROOT / "docs/evidence/reproduction"
 CALM = 3.0
 AGREEMENT = 0.1  # relative; another machine rounds differently, and filters amplify that
 
@@ -37,6 +39,9 @@ def test_the_page_says_where_its_figures_come_from(quick_campaign: Campaign) -> 
     origin = "`hc reproduce -o x`, hc 1.2.3 (commit 1a2b3c4), 2026-11-23."
     assert f"on only.\n\n{origin}\n\nThe papers' claims" in markdown(quick_campaign[0], origin)
     assert "on only.\n\nThe papers' claims" in markdown(quick_campaign[0])
+    for name, entry in quick_campaign[0].experiments.items():
+        assert said.search((PAGES / f"{name}.md").read_text(encoding="utf-8"))
+        assert f"\n\n{origin}\n\nPaper " in experiment_page(entry, origin)
 
 
 @pytest.mark.slow
@@ -64,7 +69,7 @@ def test_the_page_says_what_the_quick_command_finds(quick_campaign: Campaign) ->
             wrong.append(f"{name}, {column}: page {text}, now {value:.4g}")
     assert not wrong, (
         "docs/reproduction.md is out of date; make it anew with `hc reproduce -o DIR` and copy "
-        "DIR/reproduction.md and DIR/pictures to docs: " + "; ".join(wrong)
+        "what stands in DIR to docs: " + "; ".join(wrong)
     )
 
 
@@ -72,10 +77,17 @@ def test_the_page_is_whole(quick_campaign: Campaign) -> None:
     result = quick_campaign[0]
     page = (result.output / "reproduction.md").read_text(encoding="utf-8")
     assert page.index("| experiment | claim") < page.index("\n## ")
+    pictures: list[str] = []
     for name in available_experiments():
         experiment = load_experiment(name)
-        section = page[page.index(f"\n## {name}\n") :]
-        section = section[: section.find("\n## ", 5)]
+        assert f"(evidence/reproduction/{name}.md)" in page
+        file = result.output / "evidence" / "reproduction" / f"{name}.md"
+        section = file.read_text(encoding="utf-8")
+        pictures += re.findall(r"\]\(\.\./\.\./(pictures/[^)]+)\)", section)
+        said, rows = read_csv(file.with_suffix(".csv"))
+        assert said
+        assert rows[0] == ("score", *(column.name for column in experiment.columns))
+        assert "| " + " | ".join(rows[-1]) + " |" in section
         for column in experiment.columns:
             assert column.name in section
         for row in (
@@ -97,7 +109,6 @@ def test_the_page_is_whole(quick_campaign: Campaign) -> None:
         "The noise figures read the other way",
     ):
         assert said in page
-    pictures = re.findall(r"\]\((pictures/[^)]+)\)", page)
     assert len(pictures) == 4 + 11 + 4
     for picture in pictures:
         assert (result.output / picture).stat().st_size > 10_000
@@ -105,9 +116,11 @@ def test_the_page_is_whole(quick_campaign: Campaign) -> None:
 
 
 def test_the_documents_pictures_are_there() -> None:
-    page = DOCUMENT.read_text(encoding="utf-8")
-    for picture in re.findall(r"\]\((pictures/[^)]+)\)", page):
-        assert (DOCUMENT.parent / picture).is_file(), picture
+    pages = {path.stem: path.read_text(encoding="utf-8") for path in PAGES.glob("*.md")}
+    assert set(pages) == set(available_experiments())
+    for page in pages.values():
+        for picture in re.findall(r"\]\(([./]*pictures/[^)]+)\)", page):
+            assert (PAGES / picture).is_file(), picture
 
 
 def test_tables_and_results_say_the_same(quick_campaign: Campaign) -> None:

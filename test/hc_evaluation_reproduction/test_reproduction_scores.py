@@ -186,7 +186,7 @@ def test_the_bound_is_that_of_weighted_least_squares(signal: Signal) -> None:
     assert 0.0 < floors["force_late_rmse"] < floors["force_rmse"] < 0.036
 
 
-def test_the_restlessness_is_that_of_the_white_jerk_behind_it(signal: Signal) -> None:
+def test_the_jerk_density_is_that_of_the_white_jerk_behind_it(signal: Signal) -> None:
     assert jerk_density(signal) == SMALLEST_JERK_DENSITY  # two slow sines
     density, step, count = 3e7, 1e-3, 40_000
     generator = np.random.default_rng(5)
@@ -195,8 +195,8 @@ def test_the_restlessness_is_that_of_the_white_jerk_behind_it(signal: Signal) ->
     kicks = generator.multivariate_normal(np.zeros(2), covariance, count)
     acceleration = np.cumsum(kicks[:, 1])
     velocity = np.cumsum(step * (acceleration - kicks[:, 1]) + kicks[:, 0])
-    restless = dataclasses.replace(signal, time_s=step * np.arange(count), true_velocity=velocity)
-    assert jerk_density(restless) == pytest.approx(density, rel=0.05)
+    jerky = dataclasses.replace(signal, time_s=step * np.arange(count), true_velocity=velocity)
+    assert jerk_density(jerky) == pytest.approx(density, rel=0.05)
 
 
 def test_the_first_guess_is_the_defaults() -> None:

@@ -308,22 +308,29 @@ def test_a_haptic_device_of_crtk_is_served_at_1_khz(
     assert master.wait(timeout=60) == 0
 
 
-def test_nodes_say_in_one_line_what_cannot_be(start: Start, ros_domain: int) -> None:
-    cases = (
+@pytest.mark.parametrize(
+    ("module", "name", "value", "word"),
+    [
         ("master", "feedback.method", "telepathy", "is not one of direct, position_position"),
-        ("slave", "slave.stiffness_low", "50.0", "stiffness_low is 50"),
-        ("master", "motion", "/no/such/file.csv", "cannot read the motion"),
-        ("slave", "link.bind", "192.0.2.1", "link from 192.0.2.1"),
-    )
-    started = []
-    for module, name, value, word in cases:
-        command = ("-m", f"hc_sim_rig.{module}_node", "--ros-args", "-p", f"{name}:={value}")
-        started.append((start(ros_domain, *command), word))
-    for process, word in started:
-        _, errors = process.communicate(timeout=60)
-        assert process.returncode == 2
-        assert word in errors
-        assert len(errors.strip().splitlines()) == 1
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)  # the same way out of the same start
+            for case in (
+                ("slave", "slave.stiffness_low", "50.0", "stiffness_low is 50"),
+                ("master", "motion", "/no/such/file.csv", "cannot read the motion"),
+                ("slave", "link.bind", "192.0.2.1", "link from 192.0.2.1"),
+            )
+        ),
+    ],
+)
+def test_nodes_say_in_one_line_what_cannot_be(
+    start: Start, ros_domain: int, module: str, name: str, value: str, word: str
+) -> None:
+    command = ("-m", f"hc_sim_rig.{module}_node", "--ros-args", "-p", f"{name}:={value}")
+    process = start(ros_domain, *command)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 2
+    assert word in errors
+    assert len(errors.strip().splitlines()) == 1
 
 
 def parameters(node: str, *settings: str) -> list[str]:

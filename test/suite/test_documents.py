@@ -18,7 +18,14 @@ PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 NAMED_PAGE = re.compile(r"(?<![\w/.-])((?:\.\./)*[\w/-]+\.md)\b")
 NAMED_MODULE = re.compile(r"`([\w/]+\.py)`")
-ELSEWHERE = {"FILE.md", "page.md", "DIR/reproduction.md", "docs/spec.md", "data/README.md"}
+ELSEWHERE = {
+    "FILE.md",
+    "page.md",
+    "DIR/reproduction.md",
+    "../../reproduction.md",  # of DIR, too
+    "docs/spec.md",
+    "data/README.md",
+}
 """Pages that a user or a test makes, of others' projects, and of the recordings (not ours)."""
 
 

@@ -3,6 +3,9 @@
 A fenced block that begins with `sh` holds commands, one a line, in the order in which they are
 typed; they run in one fresh folder one after the other. A command that runs until Ctrl-C ends
 with `&` there and is ended here when its block is over.
+
+`slow`: all blocks but that of the example bag. They start the same nodes and commands as the tests
+of hc_bringup do, once more; what the others here hold them to is that every word is understood.
 """
 
 import os
@@ -16,11 +19,18 @@ from pathlib import Path
 
 import pytest
 
+from hc_bringup.cli import command_parser
+
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.process
+QUICK = "README-1"  # hc estimate bags/example --verify, hc report
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md")))
 BLOCKS = [
-    pytest.param(block, id=f"{page.stem}-{number}")
+    pytest.param(
+        block,
+        id=f"{page.stem}-{number}",
+        marks=[] if f"{page.stem}-{number}" == QUICK else [pytest.mark.slow],
+    )
     for page in PAGES
     for number, block in enumerate(
         re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
@@ -40,6 +50,15 @@ def commands(block: str) -> list[str]:
 def test_readme_and_guide_have_commands() -> None:
     assert sum(len(commands(str(block.values[0]))) for block in BLOCKS) >= 15
     assert sum(str(block.id).startswith("README") for block in BLOCKS) >= 2
+
+
+@pytest.mark.parametrize("block", [pytest.param(b.values[0], id=b.id) for b in BLOCKS])
+def test_every_word_of_a_command_is_understood(block: str) -> None:
+    """As the command line parses it; what a name means it finds out when it runs."""
+    for line in commands(block):
+        program, *words = shlex.split(line.removesuffix("&"))
+        if program in ("./hc", "hc"):
+            command_parser(words[0]).parse_args(words[1:])
 
 
 def wait_until_estimates_flow(environment: dict[str, str]) -> None:

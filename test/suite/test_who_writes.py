@@ -147,6 +147,7 @@ GUESTS = {
     "adaptation/tempering": {"memory": "tempering_count"},
     "adaptation/variational_bayes": {"memory": "bayes_scale bayes_shape noise"},
     "filters/adaptive_ukf": {"memory": "change_detected measurement_noise"},
+    "filters/motion_proposal": {"memory": "point"},
     "filters/rbpf": {"memory": "begun change_detected"},
     "filters/rls": {
         "memory": "begun curvature predicted_measurement prior_variance regression "

@@ -18,7 +18,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import yaml
@@ -30,6 +30,9 @@ from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 from hc_bringup.runner import Runner, RunState
 from hc_sim_rig.scenario import SCENARIO_FOLDER
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RATES_HZ: Final = (1000.0, 2000.0, 4000.0, 7000.0)
 SUBSCRIBERS: Final = (1, 4)
@@ -232,10 +235,19 @@ def draw(cases: Sequence[Case], file: Path) -> None:
     Raises:
         OSError: if the file cannot be written.
     """
-    from matplotlib.figure import Figure
+    from matplotlib import rc_context
+
+    from hc_sim_rig.picture_style import STYLE, save
+
+    with rc_context(STYLE):
+        save(_curves(cases), file)
+
+
+def _curves(cases: Sequence[Case]) -> Figure:
+    from hc_sim_rig.picture_style import SEVERAL, legend_below, new_figure
 
     loads = sorted({case["loaded"] for case in cases})
-    figure = Figure(figsize=(5.0 * len(loads) + 1.8, 4.2), layout="constrained")
+    figure = new_figure(4.4)
     grid = figure.subplots(1, len(loads), sharex=True, sharey=True, squeeze=False)[0]
     rates = sorted({case["rate_hz"] for case in cases})
     most = max(case["subscribers"] for case in cases)
@@ -249,7 +261,7 @@ def draw(cases: Sequence[Case], file: Path) -> None:
             axes.plot(
                 np.maximum(ordered, 1e-2),
                 share,
-                color=f"C{rates.index(case['rate_hz'])}",
+                color=SEVERAL[rates.index(case["rate_hz"]) % len(SEVERAL)],
                 linestyle="-" if few else "--",
                 label=f"{case['rate_hz'] / 1000:g} kHz, {case['subscribers']} subscribers".replace(
                     "1 subscribers", "1 subscriber"
@@ -259,9 +271,7 @@ def draw(cases: Sequence[Case], file: Path) -> None:
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.set_xlabel("latency, stamp to publication [ms]")
-        axes.grid(which="major", alpha=0.3)
     grid[0].set_ylabel("share of the estimates that are later")
-    # Beside the curves: they fill their frames from corner to corner.
-    labels = grid[0].get_legend_handles_labels()
-    figure.legend(*labels, loc="outside right center", fontsize="small")
-    figure.savefig(file, dpi=120)
+    # Below the curves: they fill their frames from corner to corner.
+    legend_below(figure, *grid[0].get_legend_handles_labels(), ncols=4)
+    return figure

@@ -35,7 +35,7 @@ CLEAR_DELAY_S = 0.002
 """A delay below this changes B by less than anybody tells."""
 SPOILT = (Check.SATURATION, Check.STUCK, Check.QUANTISATION, Check.RATE)
 """What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
-_UNTOLD = "cannot be said, and neither can delay and zeros, until it is put right"
+_UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 DISTURBED_SHARE = 0.05
 SYMBOLS = "KBnp"
 _LONGEST = 20_000
@@ -167,7 +167,7 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
         after = samples.estimate() if settings else before
         spoilt = spoilt or (doubt.check in SPOILT and not settings)
         cost = _cost(before, after, bool(settings))
-        findings.append(Finding(doubt.sentence, settings, cost or (_UNTOLD if spoilt else "")))
+        findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
     if not spoilt:
         findings += _between_channels(samples, before)

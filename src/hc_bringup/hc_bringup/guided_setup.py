@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from hc_bringup.asking import Asker, yes_or_no
 from hc_bringup.errors import FAILURE, UserError
-from hc_bringup.felt import Felt, resting
 from hc_bringup.graph import Graph
+from hc_bringup.press_monitor import PressMonitor, resting
 from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, best, find_streams, unusable
 
 LOOK_S = 1.5
@@ -205,17 +205,17 @@ class Guide:
             with Recorder(self._graph, force, position) as recorder:
                 try:
                     rest_s = self._rest(recorder)
-                    felt = self._presses(recorder)
+                    monitor = self._presses(recorder)
                 except GoneSilentError as error:
                     self._tell.clear()
                     self.again(f"{error}: is its driver still running?", recorder.idle)
                     continue
-                if felt.felt:
-                    print(f"felt: {felt.sentence}")
+                if monitor.has_pressed:
+                    print(f"felt: {monitor.sentence}")
                     return Recorded(force, position, recorder.readings(), rest_s)
                 self.again(
-                    f"no press was felt: {felt.sentence}. Does the tool touch the tissue, and is "
-                    f"{force.topic} its sensor?",
+                    f"no press was felt: {monitor.sentence}. Does the tool touch the tissue, and "
+                    f"is {force.topic} its sensor?",
                     recorder.idle,
                 )
 
@@ -275,9 +275,9 @@ class Guide:
             if self._asker.choose("rest again [Enter], or go on all the same [g]?", answers) == "g":
                 return recorder.elapsed_s
 
-    def _presses(self, recorder: Recorder) -> Felt:
+    def _presses(self, recorder: Recorder) -> PressMonitor:
         """Let the tool press; the time runs from the first press that is felt."""
-        felt = Felt(recorder)
+        monitor = PressMonitor(recorder)
         print(
             "Now press into the tissue and leave it again, several times, slow and fast "
             f"({self._seconds:g} s from the first press on).",
@@ -291,20 +291,20 @@ class Guide:
                 left = FIRST_PRESS_S - (now - began)
                 if left <= 0.0:
                     break
-                line = f"waiting for the first press ({left:.0f} s): {felt.sentence}"
+                line = f"waiting for the first press ({left:.0f} s): {monitor.sentence}"
             else:
                 left = self._seconds - (now - first)
-                enough = felt.presses >= FEWEST_PRESSES
+                enough = monitor.presses >= FEWEST_PRESSES
                 if left <= 0.0 and (enough or now - first > LONGEST * self._seconds):
                     break
                 wanted = f"{left:3.0f} s" if left > 0.0 else "leave the tissue and press again"
-                line = f"press: {wanted}; {felt.sentence}"
+                line = f"press: {wanted}; {monitor.sentence}"
             self._spin(recorder, 0.25, lambda _left, line=line: line)  # type: ignore[misc]
-            felt.update()
-            if first is None and felt.felt:
+            monitor.update()
+            if first is None and monitor.has_pressed:
                 first = time.monotonic()
         self._tell.clear()
-        return felt
+        return monitor
 
     def _spin(self, recorder: Recorder, seconds: float, line: Callable[[float], str]) -> None:
         """Record for a while with a live line.

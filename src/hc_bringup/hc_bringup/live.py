@@ -30,7 +30,7 @@ SYMBOLS: Final = {
     "velocity_exponent": ("p", ""),
 }
 _LINE_PERIOD_S: Final = 1.0
-_WAIT_TOLD_S: Final = 10.0
+_WAIT_REPORT_S: Final = 10.0
 """A start or an end that takes longer is spoken of so often, even where nothing else is shown."""
 _REASON_WITHIN_S: Final = 1.6
 """So long a silent run is waited with, for the estimator to say why."""
@@ -72,7 +72,7 @@ class Display:
         self._last_line_at = 0.0
         self._page_announced = False
         self._reported: dict[str, str] = {}
-        self._silence_told = False
+        self._silence_reported = False
         self._waits_since = self._spoke_at = time.monotonic()
 
     def __enter__(self) -> Display:
@@ -140,13 +140,13 @@ class Display:
     def _tell_silence(self, state: RunState) -> None:
         """Write a line when the estimates come no more, and one when they come again."""
         said = ""
-        if state.silent and not self._silence_told:
+        if state.silent and not self._silence_reported:
             # Why, the estimator says once a second.
             if state.silent_reason or state.silent_s > _REASON_WITHIN_S:
-                self._silence_told = True
+                self._silence_reported = True
                 said = f"silent for {state.silent_s:.1f} s: {state.silent_reason or NO_SAMPLES}"
-        elif self._silence_told and not state.silent and state.phase == RUNNING:
-            self._silence_told = False
+        elif self._silence_reported and not state.silent and state.phase == RUNNING:
+            self._silence_reported = False
             said = "samples come again"
         if said:
             sys.stderr.write(f"{state.elapsed_s:.1f} s: {said}\n")
@@ -157,7 +157,7 @@ class Display:
         now = time.monotonic()
         if state.phase in (RUNNING, DONE):
             self._waits_since = self._spoke_at = now
-        elif now - self._spoke_at >= _WAIT_TOLD_S:
+        elif now - self._spoke_at >= _WAIT_REPORT_S:
             self._spoke_at = now
             load, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
             busy = f" (machine busy: load {load:.1f} on {processors} processors)"

@@ -15,9 +15,21 @@ from numpy.lib.recfunctions import repack_fields
 from hc_bringup.run_data import Array, RunData
 from hc_estimator import PARAMETER_NAMES
 from hc_evaluation.channels import GAP_STEPS
+from hc_sim_rig.picture_style import (
+    ALARM,
+    BAND,
+    ESTIMATED,
+    LINE,
+    MEASURED,
+    THICK,
+    THIN,
+    TRUE,
+    in_style,
+    legend_below,
+    new_figure,
+)
 
 _LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
-_MEASURED, _ESTIMATED, _TRUE, _ALARM = "0.6", "tab:blue", "tab:green", "tab:red"
 _MOST_POINTS = 4000
 _SETTLED_SHARE = 0.2
 _LARGEST = 1e100
@@ -35,13 +47,14 @@ _DRAWN = (
 """Of the estimates, what the picture shows."""
 
 
+@in_style
 def draw(data: RunData) -> Figure:
     """Return the picture of a run: displacement, force, error, NIS on the left, K B n p right.
 
     Whatever the numbers are, NaN, infinite or absurd, there is a picture.
     """
     data = _drawable(data)
-    figure = Figure(figsize=(13.0, 8.6), layout="constrained")
+    figure = new_figure(7.4, width=11.0)
     # The name of a file may hold any bytes, and a $ in it begins no formula.
     title = data.title.encode("utf-8", "replace").decode()
     figure.suptitle(title, parse_math=False)
@@ -56,10 +69,9 @@ def draw(data: RunData) -> Figure:
     for index in range(4):
         _parameter(grid[index, 1], data, part, index)
     for axes in grid.flat:
-        axes.grid(alpha=0.3)
         axes.margins(x=0.0)
         for at in data.time_s[data.change_detected]:
-            axes.axvline(at, color=_ALARM, linewidth=0.8, alpha=0.6)
+            axes.axvline(at, color=ALARM, linewidth=THIN)
     for axes in grid[3]:
         axes.set_xlabel("time [s]")
     if data.model_mismatch.any():
@@ -70,7 +82,7 @@ def draw(data: RunData) -> Figure:
                 1.0,
                 where=data.model_mismatch[part],
                 transform=axes.get_xaxis_transform(),
-                color=_ALARM,
+                color=ALARM,
                 alpha=0.08,
                 linewidth=0.0,
             )
@@ -116,22 +128,16 @@ def _highest(values: Array) -> float:
 def _explain_colours(figure: Figure, data: RunData) -> None:
     """Put one legend below all panels, where it covers nothing."""
     handles = [
-        Line2D([], [], color=_MEASURED, linewidth=1.6, label="measured"),
-        Line2D([], [], color=_ESTIMATED, label="estimate; force: one step ahead"),
-        Patch(color=_ESTIMATED, alpha=0.25, label="± 2 standard deviations"),
-        Line2D([], [], color=_TRUE, linestyle="--", label="true; NIS: ideal"),
+        Line2D([], [], color=MEASURED, linewidth=THICK, label="measured"),
+        Line2D([], [], color=ESTIMATED, label="estimate; force: one step ahead"),
+        Patch(color=ESTIMATED, alpha=BAND, label="± 2 standard deviations"),
+        Line2D([], [], color=TRUE, linestyle="--", label="true; NIS: ideal"),
     ]
     if data.change_detected.any():
-        handles.append(Line2D([], [], color=_ALARM, label="change of the tissue detected"))
+        handles.append(Line2D([], [], color=ALARM, label="change of the tissue detected"))
     if data.model_mismatch.any():
-        handles.append(Patch(color=_ALARM, alpha=0.08, label="contact law does not fit"))
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=len(handles),
-        fontsize="small",
-        frameon=False,
-    )
+        handles.append(Patch(color=ALARM, alpha=0.08, label="contact law does not fit"))
+    legend_below(figure, handles, [str(handle.get_label()) for handle in handles], ncols=4)
 
 
 def _broken(time: Array, *curves: Array) -> tuple[Array, ...]:
@@ -152,14 +158,14 @@ def _curve(axes: Any, time: Array, values: Array, colour: str, width: float) -> 
 
 
 def _displacement(axes: Any, data: RunData) -> None:
-    _curve(axes, data.time_s, data.displacement_mm, _MEASURED, 1.0)
+    _curve(axes, data.time_s, data.displacement_mm, MEASURED, LINE)
     axes.set_ylabel("displacement [mm]")
 
 
 def _force(axes: Any, data: RunData, part: slice) -> None:
     time = data.time_s[part]
-    _curve(axes, data.time_s, data.force_n, _MEASURED, 1.6)
-    axes.plot(*_broken(time, data.force_predicted_n[part]), color=_ESTIMATED, linewidth=0.9)
+    _curve(axes, data.time_s, data.force_n, MEASURED, THICK)
+    axes.plot(*_broken(time, data.force_predicted_n[part]), color=ESTIMATED, linewidth=THIN)
     low, high = _lowest(data.force_n), _highest(data.force_n)
     margin = 0.1 * max(high - low, 1e-6)
     _scale(axes, low - margin, high + margin)
@@ -169,7 +175,7 @@ def _force(axes: Any, data: RunData, part: slice) -> None:
 def _error(axes: Any, data: RunData) -> None:
     error = data.force_n - data.force_predicted_n
     settled = error[int(_SETTLED_SHARE * len(error)) :]
-    _curve(axes, data.time_s, 1e3 * error, _ESTIMATED, 0.6)
+    _curve(axes, data.time_s, 1e3 * error, ESTIMATED, THIN)
     settled = settled[np.isfinite(settled)]
     limit = 1e3 * float(np.percentile(np.abs(settled), 99.5)) if len(settled) else 1.0
     _scale(axes, -1.5 * limit, 1.5 * limit)
@@ -183,8 +189,8 @@ def _consistency(axes: Any, data: RunData) -> None:
     blocks = data.nis[:count].reshape(-1, width)
     known = np.isfinite(blocks)
     mean = np.where(known, blocks, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    axes.plot(*_broken(data.time_s[:count:width], mean), color=_ESTIMATED, linewidth=1.0)
-    axes.axhline(2.0, color=_TRUE, linewidth=1.0, linestyle="--")
+    axes.plot(*_broken(data.time_s[:count:width], mean), color=ESTIMATED, linewidth=LINE)
+    axes.axhline(2.0, color=TRUE, linewidth=LINE, linestyle="--")
     _scale(axes, 0.0, max(5.0, 1.2 * float(np.percentile(mean, 90))) if len(mean) else 5.0)
     axes.set_ylabel("NIS, averaged")
 
@@ -197,16 +203,16 @@ def _parameter(axes: Any, data: RunData, part: slice, index: int) -> None:
         time,
         value - 2.0 * deviation,
         value + 2.0 * deviation,
-        color=_ESTIMATED,
-        alpha=0.25,
+        color=ESTIMATED,
+        alpha=BAND,
         linewidth=0.0,
     )
-    axes.plot(time, value, color=_ESTIMATED, linewidth=1.2)
+    axes.plot(time, value, color=ESTIMATED, linewidth=LINE)
     settled = data.parameters[int(_SETTLED_SHARE * len(data.parameters)) :, index]
     spread = data.parameters_std[int(_SETTLED_SHARE * len(data.parameters_std)) :, index]
     low, high = _lowest(settled - 3 * spread), _highest(settled + 3 * spread)
     if data.truth is not None:
-        axes.plot(*_broken(data.time_s[part], data.truth[part, index]), color=_TRUE, linestyle="--")
+        axes.plot(*_broken(data.time_s[part], data.truth[part, index]), color=TRUE, linestyle="--")
         low = min(low, _lowest(data.truth[:, index]))
         high = max(high, _highest(data.truth[:, index]))
     margin = 0.15 * max(high - low, 1e-3 * abs(high), 1e-12)

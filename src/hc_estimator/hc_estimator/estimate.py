@@ -69,30 +69,6 @@ _REJECTIONS = tuple(Rejection)  # a look into a tuple is ten times faster than R
 _HYPOTHESES = tuple(Hypothesis)
 
 
-_OF_A_TABLE = {
-    **{f"{name}": PARAMETERS + i for i, name in enumerate(PARAMETER_NAMES)},
-    **{f"{name}_identifiability": IDENTIFIABILITY + i for i, name in enumerate(PARAMETER_NAMES)},
-    "force_predicted_N": FORCE_PREDICTED,
-    "force_reconstructed_N": FORCE_RECONSTRUCTED,
-    "innovation_displacement_mm": INNOVATION,
-    "innovation_force_N": INNOVATION + 1,
-    "nis": NIS,
-    "displacement_filtered_mm": DISPLACEMENT,
-    "velocity_mm_s": VELOCITY,
-    "force_noise_std_N": FORCE_NOISE_STD,
-    "displacement_noise_std_mm": DISPLACEMENT_NOISE_STD,
-    "channel_delay_s": CHANNEL_DELAY,
-    "channel_delay_std_s": CHANNEL_DELAY_STD,
-    "contact_position_mm": CONTACT_POSITION,
-    "force_zero_N": FORCE_ZERO,
-}
-_FLAGS_OF_A_TABLE = {
-    "contact": CONTACT,
-    "change_detected": CHANGE_DETECTED,
-    "model_mismatch": MODEL_MISMATCH,
-}
-
-
 class _Rows:
     """Array-valued columns, common to one row (shape (COLUMNS,)) and many ((samples, COLUMNS))."""
 
@@ -282,13 +258,9 @@ class EstimateSeries(_Rows):
         K, B, n, p under their own names are in N/mm^n, N (s/mm)^p / mm^n, 1 and 1; `rejected` holds
         the names of `Rejection` in lower case, empty for a sample that was used.
         """
-        table: dict[str, NDArray[Any]] = {n: self._rows[:, i] for n, i in _OF_A_TABLE.items()}
-        deviations = self.parameters_std
-        table |= {f"{name}_std": deviations[:, i] for i, name in enumerate(PARAMETER_NAMES)}
-        table |= {name: self._rows[:, i] != 0.0 for name, i in _FLAGS_OF_A_TABLE.items()}
-        names = np.array([code.name.lower() if code else "" for code in Rejection])
-        table["rejected"] = names[self._rows[:, REJECTED].astype(int)]
-        return table
+        from hc_estimator.series_table import table_of  # which imports this module
+
+        return table_of(self._rows)
 
     def to_dataframe(self, time_s: NDArray[np.float64] | None = None) -> Any:
         """Return `columns` as a pandas DataFrame, by time if it is given.
@@ -299,12 +271,9 @@ class EstimateSeries(_Rows):
         Raises:
             ImportError: if pandas is not installed; the suite itself does not need it.
         """
-        try:
-            import pandas  # type: ignore[import-not-found,import-untyped,unused-ignore]
-        except ImportError as error:
-            raise ImportError("to_dataframe() needs pandas: pip install pandas") from error
-        frame = pandas.DataFrame(self.columns())
-        return frame if time_s is None else frame.set_index(pandas.Index(time_s, name="time_s"))
+        from hc_estimator.series_table import dataframe_of
+
+        return dataframe_of(self._rows, time_s)
 
     def __repr__(self) -> str:
         count = len(self._rows)

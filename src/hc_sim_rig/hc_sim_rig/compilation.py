@@ -16,7 +16,7 @@ from hc_msgs_py.entry_points import sources_of
 __all__ = ("compiled", "inlined")
 
 # No kernel and no constant of a kernel comes from the folder ros or files with these endings.
-WITHOUT_KERNELS = ("node", "pictures", "pacing", "records")
+WITHOUT_KERNELS = ("node", "pictures", "picture_style", "drawing", "pacing", "records")
 
 
 def kernel_sources() -> Iterator[Path]:

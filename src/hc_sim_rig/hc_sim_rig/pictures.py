@@ -1,4 +1,4 @@
-"""Pictures of the scenarios and of the loop for docs/rig.md.
+"""Pictures of the scenarios, of the loop and of the set-up for the documents.
 
     python -m hc_sim_rig.pictures docs/pictures
 
@@ -12,26 +12,41 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from hc_sim_rig.drives import Teleoperation
+from hc_sim_rig.picture_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    LINE,
+    MEASURED,
+    ORANGE,
+    PURPLE,
+    THICK,
+    THIN,
+    TRUE,
+    in_style,
+    legend_above,
+    new_figure,
+    save,
+)
 from hc_sim_rig.records import RigSeries
 from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import Scenario, available_scenarios, load_scenario
+from hc_sim_rig.set_up_drawing import draw_set_up
 
-BLUE, ORANGE, GREEN, BLACK = "#6aa6d8", "#e0761a", "#2a8f4d", "#222222"
 SHOWN_S = {"multisine": 5.0, "sensor_faults": 5.0, "teleoperation": 20.0}
 """Scenarios of which a part says more than the whole [s]."""
 
 
+@in_style
 def draw_scenario(scenario: Scenario) -> Figure:
     """Return a picture of a scenario: displacement, force, and what else is special about it."""
     series = Rig(scenario).run(min(SHOWN_S.get(scenario.name, 1e9), scenario.duration_s))
-    figure = Figure(figsize=(10.5, 5.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(f"{scenario.name}: {scenario.description}", fontsize=11)
+    figure = new_figure(4.8)
+    figure.suptitle(f"{scenario.name}: {scenario.description}")
     grid = figure.add_gridspec(2, 2, width_ratios=[1.7, 1.0])
     motion = figure.add_subplot(grid[0, 0])
     force = figure.add_subplot(grid[1, 0], sharex=motion)
@@ -39,54 +54,42 @@ def draw_scenario(scenario: Scenario) -> Figure:
     _draw_force(force, scenario, series)
     _draw_loop(figure.add_subplot(grid[0, 1]), series)
     _draw_special(figure.add_subplot(grid[1, 1]), scenario, series)
-    for axes in figure.axes:
-        axes.grid(alpha=0.3, linewidth=0.5)
-        axes.tick_params(labelsize=8)
     return figure
 
 
 def _draw_motion(axes: Any, scenario: Scenario, series: RigSeries) -> None:
     t = series.time_s
     if isinstance(scenario.drive, Teleoperation):
-        axes.plot(t, series.master.position_mm, color=ORANGE, label="master (in mm of the slave)")
-        axes.plot(t, series.coupling.command_mm, color=ORANGE, ls=":", label="as the slave has it")
+        axes.plot(t, series.master.position_mm, color=PURPLE, label="master (slave's mm)")
+        axes.plot(t, series.coupling.command_mm, color=PURPLE, ls=":", label="as the slave has it")
         axes.plot(t, series.slave.position_mm, color=BLUE, label="slave")
-        axes.axhline(scenario.tissue.surface_mm, color=GREEN, lw=0.8, label="surface")
+        axes.axhline(scenario.tissue.surface_mm, color=GREEN, lw=THIN, label="surface")
         axes.set_ylabel("position [mm]")
     else:
-        axes.plot(t, series.truth.displacement_mm, color=BLUE, lw=1.8, label="true")
-        axes.plot(t, series.displacement_mm, color=BLACK, lw=0.5, label="measured")
-        axes.axhline(0.0, color=GREEN, lw=0.8)
+        axes.plot(t, series.displacement_mm, color=MEASURED, lw=THICK, label="measured")
+        axes.plot(t, series.truth.displacement_mm, color=TRUE, lw=THIN, label="true")
+        axes.axhline(0.0, color=GREEN, lw=THIN, label="surface")
         axes.set_ylabel("displacement [mm]")
-    _legend_above(axes)
+    legend_above(axes, 4)
 
 
 def _draw_force(axes: Any, scenario: Scenario, series: RigSeries) -> None:
     t = series.time_s
-    axes.plot(t, series.truth.force_n, color=BLUE, lw=1.8, label="true")
-    axes.plot(t, series.force_n, color=BLACK, lw=0.5, label="measured")
+    axes.plot(t, series.force_n, color=MEASURED, lw=THICK, label="measured")
+    axes.plot(t, series.truth.force_n, color=TRUE, lw=THIN, label="true")
     if isinstance(scenario.drive, Teleoperation):
-        axes.plot(
-            t, series.coupling.feedback_force_n, color=ORANGE, ls=":", label="as the master has it"
-        )
-        axes.plot(t, series.coupling.operator_force_n, color=GREEN, lw=0.8, label="operator")
+        feedback = series.coupling.feedback_force_n
+        axes.plot(t, feedback, color=PURPLE, lw=THIN, label="as the master has it")
+        axes.plot(t, series.coupling.operator_force_n, color=BLACK, lw=LINE, label="operator")
     axes.set_ylabel("force [N]")
     axes.set_xlabel("time [s]")
-    _legend_above(axes)
-
-
-def _legend_above(axes: Any) -> None:
-    """Put the legend above the frame, where no data are."""
-    axes.legend(
-        fontsize=7.5, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, frameon=False,
-        borderaxespad=0.1, handlelength=1.6, columnspacing=1.2,
-    )  # fmt: skip
+    legend_above(axes, 4)
 
 
 def _draw_loop(axes: Any, series: RigSeries) -> None:
-    axes.plot(series.truth.displacement_mm, series.truth.force_n, color=BLUE, lw=0.7)
-    axes.set_xlabel("true displacement [mm]", fontsize=8)
-    axes.set_ylabel("true force [N]", fontsize=8)
+    axes.plot(series.truth.displacement_mm, series.truth.force_n, color=TRUE, lw=THIN)
+    axes.set_xlabel("true displacement [mm]")
+    axes.set_ylabel("true force [N]")
 
 
 def _draw_special(axes: Any, scenario: Scenario, series: RigSeries) -> None:
@@ -98,10 +101,10 @@ def _draw_special(axes: Any, scenario: Scenario, series: RigSeries) -> None:
         names = ("K", "B", "n", "p")
         for column, name in enumerate(names):
             relative = parameters[:, column] / parameters[0, column]
-            axes.plot(across, relative, lw=1.0, label=f"{name} / {parameters[0, column]:.3g}")
-        axes.set_xlabel("sideways [mm]" if by_place else "time [s]", fontsize=8)
-        axes.set_ylabel("true parameters, relative", fontsize=8)
-        _legend_above(axes)
+            axes.plot(across, relative, label=f"{name} / {parameters[0, column]:.3g}")
+        axes.set_xlabel("sideways [mm]" if by_place else "time [s]")
+        axes.set_ylabel("true, relative")
+        legend_above(axes, 2)
         return
     errors = (
         ("displacement", series.displacement_mm - series.truth.displacement_mm, "mm", BLUE),
@@ -119,15 +122,16 @@ def _draw_special(axes: Any, scenario: Scenario, series: RigSeries) -> None:
             label=f"{name} [{unit}], std {error.std():.3g}",
         )
     axes.set_yscale("log")
-    axes.set_xlabel("error of the reading", fontsize=8)
-    axes.set_ylabel("density", fontsize=8)
-    _legend_above(axes)
+    axes.set_xlabel("error of the reading")
+    axes.set_ylabel("density")
+    legend_above(axes, 1)
 
 
+@in_style
 def draw_loop_diagram() -> Figure:
     """Return the diagram of the loop: operator, master, channel, slave, tissue, sensors."""
-    figure = Figure(figsize=(10.5, 3.9))
-    FigureCanvasAgg(figure)
+    figure = new_figure(3.9, width=10.5)
+    figure.set_layout_engine("none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_xlim(0.0, 21.0)
     axes.set_ylim(0.0, 7.8)
@@ -149,7 +153,7 @@ def draw_loop_diagram() -> Figure:
     }
     for x, y, width, height, text in boxes.values():
         patch = FancyBboxPatch(
-            (x, y), width, height, boxstyle="round,pad=0.05", fc="#eef4fa", ec="#1f6fb4", lw=1.2
+            (x, y), width, height, boxstyle="round,pad=0.05", fc="#eef4fa", ec=BLUE, lw=LINE
         )
         axes.add_patch(patch)
         axes.text(x + width / 2, y + height / 2, text, ha="center", va="center", fontsize=9)
@@ -198,11 +202,10 @@ def main(arguments: list[str]) -> int:
         return 2
     folder = Path(arguments[0])
     folder.mkdir(parents=True, exist_ok=True)
-    plain = {"Software": None}  # no version inside: the same picture, the same bytes
-    draw_loop_diagram().savefig(folder / "rig_loop.png", dpi=100, metadata=plain)
+    save(draw_loop_diagram(), folder / "rig_loop.png")
+    save(draw_set_up(), folder / "set_up.png")
     for name in available_scenarios():
-        figure = draw_scenario(load_scenario(name))
-        figure.savefig(folder / f"rig_{name}.png", dpi=80, metadata=plain)
+        save(draw_scenario(load_scenario(name)), folder / f"rig_{name}.png")
     return 0
 
 

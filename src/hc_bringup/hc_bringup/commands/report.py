@@ -56,9 +56,10 @@ def _content(data: Any, suffix: str, command: list[str]) -> bytes:
 
         return run_page(data, command).encode("utf-8", "replace")
     from hc_bringup.picture import draw
+    from hc_sim_rig.picture_style import DPI
 
     picture = io.BytesIO()
-    draw(data).savefig(picture, format=suffix.removeprefix("."), dpi=110)
+    draw(data).savefig(picture, format=suffix.removeprefix("."), dpi=DPI)
     return picture.getvalue()
 
 

@@ -246,7 +246,7 @@ class Controls:
         line = " ".join(str(text or "").split())[:LONGEST_REASON] or "marked"
         message = EstimatorEvent()
         stamp = self._feed.last_stamp_ns or self._node.get_clock().now().nanoseconds
-        revision = int(self._feed.configuration.get("revision", 0))
+        revision = int(self._feed.rare.configuration.get("revision", 0))
         fill_event(message, EstimatorEvent.MARK, stamp, self._feed.last_sequence, revision, line)
         self._marks.publish(message)
         return f"marked: {line}"

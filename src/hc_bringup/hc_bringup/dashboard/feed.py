@@ -1,48 +1,34 @@
-"""From topics to the page: estimates to rows and map, events, contacts, diagnostics to texts.
+"""From topics to the page: estimates and samples to rows and map, and the status of all.
 
-What comes once a second or less (events, contacts, configurations, diagnostics) is always listened
-to; the streams of a thousand messages a second only while a page is open, and a while longer, so
-that a page that is loaded again finds its past.
+What comes once a second or less is always listened to (`rare_messages`); the streams of a thousand
+messages a second only while a page is open, and a while longer, so that a page that is loaded
+again finds its past.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
-from hc_msgs.msg import ContactSummary, EstimatorConfiguration, EstimatorEvent
 from numpy.typing import NDArray
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
 
 from hc_bringup.dashboard.columns import INDEX
 from hc_bringup.dashboard.digest import Digest
 from hc_bringup.dashboard.latency import LatencyWindow
 from hc_bringup.dashboard.palpation import PalpationMap
 from hc_bringup.dashboard.parsing import RecordParser
+from hc_bringup.dashboard.rare_messages import RareMessages
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
 from hc_bringup.dashboard.taxels import TaxelMap
 from hc_bringup.explanation import BackgroundExplainer, RecentMotion
-from hc_msgs_py.conversion import configuration_from_message
 from hc_msgs_py.interface_class import UnknownInterfaceError
-from hc_msgs_py.topics import (
-    CONFIGURATION,
-    CONTACTS,
-    DIAGNOSTICS,
-    ESTIMATE,
-    EVENTS,
-    SAMPLE,
-    TACTILE_ESTIMATE,
-    TIP,
-    TRUTH,
-)
-from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
+from hc_msgs_py.topics import ESTIMATE, SAMPLE, TACTILE_ESTIMATE, TIP, TRUTH
+from hc_msgs_py.units import METRE_IN_MM
 
 GRACE_S: Final = 10.0
 """The streams are still listened to so long after the last page was closed."""
@@ -52,8 +38,6 @@ LOOK_PERIOD_S: Final = 1.0
 """Between two looks at who publishes."""
 FLUSH_S: Final = 0.1
 """Without messages for so long, the row that is not complete is shown."""
-MOST_EVENTS: Final = 300
-MOST_CONTACTS: Final = 300
 RATE_SPAN_S: Final = 1.0
 MOTION_EVERY: Final = 4
 """Of so many estimates one is remembered to explain a misfit by."""
@@ -129,20 +113,10 @@ class Feed:
         self._streaming = False
         self._last_data: float | None = None
         self._next = dict.fromkeys(("status", "map", "look"), 0.0)
-        self.diagnostics: dict[str, dict[str, Any]] = {}
-        self.configuration: dict[str, Any] = {}
         self.last_stamp_ns = 0
         self.last_sequence = 0
         self.extra_status: dict[str, Any] = {}
-        self._events: deque[dict[str, Any]] = deque(maxlen=MOST_EVENTS)
-        self._contacts: deque[dict[str, Any]] = deque(maxlen=MOST_CONTACTS)
-        for topic, type_name, take, local in (
-            (EVENTS, "hc_msgs/msg/EstimatorEvent", self._on_events, True),
-            (CONTACTS, "hc_msgs/msg/ContactSummary", self._on_contacts, True),
-            (CONFIGURATION, "hc_msgs/msg/EstimatorConfiguration", self._on_configurations, True),
-            (DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray", self._on_diagnostics, False),
-        ):
-            taps.acquire(node.resolve_topic_name(topic), type_name, take, depth=100, local=local)
+        self.rare = RareMessages(node, taps, server, self._place)
 
     @property
     def streaming(self) -> bool:
@@ -188,10 +162,6 @@ class Feed:
     def clear_map(self) -> None:
         """Forget what was felt so far."""
         self._map.clear()
-
-    def forget_node(self, name: str) -> None:
-        """Leave out a node that has ended as it was asked to: it is not silent."""
-        self.diagnostics.pop(name, None)
 
     def _due(self, what: str, period_s: float, now: float) -> bool:
         if now < self._next[what]:
@@ -298,30 +268,10 @@ class Feed:
             self._map.add_tip(float(stamp - origin) * 1e-9, float(at_x), float(at_y))
         self._digest.set_tip(float(x[-1]), float(y[-1]))
 
-    # What is told now and then.
-
-    def _on_events(self, arrivals: list[Arrival]) -> None:
-        for message in _decoded(arrivals, EstimatorEvent):
-            self._events.append(
-                {
-                    "time": nanoseconds_from_stamp(message.header.stamp) * 1e-9,
-                    "kind": message.kind,
-                    "sequence": message.sequence,
-                    "reason": message.reason,
-                }
-            )
-        self._server.publish_text("events", {"items": list(self._events)})
-
-    def _on_contacts(self, arrivals: list[Arrival]) -> None:
-        for message in _decoded(arrivals, ContactSummary):
-            contact = _contact(message)
-            self._contacts.append(contact)
-            if TIP not in self._acquired:
-                self._place(contact)
-        self._server.publish_text("contacts", {"items": list(self._contacts)})
-
     def _place(self, contact: dict[str, Any]) -> None:
-        """Put a contact on the map where the estimator knows its position."""
+        """Put a contact on the map where the estimator knows its position, if no tip is shown."""
+        if TIP in self._acquired:
+            return
         x, y = (contact["position"]["xyz".index(axis)] for axis in self._axes)
         stiffness, _damping, exponent, _power = contact["parameters"]
         if not (np.isfinite(x) and np.isfinite(y) and stiffness > 0.0):
@@ -334,28 +284,6 @@ class Feed:
             contact["stiffness_exponent_covariance"] / stiffness,
         )
         self._map.place_contact(x, y, np.array(parameters), contact["peak_depth"])
-
-    def _on_configurations(self, arrivals: list[Arrival]) -> None:
-        for message in _decoded(arrivals, EstimatorConfiguration):
-            configuration = configuration_from_message(message)
-            self.configuration = {
-                "filter": configuration.filter,
-                "state_space": configuration.state_space,
-                "contact_model": configuration.contact_model,
-                "revision": configuration.revision,
-                "software_version": configuration.software_version,
-            }
-
-    def _on_diagnostics(self, arrivals: list[Arrival]) -> None:
-        for message in _decoded(arrivals, DiagnosticArray):
-            for status in message.status:
-                self.diagnostics[status.name] = {
-                    "level": int.from_bytes(status.level, "little"),
-                    "message": status.message,
-                    "hardware": status.hardware_id,
-                    "values": {item.key: item.value for item in status.values},
-                    "arrived": time.monotonic(),
-                }
 
     def _status(self, now: float) -> dict[str, Any]:
         return {
@@ -372,48 +300,7 @@ class Feed:
             "latency": self._latency.counts(now),
             "viewers": self._viewers,
             "explanation": self._explainer.explain(self._motion, self._mismatch),
-            "configuration": self.configuration,
-            "nodes": {
-                name: {
-                    "level": status["level"],
-                    "message": status["message"],
-                    "hardware": status["hardware"],
-                    "values": status["values"],
-                    "age_s": now - status["arrived"],
-                }
-                for name, status in self.diagnostics.items()
-            },
+            "configuration": self.rare.configuration,
+            "nodes": self.rare.health(now),
             **self.extra_status,
         }
-
-
-def _decoded(arrivals: Sequence[Arrival], kind: Any) -> list[Any]:
-    return [deserialize_message(arrival.data, kind) for arrival in arrivals]
-
-
-def _contact(message: Any) -> dict[str, Any]:
-    return {
-        "number": message.contact,
-        "start": nanoseconds_from_stamp(message.start) * 1e-9,
-        "end": nanoseconds_from_stamp(message.header.stamp) * 1e-9,
-        "parameters": [
-            message.stiffness,
-            message.damping,
-            message.displacement_exponent,
-            message.velocity_exponent,
-        ],
-        "std": [
-            message.stiffness_std,
-            message.damping_std,
-            message.displacement_exponent_std,
-            message.velocity_exponent_std,
-        ],
-        "stiffness_exponent_covariance": message.covariance[2],
-        "peak_force": message.peak_force,
-        "peak_depth": message.peak_displacement * METRE_IN_MM,
-        "force_rmse": message.force_rmse,
-        "position": [
-            p * METRE_IN_MM for p in (message.position_x, message.position_y, message.position_z)
-        ],
-        "mismatch": bool(message.model_mismatch),
-    }

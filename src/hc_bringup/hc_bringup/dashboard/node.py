@@ -176,7 +176,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
             recording = self._recording.status
             self._feed.extra_status = {"recording": recording}
             if not recording["on"]:
-                self._feed.forget_node(RECORDER)
+                self._feed.rare.forget_node(RECORDER)
         self._topics.tick(self._server, self._foxglove)
         self._feed.tick()
         self._controls.tick()

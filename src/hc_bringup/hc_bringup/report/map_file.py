@@ -12,6 +12,16 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from hc_bringup.report.palpation_map import StiffnessMap
+from hc_sim_rig.picture_style import (
+    BAND,
+    DPI,
+    ESTIMATED,
+    GREY,
+    THIN,
+    in_style,
+    legend_below,
+    new_figure,
+)
 
 PICTURES: Final = (".png", ".svg", ".pdf")
 SUFFIXES: Final = (*PICTURES, ".csv", ".ply")
@@ -27,13 +37,14 @@ def encode(found: StiffnessMap, path: Path, title: str) -> bytes:
     if suffix == ".ply":
         return _ply(found)
     buffer = io.BytesIO()
-    draw(found, title).savefig(buffer, format=suffix.removeprefix("."), dpi=130)
+    draw(found, title).savefig(buffer, format=suffix.removeprefix("."), dpi=DPI)
     return buffer.getvalue()
 
 
+@in_style
 def draw(found: StiffnessMap, title: str) -> Figure:
     """Return the picture: along a line a profile, over a plane the map and its uncertainty."""
-    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    figure = new_figure(4.4)
     figure.suptitle(title, parse_math=False)  # a $ in a name begins no formula
     if found.is_line:
         _profile(figure, found)
@@ -50,20 +61,20 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
         found.x_mm,
         np.where(found.known[0], stiffness / factor, np.nan),
         np.where(found.known[0], stiffness * factor, np.nan),
-        color="tab:blue",
-        alpha=0.25,
+        color=ESTIMATED,
+        alpha=BAND,
         linewidth=0.0,
         label="± 2 standard deviations",
     )
-    axes.plot(found.x_mm, stiffness, color="tab:blue", label="map")
+    axes.plot(found.x_mm, stiffness, color=ESTIMATED, label="map")
     at = found.places
     axes.errorbar(
         at.position_mm[:, 0],
         np.exp(at.log_stiffness),
         2.0 * np.exp(at.log_stiffness) * np.sqrt(at.variance),
         fmt=".",
-        color="0.45",
-        elinewidth=0.7,
+        color=GREY,
+        elinewidth=THIN,
         markersize=3,
         label="felt there",
         zorder=0,
@@ -71,7 +82,6 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
     axes.set_ylim(0.0, 1.15 * float(np.nanmax(np.append(stiffness, np.exp(at.log_stiffness)))))
     axes.set_xlabel("sideways [mm]")
     axes.set_ylabel(f"stiffness at {at.depth_mm:g} mm [N/mm]")
-    axes.grid(alpha=0.3)
     image: Any = strip.imshow(
         stiffness[None],
         extent=(found.x_mm[0], found.x_mm[-1], 0.0, 1.0),
@@ -79,6 +89,7 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
         cmap=COLOURS,
     )
     strip.set_yticks([])
+    strip.grid(visible=False)
     figure.colorbar(image, ax=(strip, axes), label="colour: stiffness [N/mm]", fraction=0.03)
     if found.lump is not None:
         x, what = found.lump.x_mm, "hard spot at" if found.lump.passed else "harder up to"
@@ -89,10 +100,10 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
             textcoords=axes.get_xaxis_transform(),
             horizontalalignment="center" if found.lump.passed else _inwards(found, x),
             verticalalignment="bottom",
-            arrowprops={"arrowstyle": "-", "color": "0.3"},
+            arrowprops={"arrowstyle": "-", "color": GREY},
             bbox={"boxstyle": "round", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
         )
-    figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
+    legend_below(figure, ncols=3)
 
 
 def _inwards(found: StiffnessMap, x_mm: float) -> str:
@@ -113,9 +124,10 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
         position = found.places.position_mm
         axes.plot(position[:, 0], position[:, 1], ".", color="white", markersize=2.5, alpha=0.8)
         axes.set_xlabel("x [mm]")
+        axes.grid(visible=False)
         axes.set_facecolor("0.85")
     left.set_ylabel("y [mm]")
-    left.set_title("dots: felt there; grey: not known", fontsize="small")
+    left.set_title("dots: felt there; grey: not known")
     if found.lump is not None:
         x, y = found.lump.x_mm, found.lump.y_mm
         left.plot(x, y, "o", markersize=14, markerfacecolor="none", color="white")

@@ -277,7 +277,7 @@ def _lump(
     stiffness: Array,
     log_std: Array,
     known: NDArray[np.bool_],
-    felt_mm: Array,
+    touched_mm: Array,
     is_line: bool,
 ) -> Lump | None:
     """Return the stiffest known place if it stands out by more than its uncertainty allows."""
@@ -286,7 +286,7 @@ def _lump(
     usual = float(np.quantile(stiffness[known], AROUND))
     around = known & (stiffness <= usual)
     around_std = float(np.median(log_std[around]))
-    low, high = felt_mm.min(axis=0), felt_mm.max(axis=0)
+    low, high = touched_mm.min(axis=0), touched_mm.max(axis=0)
     within = (x >= low[0]) & (x <= high[0])
     if not is_line:
         within = within & ((y >= low[1]) & (y <= high[1]))[:, None]

@@ -4,7 +4,7 @@ How fast the tool moves is not known beforehand. A bank of steady-state constant
 filters (alpha-beta-gamma filters, Kalata, IEEE Trans. AES 20(2), 1984) runs on the displacement,
 one per tracking index G = q dt^5 / R over seventeen decades; the one whose innovations are the
 likeliest says the density q. Neither force nor contact law take part: adapting q from the
-filter's own innovations instead would let a wrong contact law pass for a restless tool.
+filter's own innovations instead would let a wrong contact law pass for a tool that moves more.
 
 Each member starts as a parabola through all readings since its start (growing-memory gains; Kalata,
 and Morrison, Introduction to Sequential Smoothing and Prediction, 1969) and settles on its steady

@@ -19,10 +19,18 @@ from numpy.typing import NDArray
 
 from hc_estimator.adaptation import change_detection, difference_noise, policy, tempering
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.correction import commit, gate, innovate
+from hc_estimator.filters.mixture_particle import (
+    COVARIANCE,
+    COVARIANCE_END,
+    SIZE,
+    STATE,
+    WEIGHT,
+    linearise,
+    use_displacement,
+    use_force,
+)
 from hc_estimator.linear_algebra import cholesky, clear_matrix, clear_vector, copy_matrix
-from hc_estimator.memory import Field
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
 from hc_estimator.recovery import recover
@@ -38,13 +46,6 @@ from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space import registry as state_space
 
-# Columns of a particle.
-STATE = 0  # d, v, a, K, B, n, p
-COVARIANCE = 7  # 7x7, row-major
-COVARIANCE_END = 56
-WEIGHT = 57  # logarithm; that before the sample in the column before
-COLUMNS = 58
-SIZE = 7
 SMALLEST_PARAMETER = 1e-9  # K and B are reported no smaller (their logarithm is the state)
 
 SPECIFICATIONS = (
@@ -75,12 +76,6 @@ SPECIFICATIONS = (
     *tempering.SPECIFICATIONS,
     *difference_noise.SPECIFICATIONS,
     *change_detection.SPECIFICATIONS,
-)
-
-SCRATCH = (
-    Field("conditional_gain", np.float64, (SIZE,)),
-    Field("conditional_seen", np.float64, (SIZE,)),
-    Field("conditional_slope", np.float64, (SIZE,)),
 )
 
 
@@ -169,36 +164,6 @@ def _move(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
 
 
 @compiled
-def _linearise(settings: Any, memory: Any, row: NDArray[np.float64]) -> float:
-    """Force of a particle; its derivatives by its states go to memory.conditional_slope."""
-    contact_gradient(
-        settings.contact_model,
-        row[STATE],
-        row[STATE + 1],
-        row[STATE + 3],
-        row[STATE + 4],
-        row[STATE + 5],
-        row[STATE + 6],
-        memory.gradient,
-    )
-    slope = memory.conditional_slope
-    slope[0] = memory.gradient[0]
-    slope[1] = memory.gradient[1]
-    slope[2] = 0.0
-    for i in range(4):
-        slope[3 + i] = memory.gradient[2 + i]
-    return contact_force(
-        settings.contact_model,
-        row[STATE],
-        row[STATE + 1],
-        row[STATE + 3],
-        row[STATE + 4],
-        row[STATE + 5],
-        row[STATE + 6],
-    )
-
-
-@compiled
 def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Mean and covariance of the readings that the mixture of all particles predicts."""
     mean, curvature = memory.predicted_measurement, memory.curvature
@@ -210,7 +175,7 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
         weight = math.exp(row[WEIGHT])
         if weight == 0.0:
             continue
-        predicted = _linearise(settings, memory, row)
+        predicted = linearise(settings, memory, row)
         if math.isnan(first_force):
             first_displacement, first_force = row[STATE], predicted
         covariance = row[COVARIANCE:COVARIANCE_END].reshape(SIZE, SIZE)
@@ -236,52 +201,6 @@ def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
 
 
 @compiled
-def _use_displacement(memory: Any, row: NDArray[np.float64], noise: float) -> float:
-    """Update mean and factor of a particle with the displacement; its log likelihood.
-
-    The displacement is the first state, so that only the first column of the lower factor knows
-    it: scaling that column is the whole update, exactly.
-    """
-    factor = memory.factor
-    residual = memory.measurement[0] - row[STATE]
-    spread = factor[0, 0] * factor[0, 0] + noise
-    gain = factor[0, 0] / spread
-    scale = math.sqrt(noise / spread)
-    for i in range(SIZE):
-        row[STATE + i] += factor[i, 0] * gain * residual
-        factor[i, 0] *= scale
-    return -0.5 * float(residual * residual / spread + math.log(spread))
-
-
-@compiled
-def _use_force(settings: Any, memory: Any, row: NDArray[np.float64], noise: float) -> float:
-    """Update mean and factor of a particle with the force; its log likelihood.
-
-    Potter's square-root update (Bierman, Factorization Methods for Discrete Sequential Estimation,
-    1977, section II.6): whatever the rounding, factor times its transpose is a covariance.
-    """
-    factor, slope = memory.factor, memory.conditional_slope
-    seen, gain = memory.conditional_seen, memory.conditional_gain
-    residual = memory.measurement[1] - _linearise(settings, memory, row)
-    spread = noise
-    for j in range(SIZE):
-        seen[j] = 0.0
-        for i in range(j, SIZE):
-            seen[j] += factor[i, j] * slope[i]
-        spread += seen[j] * seen[j]
-    for i in range(SIZE):
-        gain[i] = 0.0
-        for j in range(i + 1):
-            gain[i] += factor[i, j] * seen[j]
-        row[STATE + i] += gain[i] * residual / spread
-    share = 1.0 / (spread + math.sqrt(noise * spread))
-    for i in range(SIZE):
-        for j in range(SIZE):
-            factor[i, j] -= gain[i] * seen[j] * share
-    return -0.5 * float(residual * residual / spread + math.log(spread))
-
-
-@compiled
 def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Update each particle with what was read and multiply its weight.
 
@@ -296,9 +215,9 @@ def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
             row[WEIGHT] = -math.inf
             continue
         if memory.present[0] != 0:
-            row[WEIGHT] += _use_displacement(memory, row, memory.measurement_noise[0])
+            row[WEIGHT] += use_displacement(memory, row, memory.measurement_noise[0])
         if memory.present[1] != 0:
-            row[WEIGHT] += _use_force(settings, memory, row, memory.measurement_noise[1])
+            row[WEIGHT] += use_force(settings, memory, row, memory.measurement_noise[1])
         for i in range(SIZE):
             for j in range(i + 1):
                 element = 0.0

@@ -16,7 +16,18 @@ from numpy.typing import NDArray
 from hc_estimator import recovery
 from hc_estimator.adaptation import covariance_matching, noise_doubt, policy, strong_tracking
 from hc_estimator.contact.registry import CONTACT_MODELS
-from hc_estimator.filters import adaptive_ukf, ekf, rbpf, rls, rwstukf, self_tuning_ukf, sir_pf, ukf
+from hc_estimator.filters import (
+    adaptive_ukf,
+    ekf,
+    mixture_particle,
+    motion_proposal,
+    rbpf,
+    rls,
+    rwstukf,
+    self_tuning_ukf,
+    sir_pf,
+    ukf,
+)
 from hc_estimator.memory import CORE_FIELDS, SCRATCH_FIELDS, Field
 from hc_estimator.multiple_model import knowledge
 from hc_estimator.screening import CLOCK_FIELDS
@@ -231,7 +242,7 @@ FILTERS: dict[str, FilterEntry] = {
         },
         state_spaces=("kinematic",),
         contact_models=("hunt_crossley",),
-        particle_columns=rbpf.COLUMNS,
+        particle_columns=mixture_particle.COLUMNS,
         own_beginning=True,
     ),
 }
@@ -245,11 +256,11 @@ FIELDS: tuple[Field, ...] = (
     *covariance_matching.FIELDS,
     *noise_doubt.FIELDS,
     *rls.FIELDS,
-    *sir_pf.FIELDS,
+    *motion_proposal.FIELDS,
 )
 # Settings that kernels read and no user sees.
 HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
-SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + rbpf.SCRATCH
+SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + mixture_particle.SCRATCH
 
 ENTRY_POINTS = "hc.filters"
 PROBLEMS = add_those_of_others(FILTERS, ENTRY_POINTS, FilterEntry, "a filter")

@@ -25,6 +25,7 @@ from hc_estimator.adaptation import difference_noise, policy
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.correction import commit, gate, innovate
+from hc_estimator.filters.motion_proposal import draw_motion, predict_motion
 from hc_estimator.linear_algebra import (
     cholesky,
     clear_matrix,
@@ -32,7 +33,6 @@ from hc_estimator.linear_algebra import (
     copy_matrix,
     copy_vector,
 )
-from hc_estimator.memory import Field
 from hc_estimator.prediction import restart_motion
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import gamma, normal
@@ -54,11 +54,6 @@ COLUMNS = 9  # seven states, logarithms of the weight before and after the sampl
 WEIGHT = 8
 GAMMA = 1  # positions in the choices
 MOTION = 1
-
-FIELDS = (
-    Field("motion_state", np.float64, (7,)),  # of the motion filter; the first three count
-    Field("motion_covariance", np.float64, (7, 7), covariance=True),
-)
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -191,56 +186,6 @@ def _move(
 
 
 @compiled
-def _draw_motion(
-    settings: Any,
-    memory: Any,
-    state: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    particles: NDArray[np.float64],
-) -> bool:
-    """Draw each particle's displacement, velocity and acceleration from a Gaussian.
-
-    Args:
-        settings: settings record.
-        memory: memory record.
-        state: mean, shape (7,), the first three count.
-        covariance: covariance, shape (7, 7), zero outside of the motion.
-        particles: their motion is replaced.
-
-    Returns:
-        False if the covariance has no Cholesky factor.
-    """
-    if not cholesky(covariance, memory.factor):
-        return False
-    for k in range(particles.shape[0]):
-        for i in range(3):
-            memory.point[i] = normal(settings, memory)
-        for i in range(3):
-            total = state[i]
-            for j in range(i + 1):
-                total += memory.factor[i, j] * memory.point[j]
-            particles[k, i] = total
-    return True
-
-
-@compiled
-def _predict_motion(settings: Any, memory: Any) -> None:
-    """Predict the motion filter: memory.predicted_state and predicted_covariance."""
-    state, covariance = memory.predicted_state, memory.predicted_covariance
-    if memory.restart != 0:
-        clear_vector(state)
-        clear_matrix(covariance)
-        kinematic.start_motion(settings, memory.measurement[0], state, covariance)
-        return
-    kinematic.propagate(
-        memory.elapsed, 0.0, memory.motion_state, memory.motion_covariance, state, covariance
-    )
-    for i in range(3):
-        for j in range(3):
-            covariance[i, j] += memory.process_noise[i, j]
-
-
-@compiled
 def _expect(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     """Weighted mean and covariance of the particles' readings: the predicted measurement."""
     mean, curvature = memory.predicted_measurement, memory.curvature
@@ -342,9 +287,9 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
         return NUMERICAL
     by_motion = settings.proposal == MOTION
     if by_motion:
-        _predict_motion(settings, memory)
+        predict_motion(settings, memory)
         state, covariance = memory.predicted_state, memory.predicted_covariance
-        if not _draw_motion(settings, memory, state, covariance, moved):
+        if not draw_motion(settings, memory, state, covariance, moved):
             return NUMERICAL
     policy.prepare(settings, memory)
     _expect(settings, memory, moved)
@@ -365,7 +310,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
         ):
             return NUMERICAL
         state, covariance = memory.updated_state, memory.updated_covariance
-        if not _draw_motion(settings, memory, state, covariance, moved):
+        if not draw_motion(settings, memory, state, covariance, moved):
             return NUMERICAL
         copy_vector(state, memory.predicted_state)  # `summarise` needs the room
         copy_matrix(covariance, memory.predicted_covariance)

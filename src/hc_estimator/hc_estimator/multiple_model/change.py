@@ -101,7 +101,7 @@ def may_test(settings: Any, tool: Any) -> bool:
 
 @compiled
 def start_fresh_motion(settings: Any, rows: Any, motion: Any, noise: float, ahead: float) -> None:
-    """What the veteran made of the motion since the change is as wrong as its parameters.
+    """What the row in use made of the motion since the change is as wrong as its parameters.
 
     Args:
         settings: settings record.

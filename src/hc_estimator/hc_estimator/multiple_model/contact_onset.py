@@ -216,7 +216,7 @@ def _contradicts(
     # Later on a force is absent where the tool leaves faster than the tissue follows.
     if onset.in_air == 0 or onset.touched != 0 or begun < distance:
         return False
-    # No law through the zero that stays unfelt up to there rises so until here.
+    # No law through the zero that stays below the noise up to there rises so until here.
     return bool(force > SURELY * sure * (displacement / begun) ** STEEPEST)
 
 

@@ -88,7 +88,7 @@ def _time_of(finder: Any, k: int) -> float:
 
 
 @compiled
-def _is_felt_around(finder: Any, here: int, noise: float) -> bool:
+def _is_in_contact_around(finder: Any, here: int, noise: float) -> bool:
     """True if the force of a point and of its neighbours is more than noise."""
     for k in range(here - finder.neighbours, here + finder.neighbours + 1):
         known = max(finder.grid_count - GRID, 0) <= k < finder.grid_count
@@ -119,7 +119,7 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
         point = history.points[k % POINTS]
         if abs(point[8] - time) < 0.5 * finder.grid_step:
             variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
-            touching = _is_felt_around(finder, there + shift, noise[1])
+            touching = _is_in_contact_around(finder, there + shift, noise[1])
             if touching and smoothing.take_wide(finder, there, variance):
                 point[5] = finder.wide[0] + rest * finder.wide[1]
                 point[6] = finder.wide[1]

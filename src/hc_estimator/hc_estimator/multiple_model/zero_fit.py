@@ -46,7 +46,7 @@ CONSISTENT = 1.5  # largest mean square left, in that of the noise
 REFUTED = 6.0  # at which zeros that were found are taken back
 LEAST_TIME = 2.0  # in contact [s]
 LASTING = 2.0  # time in contact for which a candidate must stay the same [s]
-TOLD_APART = 16.0  # decrease by which one candidate is better than the other
+BETTER_BY = 16.0  # decrease by which one candidate is better than the other
 FINER = 0.5  # of the deviation with which a zero was found, at which it is found anew
 LEAST_POSITION = 0.05  # [mm]
 LEAST_ZERO = 0.005  # of the largest force
@@ -213,7 +213,7 @@ def _choose(settings: Any, zeros: Any, possible: int, weight: float) -> int:
         if zeros.cost[choice] == best:
             fewest = _number(choice)
     for choice in range(1, ALL + 1):
-        if _number(choice) <= fewest and not zeros.cost[choice] > best + TOLD_APART:
+        if _number(choice) <= fewest and not zeros.cost[choice] > best + BETTER_BY:
             together |= choice
     return together
 

@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.measure import Setup
@@ -24,56 +22,65 @@ from hc_evaluation.accuracy.recordings import (
 )
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.hold_forward import Frozen, hold_forward_errors
+from hc_sim_rig.picture_style import (
+    ALARM,
+    BAND,
+    BLUE,
+    GREEN,
+    GREY,
+    MEASURED,
+    ORANGE,
+    PURPLE,
+    THIN,
+    TRUE,
+    in_style,
+    legend_above,
+    legend_below,
+    new_figure,
+    save,
+)
 
-BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "0.4"
 LABELS = ("K  N/mmⁿ", "B", "n", "p")
-mpl.use("Agg")
 
 
-def _finish(figure: Figure, path: Path) -> Path:
-    figure.savefig(path, dpi=110)
-    return path
-
-
+@in_style
 def picture_consistency(result: Mapping[str, Any], folder: Path) -> Path:
     """Errors over the bound, NEES and NIS of every simulated tissue, with the ranges asked for."""
     rows = result["experiments"]["tissues"]["rows"]
     names = [row["scenario"] for row in rows]
     places = np.arange(len(names))
-    figure = Figure(figsize=(9.5, 5.2), layout="constrained")
+    figure = new_figure(4.6)
     axes = figure.subplots(1, 3, sharey=True, width_ratios=(1.6, 1, 1))
     for i, (letter, colour) in enumerate(
-        zip(("K", "B", "n", "p"), (BLUE, ORANGE, GREEN, GREY), strict=True)
+        zip(("K", "B", "n", "p"), (BLUE, ORANGE, GREEN, PURPLE), strict=True)
     ):
         values = [row["ratio"][i] for row in rows]
         axes[0].plot(values, places + 0.16 * (i - 1.5), "o", color=colour, label=letter)
     axes[0].axvspan(0.0, 1.5, color=GREEN, alpha=0.1)
-    axes[0].axvline(1.0, color=GREY, lw=0.8)
+    axes[0].axvline(1.0, color=GREY, lw=THIN)
     axes[0].set(xlabel="RMS error / Cramér-Rao bound", xlim=(0, 2), yticks=places)
     axes[0].set_yticklabels(names)
     axes[0].invert_yaxis()
-    axes[0].legend(loc="lower left", ncols=2)
+    legend_above(axes[0], 4)
     for axis, key, low, ideal, high in (
         (axes[1], "nees", 2.5, 4.0, 6.0),
         (axes[2], "nis", 1.6, 2.0, 2.4),
     ):
         axis.axvspan(low, high, color=GREEN, alpha=0.1)
-        axis.axvline(ideal, color=GREY, lw=0.8)
+        axis.axvline(ideal, color=GREY, lw=THIN)
         axis.plot([row[key] for row in rows], places, "o", color=BLUE)
         axis.set(xlabel=f"mean {key.upper()}")
     axes[1].set_xlim(0, 8)
     axes[2].set_xlim(1.2, 2.8)
-    for axis in axes:
-        axis.grid(axis="x", alpha=0.3)
-    return _finish(figure, folder / "accuracy_consistency.png")
+    return save(figure, folder / "accuracy_consistency.png")
 
 
 def _band(axis: Axes, time: Any, value: Any, deviation: Any, true: Any) -> None:
     axis.fill_between(
-        time, value - 2.0 * deviation, value + 2.0 * deviation, color=BLUE, alpha=0.25, lw=0
+        time, value - 2.0 * deviation, value + 2.0 * deviation, color=BLUE, alpha=BAND, lw=0
     )
     axis.plot(time, value, color=BLUE, label="estimate ± 2 std")
-    axis.plot(time, true, color=ORANGE, ls="--", label="truth")
+    axis.plot(time, true, color=TRUE, ls="--", label="truth")
 
 
 def _say_beyond(axis: Axes, time: Any, value: Any, limit: float) -> None:
@@ -81,16 +88,16 @@ def _say_beyond(axis: Axes, time: Any, value: Any, limit: float) -> None:
     beyond = value > limit
     if np.any(beyond):
         axis.text(
-            0.98,
-            0.95,
+            1.0,
+            1.03,  # above the frame, which curves may fill
             f"up to {np.max(value):.3g} within {time[beyond][0]:.1f} to {time[beyond][-1]:.1f} s",
             transform=axis.transAxes,
             ha="right",
-            va="top",
-            fontsize=8,
+            va="bottom",
         )
 
 
+@in_style
 def picture_change(setup: Setup, folder: Path) -> Path:
     """Parameters and NIS while the force noise jumps fourfold, and later the tissue changes."""
     scenario = replace(
@@ -102,9 +109,9 @@ def picture_change(setup: Setup, folder: Path) -> Path:
     contact = simulate(scenario, 100_000)
     series = setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
     time = contact.time_s
-    figure = Figure(figsize=(9.5, 8.5), layout="constrained")
+    figure = new_figure(7.6)
     axes = figure.subplots(6, 1, sharex=True)
-    axes[0].plot(time, contact.force_n, color=GREY, lw=0.6)
+    axes[0].plot(time, contact.force_n, color=MEASURED, lw=THIN)
     axes[0].set_ylabel("force N")
     limits = ((0.0, 0.8), (0.0, 0.12), (1.2, 2.2), (0.85, 1.25))
     for i in range(4):
@@ -116,7 +123,7 @@ def picture_change(setup: Setup, folder: Path) -> Path:
             contact.parameters[:, i],
         )
         axes[1 + i].set(ylabel=LABELS[i], ylim=limits[i])
-    axes[1].legend(loc="upper left", ncols=2)
+    legend_above(axes[1], 2)
     kernel = np.ones(200) / 200.0
     axes[5].plot(time, np.convolve(series.nis, kernel, "same"), color=BLUE)
     axes[5].axhspan(1.6, 2.4, color=GREEN, alpha=0.15)
@@ -125,19 +132,19 @@ def picture_change(setup: Setup, folder: Path) -> Path:
         axis.axvline(4.0, color=GREY, ls=":")
         axis.axvline(8.0, color=GREY, ls=":")
         for instant in time[series.change_detected]:
-            axis.axvline(instant, color=ORANGE, lw=0.8)
-        axis.grid(alpha=0.3)
-    axes[0].set_title("force noise x 4 at 4 s; other tissue at 8 s (orange line: change called)")
-    return _finish(figure, folder / "accuracy_change.png")
+            axis.axvline(instant, color=ALARM, lw=THIN)
+    axes[0].set_title("force noise x 4 at 4 s; other tissue at 8 s (purple line: change called)")
+    return save(figure, folder / "accuracy_change.png")
 
 
+@in_style
 def picture_recordings(setup: Setup, folder: Path) -> Path | None:
     """Held-forward force error over time on the palpation recordings; None without them."""
     data = data_folder()
     if data is None:
         return None
     chosen = [r for r in RECORDINGS if r.palpation and r.model_fits]
-    figure = Figure(figsize=(9.5, 9.0), layout="constrained")
+    figure = new_figure(8.0)
     axes = figure.subplots(len(chosen), 2, sharex="col")
     for (left, right), recording in zip(axes, chosen, strict=True):
         time, displacement, force = load(data, recording)
@@ -151,9 +158,9 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
         _, floor = hold_forward_errors(time, smooth, velocity, force, fit.parameters, start_s=start)
         left.plot(origins, errors, color=BLUE, label="estimate held")
         left.plot(origins, floor, color=ORANGE, ls="--", label="least squares over all")
-        left.plot(time, series.force_noise_std, color=GREY, lw=0.8, label="noise and model error")
+        left.plot(time, series.force_noise_std, color=GREY, lw=THIN, label="noise and model error")
         left.set(yscale="log", ylabel="N")
-        left.set_title(recording.name, fontsize=10)
+        left.set_title(recording.name)
         _band(
             right,
             time,
@@ -163,12 +170,10 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
         )
         right.set(ylabel="K  N/mmⁿ", ylim=(0, 2.0 * fit.parameters[0]))
         _say_beyond(right, time, series.parameters[:, 0], 2.0 * fit.parameters[0])
-        for axis in (left, right):
-            axis.grid(alpha=0.3)
-    figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    legend_below(figure, *axes[0][0].get_legend_handles_labels(), ncols=3)
     axes[-1][0].set_xlabel("time s, error over the next 0.5 s")
     axes[-1][1].set_xlabel("time s")
-    return _finish(figure, folder / "accuracy_recordings.png")
+    return save(figure, folder / "accuracy_recordings.png")
 
 
 def write_pictures(result: Mapping[str, Any], folder: Path) -> list[Path]:

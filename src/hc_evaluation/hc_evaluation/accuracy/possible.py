@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 Readings = tuple[FloatArray, FloatArray, FloatArray]
 
 LARGEST_FACTOR = 3.0
-FELT_S = 0.5  # of contact before a prediction counts
+CONTACT_S = 0.5  # of contact before a prediction counts
 AHEAD_S, STRIDE_S = 0.5, 0.1
 NOISES = 10.0  # deviations of the force noise below which a force counts as none
 JUMP = 12.0  # deviations of the displacement's noise by which an outlier jumps, at least
@@ -100,7 +100,7 @@ def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     step = float(np.median(np.diff(time)))
     noise = float(np.nanmedian(np.abs(np.diff(force[usable], 2)))) / 0.6745 / np.sqrt(6.0)
     touching = usable & (displacement > 0.0)
-    enough = np.cumsum(touching) * step > FELT_S
+    enough = np.cumsum(touching) * step > CONTACT_S
     # A pair of outliers is nothing that was felt: the median of five leaves it out.
     touch_force = medfilt(np.where(touching, np.abs(force), 0.0), 5)
     touch_depth = medfilt(np.where(touching, displacement, 0.0), 5)

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from hc_evaluation.places import write_csv
 from hc_evaluation.reproduction.campaign import (
     QUICK_SEEDS,
     Progress,
@@ -17,8 +18,9 @@ from hc_evaluation.reproduction.campaign import (
     run_campaign,
 )
 from hc_evaluation.reproduction.experiment import load_experiment
-from hc_evaluation.reproduction.page import markdown
+from hc_evaluation.reproduction.page import experiment_page, markdown
 from hc_evaluation.reproduction.published import published_value
+from hc_evaluation.reproduction.tables import PAGES, experiment_table
 from hc_evaluation.reproduction.verdict import summary_of
 
 PAGE = "reproduction.md"
@@ -62,6 +64,20 @@ def _rows(result: ReproductionResult) -> list[dict[str, Any]]:
     return rows
 
 
+def _write_pages(result: ReproductionResult, folder: Path, origin: str) -> list[Path]:
+    """A page and a table of each experiment."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for name, entry in result.experiments.items():
+        page = folder / f"{name}.md"
+        page.write_text(experiment_page(entry, origin), encoding="utf-8")
+        heading, _, *lines = experiment_table(load_experiment(name), entry)
+        rows = tuple(tuple(line.strip("| ").split(" | ")) for line in (heading, *lines))
+        write_csv(page.with_suffix(".csv"), origin or name, rows)
+        files += [page, page.with_suffix(".csv")]
+    return files
+
+
 def run_reproduction(
     names: Sequence[str] = (),
     *,
@@ -74,9 +90,10 @@ def run_reproduction(
 ) -> ReproductionResult:
     """Run the papers' experiments and write what came out.
 
-    Writes in `output`: reproduction.md (the page), pictures/reproduction_*.png, reproduction.csv
-    (one row per experiment, column and score; forces in N), reproduction.json (the same with every
-    seed) and runs/*.jsonl, from which the same command goes on after an interruption.
+    Writes in `output`: reproduction.md (the page of all), evidence/reproduction/ (a page and a
+    table of each experiment), pictures/reproduction_*.png, reproduction.csv (one row per
+    experiment, column and score; forces in N), reproduction.json (the same with every seed) and
+    runs/*.jsonl, from which the same command goes on after an interruption.
 
     Args:
         names: experiments, see available_experiments(); none for all.
@@ -111,5 +128,5 @@ def run_reproduction(
     results.write_text(json.dumps(_finite(everything), indent=1) + "\n", encoding="utf-8")
     page = output / PAGE
     page.write_text(markdown(result, origin), encoding="utf-8")
-    result.files += [table, results, page]
+    result.files += [table, results, page, *_write_pages(result, output / PAGES, origin)]
     return result

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -21,13 +20,30 @@ from hc_evaluation.reproduction.experiment import (
 from hc_evaluation.reproduction.published import unit_of
 from hc_evaluation.reproduction.signals import Signal, make_signal
 from hc_evaluation.reproduction.trace import Trace, run_column
+from hc_sim_rig.picture_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LINE,
+    ORANGE,
+    PURPLE,
+    SKY,
+    THICK,
+    THIN,
+    YELLOW,
+    in_style,
+    legend_above,
+    new_figure,
+    save,
+)
 
 FloatArray = NDArray[np.float64]
 Traces = Mapping[str, Trace]
 
-COLOURS = ("#555555", "#c0392b", "#2e7d32")  # in the order of an experiment's published filters
-OURS_COLOURS = ("#1565c0", "#ef6c00", "#00838f")
-TRUTH_COLOUR = "#000000"
+COLOURS = (GREY, ORANGE, GREEN)  # in the order of an experiment's published filters
+OURS_COLOURS = (BLUE, YELLOW, SKY)
+TRUTH_COLOUR = BLACK  # orange is one of several filters here
 POINTS = 4000  # more are thinned out, keeping extremes
 MARGIN = 1.15
 NOISE_FRAME = 2.0  # of the true noise
@@ -65,7 +81,7 @@ def _plot(
 ) -> None:
     with np.errstate(all="ignore"):
         limited = np.clip(values, -1e9, 1e9)
-    axes.plot(*_thinned(time, limited), color=colour, label=label, **({"linewidth": 0.9} | style))
+    axes.plot(*_thinned(time, limited), color=colour, label=label, **({"linewidth": THIN} | style))
 
 
 def _frame(axes: Axes, curves: list[FloatArray], low_zero: bool) -> None:
@@ -87,16 +103,8 @@ def _say_cut(axes: Axes) -> None:
     if any(np.any((values < low) | (values > high)) for values in drawn):
         axes.text(
             1.008, 0.5, "cut curves go on", transform=axes.transAxes, rotation=90,
-            va="center", ha="left", fontsize=7, color="#555555",
+            va="center", ha="left", fontsize=7.5, color=GREY,
         )  # fmt: skip
-
-
-def legend_above(axes: Axes, ncols: int) -> None:
-    """Put the legend above the frame, at its right end, where no data are."""
-    axes.legend(
-        fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=ncols, frameon=False,
-        borderaxespad=0.1, handlelength=1.6, columnspacing=1.2,
-    )  # fmt: skip
 
 
 def _rows(figure: Figure, experiment: Experiment) -> list[tuple[Axes, list[Column], str]]:
@@ -108,19 +116,17 @@ def _rows(figure: Figure, experiment: Experiment) -> list[tuple[Axes, list[Colum
     axes = figure.subplots(2, 1, sharex=True)
     result = []
     for panel, (group, title) in zip(axes, groups, strict=True):
-        panel.set_title(title, fontsize=9, loc="left")
-        panel.grid(alpha=0.25)
+        panel.set_title(title)
         result.append((panel, group, title))
     return result
 
 
 def _finish(rows: list[tuple[Axes, list[Column], str]], xlabel: str, ylabel: str) -> None:
     for panel, _, _ in rows:
-        panel.set_ylabel(ylabel, fontsize=9)
-        panel.tick_params(labelsize=8)
+        panel.set_ylabel(ylabel)
         legend_above(panel, 3)
         _say_cut(panel)
-    rows[-1][0].set_xlabel(xlabel, fontsize=9)
+    rows[-1][0].set_xlabel(xlabel)
 
 
 def _size(curve: FloatArray) -> float:
@@ -142,7 +148,7 @@ def _draw_force_error(
             curves.append(error)
             colour, order = _colour(experiment, column), 2.0 + 1.0 / (1.0 + _size(error))
             # As printed two filters may give one and the same curve: the first shows below.
-            width = 2.2 if number == 0 and column.setting == "paper" else 0.9
+            width = THICK if number == 0 and column.setting == "paper" else THIN
             style = {"zorder": 1.9 if width > 1.0 else order, "linewidth": width}
             _plot(panel, signal.time_s, error, colour, column.name, **style)
         _frame(panel, curves, False)
@@ -197,21 +203,20 @@ def _draw_weighting(
         (axes[0], standard, "standard weight (Eq. 26)"),
         (axes[1], weight, "modified weight (Eq. 27), with the changes that our detector calls"),
     ):
-        panel.plot(signal.time_s, values, color=TRUTH_COLOUR, label="window", linewidth=1.0)
+        panel.plot(signal.time_s, values, color=TRUTH_COLOUR, label="window", linewidth=LINE)
         panel.plot(
             signal.time_s,
             1.0 - values,
             color=COLOURS[1],
             label="past",
-            linewidth=1.0,
+            linewidth=LINE,
             linestyle="--",
         )
-        panel.axvline(signal.jump_s, color="#999999", linewidth=0.7)
-        panel.set_title(title, fontsize=9, loc="left")
-        panel.set_ylabel("weight", fontsize=9)
-        panel.grid(alpha=0.25)
+        panel.axvline(signal.jump_s, color=GREY, linewidth=THIN)
+        panel.set_title(title)
+        panel.set_ylabel("weight")
         legend_above(panel, 2)
-    axes[1].set_xlabel("time [s]", fontsize=9)
+    axes[1].set_xlabel("time [s]")
 
 
 def _draw_environment(
@@ -224,7 +229,7 @@ def _draw_environment(
     """Position, velocity and force of the slave as one filter of paper C sees them."""
     axes = figure.subplots(4, 1, sharex=True)
     columns = [c for c in experiment.columns if c.published == settings["column"]]
-    styles = {"paper": "#c0392b", "practical": "#1565c0"}
+    styles = {"paper": ORANGE, "practical": BLUE}
     quantities = (
         ("position [cm]", 0.1 * (signal.rig["slave_position"]), "displacement", 0.1, 1.5),
         ("velocity [cm/s]", 0.1 * signal.true_velocity, "velocity", 0.1, 0.0),
@@ -235,16 +240,14 @@ def _draw_environment(
             values = offset + scale * getattr(traces[column.name], name)
             _plot(panel, signal.time_s, values, styles[column.setting], column.name)
         _plot(panel, signal.time_s, truth, TRUTH_COLOUR, "true", linestyle="--")
-        panel.set_ylabel(label, fontsize=8)
-        panel.grid(alpha=0.25)
+        panel.set_ylabel(label)
     legend_above(axes[0], 3)
     effort = axes[3]
-    _plot(effort, signal.time_s, signal.rig["slave_effort"], "#2e7d32", "slave")
-    _plot(effort, signal.time_s, signal.rig["master_effort"], "#6a1b9a", "master")
-    effort.set_ylabel("control [N]", fontsize=8)
+    _plot(effort, signal.time_s, signal.rig["slave_effort"], GREEN, "slave")
+    _plot(effort, signal.time_s, signal.rig["master_effort"], PURPLE, "master")
+    effort.set_ylabel("control [N]")
     legend_above(effort, 2)
-    effort.grid(alpha=0.25)
-    effort.set_xlabel("time [s]", fontsize=9)
+    effort.set_xlabel("time [s]")
 
 
 def _draw_tracking(
@@ -257,30 +260,27 @@ def _draw_tracking(
     """Position tracking and force reflection of the teleoperation."""
     axes = figure.subplots(2, 1, sharex=True)
     rig = signal.rig
-    _plot(axes[0], signal.time_s, 0.1 * rig["master_position"], "#6a1b9a", "master (scaled)")
-    _plot(axes[0], signal.time_s, 0.1 * rig["command"], "#999999", "as the slave receives it")
-    _plot(axes[0], signal.time_s, 0.1 * rig["slave_position"], "#2e7d32", "slave")
+    _plot(axes[0], signal.time_s, 0.1 * rig["master_position"], PURPLE, "master (scaled)")
+    _plot(axes[0], signal.time_s, 0.1 * rig["command"], GREY, "as the slave receives it")
+    _plot(axes[0], signal.time_s, 0.1 * rig["slave_position"], GREEN, "slave")
     for column in experiment.columns:
         if column.published == settings["column"] and column.setting == "practical":
             estimate = 1.5 + 0.1 * traces[column.name].displacement
-            _plot(
-                axes[0], signal.time_s, estimate, "#1565c0", f"slave, {column.name}", linestyle=":"
-            )
+            _plot(axes[0], signal.time_s, estimate, BLUE, f"slave, {column.name}", linestyle=":")
             _plot(
                 axes[1],
                 signal.time_s,
                 traces[column.name].force,
-                "#1565c0",
+                BLUE,
                 f"force, {column.name}",
             )
-    _plot(axes[1], signal.time_s, signal.true_force, "#2e7d32", "contact force")
-    _plot(axes[1], signal.time_s, rig["feedback_force"], "#6a1b9a", "as the master receives it")
-    _plot(axes[1], signal.time_s, rig["operator_force"], "#999999", "operator")
-    axes[0].set_ylabel("position [cm]", fontsize=9)
-    axes[1].set_ylabel("force [N]", fontsize=9)
-    axes[1].set_xlabel("time [s]", fontsize=9)
+    _plot(axes[1], signal.time_s, signal.true_force, GREEN, "contact force")
+    _plot(axes[1], signal.time_s, rig["feedback_force"], PURPLE, "as the master receives it")
+    _plot(axes[1], signal.time_s, rig["operator_force"], GREY, "operator")
+    axes[0].set_ylabel("position [cm]")
+    axes[1].set_ylabel("force [N]")
+    axes[1].set_xlabel("time [s]")
     for panel in axes:
-        panel.grid(alpha=0.25)
         legend_above(panel, 4)
 
 
@@ -301,6 +301,7 @@ def picture_name(name: str, covers: str) -> str:
     return f"reproduction_{name[0]}_{covers.replace(' ', '_')}.png"
 
 
+@in_style
 def draw(name: str, folder: Path) -> list[Path]:
     """Draw all pictures of an experiment.
 
@@ -316,14 +317,10 @@ def draw(name: str, folder: Path) -> list[Path]:
     traces = {c.name: run_column(c, signal, experiment.signal) for c in experiment.columns}
     files = []
     for settings in experiment.pictures:
-        figure = Figure(figsize=(7.2, 5.0), dpi=110, layout="constrained")
-        FigureCanvasAgg(figure)
+        figure = new_figure(5.4)
         figure.suptitle(
-            f"Paper {experiment.paper}, {settings['covers']}: {experiment.title.split(' (')[0]}",
-            fontsize=10,
+            f"Paper {experiment.paper}, {settings['covers']}: {experiment.title.split(' (')[0]}"
         )
         KINDS[str(settings["kind"])](figure, experiment, signal, traces, settings)
-        path = folder / picture_name(name, str(settings["covers"]))
-        figure.savefig(path, metadata={"Software": None})
-        files.append(path)
+        files.append(save(figure, folder / picture_name(name, str(settings["covers"]))))
     return files

@@ -222,7 +222,7 @@ def score(signal: Signal, trace: Trace, settings: Mapping[str, Any]) -> Scores:
 
 
 def jerk_density(signal: Signal) -> float:
-    """Density of the white jerk that is as restless as the true motion [mm^2/s^5].
+    """Density of the white jerk whose motion varies as much as the true one [mm^2/s^5].
 
     The second difference of a velocity driven by white jerk of density q has the variance
     2/3 q dt^3. Steps of the velocity make it large: then the bound does not know them beforehand.

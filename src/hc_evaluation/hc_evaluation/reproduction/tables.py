@@ -12,6 +12,7 @@ from hc_evaluation.reproduction.ours import ours
 from hc_evaluation.reproduction.published import published_value, unit_of
 from hc_evaluation.reproduction.verdict import FAILS, Comparison, compare, summary_of
 
+PAGES = "evidence/reproduction"  # of the experiments, from the folder of the page of all
 QUICK_BEGIN = "<!-- quick: begin -->"
 QUICK_END = "<!-- quick: end -->"
 
@@ -201,7 +202,7 @@ def claims_table(results: Sequence[ExperimentResult]) -> list[str]:
         known = next((c for c in found.values() if c is not None), None)
         printed = "–" if known is None else number(known.published_ratio)
         lines.append(
-            f"| [{result.name}](#{result.name}): {', '.join(experiment.covers)} "
+            f"| [{result.name}]({PAGES}/{result.name}.md): {', '.join(experiment.covers)} "
             f"| {experiment.claim} | {printed} | {ratio_text(found['paper'])} "
             f"| {ratio_text(found['practical'])} |"
         )
@@ -222,7 +223,7 @@ def printed_table(results: Sequence[ExperimentResult]) -> list[str]:
         unit, scale = unit_of(experiment.published)
         first, *others = entries[result.name]
         mark = " (not counted)" if experiment.not_counted else ""
-        cells = [f"[{result.name}](#{result.name}){mark}"]
+        cells = [f"[{result.name}]({PAGES}/{result.name}.md){mark}"]
         printed = math.isfinite(first.best)
         cells.append(f"{number(first.best * scale)} {unit}" if printed else "–")
         cells += [interval(first.law, scale), first.law_below if printed else "–"]
@@ -252,7 +253,7 @@ def held_table(results: Sequence[ExperimentResult]) -> list[str]:
         experiment = load_experiment(result.name)
         unit, scale = unit_of(experiment.published)
         mark = " (not counted)" if experiment.not_counted else ""
-        cells = [f"[{result.name}](#{result.name}){mark}"]
+        cells = [f"[{result.name}]({PAGES}/{result.name}.md){mark}"]
         cells.append(f"{interval(found[0].held, scale)} {unit}")
         cells += [f"{ratio_interval(entry.held_ratio)}, {entry.held_better}" for entry in found]
         lines.append(f"| {' | '.join(cells)} |")

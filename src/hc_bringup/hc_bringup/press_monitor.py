@@ -1,4 +1,4 @@
-"""What a tool feels while somebody presses with it: told live, before any axis or sign is known."""
+"""Force and presses of a tool while somebody presses with it, before an axis or sign is known."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from hc_bringup.robot_streams import Recorder
 from hc_estimator.stream.readings import CLEAR, FloatArray, noise
 
 FEWEST = 20
-"""Readings from which a noise can be told."""
+"""Readings from which a noise can be estimated."""
 PRESSED, RELEASED = 0.5, 0.25
 """Parts of the largest change of force at which a press begins and ends."""
 
 
-class Felt:
+class PressMonitor:
     """Takes up what a recorder has got since it was asked last.
 
     Attributes:
@@ -54,14 +54,14 @@ class Felt:
         change = np.linalg.norm(forces - self._free, axis=1)
         self.force_n = max(self.force_n, float(np.nanmax(change)))
         for size in change:
-            if not self._pressing and self.felt and size > PRESSED * self.force_n:
+            if not self._pressing and self.has_pressed and size > PRESSED * self.force_n:
                 self._pressing = True
                 self.presses += 1
             elif self._pressing and size < RELEASED * self.force_n:
                 self._pressing = False
 
     @property
-    def felt(self) -> bool:
+    def has_pressed(self) -> bool:
         """Whether the force has changed clearly: the tool has pressed."""
         return self.force_n > max(CLEAR * self.noise_n, 1e-9)
 
@@ -72,7 +72,7 @@ class Felt:
 
     @property
     def sentence(self) -> str:
-        """What was felt so far."""
+        """What was measured so far."""
         way = f"{self.moved_mm:.3g} mm"
         if self._recorder.is_joint:
             way = f"a joint by {1e-3 * self.moved_mm:.3g} m or rad"

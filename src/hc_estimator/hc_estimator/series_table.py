@@ -1,0 +1,71 @@
+"""A series of estimates as a table: columns by name, with the unit in the name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator import estimate as columns
+from hc_estimator.estimate import PARAMETER_NAMES, Rejection
+
+_NUMBERS = {
+    **{f"{name}": columns.PARAMETERS + i for i, name in enumerate(PARAMETER_NAMES)},
+    **{
+        f"{name}_identifiability": columns.IDENTIFIABILITY + i
+        for i, name in enumerate(PARAMETER_NAMES)
+    },
+    "force_predicted_N": columns.FORCE_PREDICTED,
+    "force_reconstructed_N": columns.FORCE_RECONSTRUCTED,
+    "innovation_displacement_mm": columns.INNOVATION,
+    "innovation_force_N": columns.INNOVATION + 1,
+    "nis": columns.NIS,
+    "displacement_filtered_mm": columns.DISPLACEMENT,
+    "velocity_mm_s": columns.VELOCITY,
+    "force_noise_std_N": columns.FORCE_NOISE_STD,
+    "displacement_noise_std_mm": columns.DISPLACEMENT_NOISE_STD,
+    "channel_delay_s": columns.CHANNEL_DELAY,
+    "channel_delay_std_s": columns.CHANNEL_DELAY_STD,
+    "contact_position_mm": columns.CONTACT_POSITION,
+    "force_zero_N": columns.FORCE_ZERO,
+}
+_FLAGS = {
+    "contact": columns.CONTACT,
+    "change_detected": columns.CHANGE_DETECTED,
+    "model_mismatch": columns.MODEL_MISMATCH,
+}
+
+
+def table_of(rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
+    """Return rows of estimates as arrays of shape (samples,) by name.
+
+    Args:
+        rows: by the columns named in `hc_estimator.estimate`, shape (samples, COLUMNS).
+
+    Returns:
+        K, B, n, p under their own names in N/mm^n, N (s/mm)^p / mm^n, 1 and 1, and the others;
+        under `rejected` the names of `Rejection` in lower case, empty for a sample that was used.
+    """
+    table: dict[str, NDArray[Any]] = {name: rows[:, i] for name, i in _NUMBERS.items()}
+    variances = rows[:, columns.COVARIANCE : columns.COVARIANCE + 16 : 5]
+    deviations = np.sqrt(variances)
+    table |= {f"{name}_std": deviations[:, i] for i, name in enumerate(PARAMETER_NAMES)}
+    table |= {name: rows[:, i] != 0.0 for name, i in _FLAGS.items()}
+    names = np.array([code.name.lower() if code else "" for code in Rejection])
+    table["rejected"] = names[rows[:, columns.REJECTED].astype(int)]
+    return table
+
+
+def dataframe_of(rows: NDArray[np.float64], time_s: NDArray[np.float64] | None = None) -> Any:
+    """Return `table_of` the rows as a pandas DataFrame, by time [s] if it is given.
+
+    Raises:
+        ImportError: if pandas is not installed; the suite itself does not need it.
+    """
+    try:
+        import pandas  # type: ignore[import-not-found,import-untyped,unused-ignore]
+    except ImportError as error:
+        raise ImportError("to_dataframe() needs pandas: pip install pandas") from error
+    frame = pandas.DataFrame(table_of(rows))
+    return frame if time_s is None else frame.set_index(pandas.Index(time_s, name="time_s"))
