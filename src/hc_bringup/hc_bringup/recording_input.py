@@ -220,6 +220,35 @@ def is_given(arguments: argparse.Namespace) -> bool:
     return bool(arguments.sensors or arguments.find_surface)
 
 
+def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> str:
+    """Say what the readings mean in the units of topics or a table: only a person knows better.
+
+    Centimetres for metres or grams for newtons give figures that soft tissue might have as well.
+
+    Args:
+        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
+        force_n: contact force [N], shape (n,); NaN where there is no reading.
+        table: whether they are of a CSV file.
+    """
+    import numpy as np
+
+    from hc_estimator.stream.readings import robust_range
+
+    places = displacement_mm[np.isfinite(displacement_mm)]
+    forces = force_n[np.isfinite(force_n)]
+    if not (len(places) and len(forces)):
+        return ""
+    (low, high), (least, most) = robust_range(places), robust_range(forces)
+    does = f"pushes with up to {most:.3g}" if most >= -least else f"pulls with up to {-least:.3g}"
+    moves_by = f"the tool moves by {high - low:.3g} mm and {does} N"
+    if table:
+        return f"read as: {moves_by} (if not: --units displacement=..., force=...)"
+    return (
+        f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
+        "input.force.scale)"
+    )
+
+
 def _from_surface(recording: Any) -> Any:
     from hc_estimator.stream.surface import find_surface
     from hc_estimator.stream.together import together

@@ -115,12 +115,15 @@ def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
     if not (math.isfinite(aligned_n) and abs(aligned_n - one_step_n) > 0.01 * one_step_n):
         return []
     return [
-        f"with the readings of both channels brought to the same time: {_millinewton(aligned_n)}"
+        f"with the readings of both channels brought to the same time: {millinewton(aligned_n)}"
     ]
 
 
-def _millinewton(force_n: float) -> str:
-    return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
+def millinewton(force_n: float) -> str:
+    """Return a force in mN with its unit; small ones keep two digits."""
+    if math.isnan(force_n):
+        return "-"
+    return f"{1e3 * force_n:.1f} mN" if abs(force_n) >= 1e-3 else f"{1e3 * force_n:.2g} mN"
 
 
 def _lost(count: int | None) -> str:
@@ -154,7 +157,7 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += delay_lines(summary)
         lines += [
             "force one step ahead, after the first second of contact: RMS error "
-            + _millinewton(summary["force_rmse_n"]),
+            + millinewton(summary["force_rmse_n"]),
             *aligned_lines(summary["force_rmse_n"], summary["force_aligned_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 LEAST_SAMPLES = 100
+MEANINGS = "docs/robots.md#what-a-warning-means"
+"""Where every warning is explained."""
 CLEAR = 10.0
 """A channel moves if its range is so many times its noise."""
 
