@@ -121,11 +121,11 @@ class EstimatorServices:
             raise UserError(answer.message, FAILURE)
         return str(answer.message)
 
-    def outcome(self, kinds: tuple[int, ...], timeout_s: float | None) -> Any:
-        """Wait for an event of one of some kinds, begun to listen to before.
+    def outcome(self, wanted: Callable[[Any], bool], timeout_s: float | None) -> Any:
+        """Wait for an event, begun to listen to before.
 
         Args:
-            kinds: of hc_msgs/EstimatorEvent.
+            wanted: whether a hc_msgs/EstimatorEvent is the one.
             timeout_s: how long; None waits until a signal.
 
         Returns:
@@ -134,7 +134,7 @@ class EstimatorServices:
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while end is None or time.monotonic() < end:
             for event in self._events:
-                if event.kind in kinds:
+                if wanted(event):
                     return event
             if not self._graph.spin(0.02):
                 return None
@@ -142,6 +142,8 @@ class EstimatorServices:
 
     def with_parameter(self, name: str, value: Any, act: Callable[[], Any]) -> Any:
         """Do something while a parameter of the node has a value, and put the old one back.
+
+        If it has the value already, another client may have set it for a moment: it is left alone.
 
         Raises:
             UserError: if the node refuses the value.
@@ -159,6 +161,8 @@ class EstimatorServices:
 
         got = self._graph.call(lambda: client.get_parameters([name]), name)
         before = parameter_value_to_python(got.values[0])
+        if before == value:
+            return act()
         change(value)
         try:
             return act()
