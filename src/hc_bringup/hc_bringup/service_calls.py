@@ -13,12 +13,14 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph, absolute
+from hc_bringup.nearest import hint
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
 
 SETTLE_S = 0.6
 """Three announcements of a participant: by then a server has discovered a new client."""
 ANSWER_S = 10.0
+_OF_EVERY_NODE = ("_parameters", "_atomically", "/get_parameter_types", "/get_type_description")
 
 
 def services(graph: Graph, *, hidden: bool = False) -> list[tuple[str, list[str]]]:
@@ -42,10 +44,8 @@ def require_service(graph: Graph, name: str) -> tuple[str, str]:
         return next((t for n, t in services(graph, hidden=True) if n == full), [])
 
     if not graph.wait_for(lambda: bool(types())):
-        known = ", ".join(
-            n for n, _ in services(graph) if not n.endswith(("_parameters", "_atomically"))
-        )
-        raise UserError(f"there is no service {full}; services: {known or 'none'}", FAILURE)
+        known = [n for n, _ in services(graph) if not n.endswith(_OF_EVERY_NODE)]
+        raise UserError(f"there is no service {full}; {hint(full, known, 'services')}", FAILURE)
     return full, types()[0]
 
 
