@@ -313,11 +313,7 @@ def test_the_live_page_without_its_library_says_what_to_install(
         ("Header", 2, "'Header' is not a message type like std_msgs/msg/Header"),
         ("std_msgs/srv/Header", 2, "is not a message type"),
         ("nowhere/msg/A", 1, "message type nowhere/msg/A is not installed here"),
-        (
-            "std_msgs/msg/Heder",
-            1,
-            "no message type std_msgs/msg/Heder; did you mean std_msgs/msg/H",
-        ),
+        ("std_msgs/msg/Heder", 1, "type std_msgs/msg/Heder; did you mean std_msgs/msg/Header?"),
         ("std_msgs/msg/Zzz", 1, "there is no message type std_msgs/msg/Zzz"),
     ],
 )

@@ -1,4 +1,4 @@
-"""How a machine writes its files, kept in a YAML: what --preset of the commands on recordings takes.
+"""How a machine writes its files, kept in a YAML: what --preset takes.
 
 The keys are the options themselves; what is given on the command line goes before them.
 """
@@ -46,7 +46,7 @@ def apply(arguments: argparse.Namespace) -> None:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    from hc_bringup.plan import read_yaml
+    from hc_bringup.parameter_file import read_yaml
 
     told = read_yaml(path)
     if isinstance(told, dict) and "nodes" in told:
@@ -55,9 +55,8 @@ def _read(path: Path) -> dict[str, Any]:
         )
     for key in _mapping(path, "the file", told):
         if key not in KEYS:
-            raise UserError(
-                f"--preset {path}: no key {key!r}; {hint(key, KEYS, 'known')}", WRONG_USE
-            )
+            known = hint(key, KEYS, "known")
+            raise UserError(f"--preset {path}: no key {key!r}; {known}", WRONG_USE)
     return dict(told)
 
 
