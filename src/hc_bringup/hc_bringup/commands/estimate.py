@@ -16,8 +16,6 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 _LINES_AT_ONCE = 4096
-_UNUSABLE = {"sign": "the sign of a channel", "units": "the unit of a channel"}
-"""Checks by whose failure the parameters are of no use; with any other they are a warning."""
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
@@ -47,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import sys
 
-    from hc_bringup.summary import to_json
+    from hc_bringup.summary import to_json, why_unusable
     from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
 
@@ -80,12 +78,11 @@ def run(arguments: argparse.Namespace) -> int:
         {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
     ]
     print(to_json(summary) if arguments.json else _text(summary))
-    wrong = [s for s in suspicions if s.check.value in _UNUSABLE]
+    wrong = why_unusable(s.check.value for s in suspicions)
     if wrong:
-        what = " and ".join(dict.fromkeys(_UNUSABLE[s.check.value] for s in wrong))
         raise UserError(
-            f"{arguments.input}: these are not the parameters of the tissue, for {what} is wrong: "
-            f"do what stands above them, or see hc doctor {shlex.quote(arguments.input)}"
+            f"{arguments.input}: {wrong}: do what stands above them, or see hc doctor "
+            f"{shlex.quote(arguments.input)}"
         )
     return 0
 
