@@ -89,7 +89,8 @@ def why_unusable(checks: Iterable[str]) -> str:
     wrong = dict.fromkeys(_UNUSABLE[check] for check in checks if check in _UNUSABLE)
     if not wrong:
         return ""
-    return f"these are not the parameters of the tissue, for {' and '.join(wrong)} is wrong"
+    verb = "is" if len(wrong) == 1 else "are"
+    return f"these are not the parameters of the tissue, for {' and '.join(wrong)} {verb} wrong"
 
 
 def _share(part: int, whole: int) -> float:
