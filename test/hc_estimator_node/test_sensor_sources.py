@@ -1,6 +1,7 @@
 """A frame of /tf as position, and quality of service from parameters, in one process."""
 
 import time
+from contextlib import closing, contextmanager
 
 import pytest
 import rclpy
@@ -24,6 +25,7 @@ OF_TF = {
     "input.position.zero": -200.0,
     "input.publish_samples": False,
 }
+STEP_NS = 10_000_000
 OVERRIDE = "qos_overrides./ft_sensor/wrench.subscription.reliability"
 
 
@@ -44,14 +46,21 @@ class Receiver:
         raise error
 
 
-def make_node(ros_domain, **parameters):
+@contextmanager
+def running_node(ros_domain, **parameters):
+    """A node and its executor, gone in the end, or the next try would hear them."""
     context = rclpy.Context()
     words = [w for item in parameters.items() for w in ("-p", f"{item[0]}:={item[1]}")]
     rclpy.init(context=context, domain_id=ros_domain, args=["--ros-args", *words] if words else [])
     node = rclpy.create_node("input", context=context, enable_rosout=False)
     executor = EventsExecutor(context=context)
     executor.add_node(node)
-    return context, node, executor
+    try:
+        yield node, executor
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def transform(parent, child, stamp_ns, x=0.0, z=0.0):
@@ -64,19 +73,35 @@ def transform(parent, child, stamp_ns, x=0.0, z=0.0):
 
 @pytest.mark.process
 def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_domain):
-    context, node, executor = make_node(ros_domain, **{OVERRIDE: "reliable"})
     values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
     receiver = Receiver()
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    fixed = node.create_publisher(TFMessage, "/tf_static", latched)
-    fixed.publish(TFMessage(transforms=[transform("wrist", "tool", 0, z=0.1)]))
-    source = SensorInput(node, receiver, values)  # comes late for what was told once
+    with running_node(ros_domain, **{OVERRIDE: "reliable"}) as (node, executor):
+        fixed = node.create_publisher(TFMessage, "/tf_static", latched)
+        fixed.publish(TFMessage(transforms=[transform("wrist", "tool", 0, z=0.1)]))
+        # The input comes late for what was told once.
+        with closing(SensorInput(node, receiver, values)) as source:
+            start_ns = publish_until(node, executor, receiver, 20)
+            places = [(s, d) for s, d, _f in receiver.samples if d == d]
+            assert len(receiver.samples) > 20
+            for stamp_ns, depth_mm in places:
+                step, rest = divmod(stamp_ns - start_ns, STEP_NS)
+                assert rest == 0  # not that of the camera
+                assert depth_mm == pytest.approx(0.01 * step, abs=1e-6)
+            assert source.position[1] == "base"
+            ends = node.get_subscriptions_info_by_topic("/ft_sensor/wrench")
+            assert ends
+            assert {info.qos_profile.reliability for info in ends} == {ReliabilityPolicy.RELIABLE}
+
+
+def publish_until(node, executor, receiver, enough):
+    """Publish frames, by two publishers as /tf has many, and forces; returns the first stamp."""
     frames = node.create_publisher(TFMessage, "/tf", 10)
-    others = node.create_publisher(TFMessage, "/tf", 10)  # /tf has many publishers
+    others = node.create_publisher(TFMessage, "/tf", 10)
     forces = node.create_publisher(WrenchStamped, "ft_sensor/wrench", 10)
     start_ns = time.time_ns()
     for i in range(400):
-        stamp_ns = start_ns + 10_000_000 * i
+        stamp_ns = start_ns + STEP_NS * i
         frames.publish(TFMessage(transforms=[transform("base", "arm", stamp_ns, x=0.3)]))
         moved = transform("/arm", "/wrist", stamp_ns, x=-0.3, z=0.1 - 1e-5 * i)
         others.publish(TFMessage(transforms=[moved, transform("tool", "camera", stamp_ns + 9)]))
@@ -85,32 +110,17 @@ def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_doma
         force.wrench.force.z = float(i)
         forces.publish(force)
         executor.spin_once(timeout_sec=0.01)
-        if len(receiver.samples) > 20:
+        if len(receiver.samples) > enough:
             break
-    assert len(receiver.samples) > 20
-    places = [(s, d) for s, d, _f in receiver.samples if d == d]
-    for stamp_ns, depth_mm in places:
-        assert (stamp_ns - start_ns) % 10_000_000 == 0  # not that of the camera
-        assert depth_mm == pytest.approx(0.01 * ((stamp_ns - start_ns) // 10_000_000), abs=1e-6)
-    assert source.position[1] == "base"
-    (ends,) = [
-        info.qos_profile
-        for info in node.get_subscriptions_info_by_topic("/ft_sensor/wrench")
-        if info.node_name == "input"
-    ]
-    assert ends.reliability == ReliabilityPolicy.RELIABLE
-    source.close()
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
+    return start_ns
 
 
 @pytest.mark.process
 def test_a_quality_of_service_that_does_not_exist_is_one_line(ros_domain):
-    context, node, executor = make_node(ros_domain, **{OVERRIDE: "always"})
     values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | OF_TF
-    with pytest.raises(SubscriptionError, match=r"cannot subscribe to ft_sensor/wrench: .*always"):
+    expected = r"cannot subscribe to ft_sensor/wrench: .*always"
+    with (
+        running_node(ros_domain, **{OVERRIDE: "always"}) as (node, _executor),
+        pytest.raises(SubscriptionError, match=expected),
+    ):
         SensorInput(node, Receiver(), values)
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
