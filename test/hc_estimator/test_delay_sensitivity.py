@@ -36,7 +36,7 @@ def logarithms(estimate):
 
 def last(readings, delay):
     """The default filter with a delay that is given, after readings, and its last estimate."""
-    estimator = hc.create_estimator("self_tuning_ukf", channel_delay=delay, without_hypotheses=62)
+    estimator = hc.create_estimator("self_tuning_ukf", channel_delay=delay, without_hypotheses=126)
     estimate = None
     for sample in zip(*readings, strict=True):
         estimate = estimator.step(*sample)

@@ -15,7 +15,7 @@ SPREAD = np.sqrt(7.0)
 def both(model, center, factor):
     """Outputs of the 15 points, shape (15, 2): at once, and one by one."""
     at_once, one_by_one = np.empty((15, 2)), np.empty((15, 2))
-    measure_sigma_points(model, center, factor, SPREAD, at_once)
+    measure_sigma_points(model, center, factor @ factor.T, factor, SPREAD, at_once)
     points = [center, *(center + SPREAD * factor.T), *(center - SPREAD * factor.T)]
     for point, result in zip(points, one_by_one, strict=True):
         kinematic.measure(model, point, result)

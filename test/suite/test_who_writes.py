@@ -40,6 +40,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "held": "held",
     "given": "given",
     "onset": "onset",
+    "search": "search",
     "memory": "memory",
 }
 OWNERS = {
@@ -60,7 +61,7 @@ OWNERS = {
         "multiple_model/model_error",
         "multiple_model/delay_sensitivity",
     ),
-    "judge": ("multiple_model/judge",),
+    "judge": ("multiple_model/judge", "multiple_model/choice"),
     "change": ("multiple_model/change",),
     "maneuver": ("multiple_model/maneuver",),
     "kept row": ("multiple_model/maneuver",),
@@ -75,6 +76,7 @@ OWNERS = {
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/sample",),
     "onset": ("multiple_model/contact_onset",),
+    "search": ("multiple_model/surface_search",),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
 }
@@ -118,12 +120,14 @@ GUESTS = {
     "multiple_model/change": {
         "row": "active alarmed change_lead contact_time model_error score",
     },
+    "multiple_model/choice": {"row": "log_likelihood score"},
     "multiple_model/judge": {"row": "claimed inconsistent_time log_likelihood model_error score"},
     "multiple_model/maneuver": {
         "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "
         "model_error recent_nis score state",
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
+    "multiple_model/surface_search": {"row": "covariance model_error position_deviation state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"

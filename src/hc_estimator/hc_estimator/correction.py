@@ -14,7 +14,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import end_of_parameters
-from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import cholesky, clear_matrix
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 from hc_estimator.state_space import registry as state_space
@@ -62,7 +62,14 @@ def measure_unscented(settings: Any, memory: Any) -> bool:
     if state_space.has_linear_process(settings.state_space) and has_shared_logarithms(
         settings.contact_model
     ):
-        measure_sigma_points(settings.contact_model, center, memory.factor, spread, outputs)
+        measure_sigma_points(
+            settings.contact_model,
+            center,
+            memory.predicted_covariance,
+            memory.factor,
+            spread,
+            outputs,
+        )
     else:
         _measure_points(settings, memory, spread)
     for i in range(2):
@@ -287,7 +294,9 @@ def commit(settings: Any, memory: Any, time: float) -> int:
             return NUMERICAL
     if not total < 1e150:
         return NUMERICAL
-    copy_vector(memory.updated_state, memory.state)
-    copy_matrix(memory.updated_covariance, memory.covariance)
+    for i in range(7):
+        memory.state[i] = memory.updated_state[i]
+        for j in range(7):
+            memory.covariance[i, j] = memory.updated_covariance[i, j]
     note_accepted(memory, time)
     return ACCEPTED

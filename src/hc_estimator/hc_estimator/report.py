@@ -91,7 +91,8 @@ def write_row(settings: Any, memory: Any, rejected: int, row: NDArray[np.float64
             if memory.present[i] != 0:
                 row[INNOVATION + i] = memory.innovation[i]
         row[NIS] = memory.nis
-    row[FORCE_RECONSTRUCTED] = state_space.force_of_state(settings, state)
+    force = state_space.force_of_parameters(settings, state, memory.parameters)
+    row[FORCE_RECONSTRUCTED] = force
     row[DISPLACEMENT] = state[0]
     row[VELOCITY] = state[1]
     row[DISPLACEMENT_NOISE_STD] = math.sqrt(memory.noise[0])

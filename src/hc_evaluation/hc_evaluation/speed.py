@@ -68,8 +68,9 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         filterpy_us, stone_soup_us, pykalman_us, numba_us, cpp_us (None where it is not there;
         rivals says why), ukf_run_us, ekf_run_us, FILTER_step_us of every Kalman filter (medians
         over rounds), run_ratio and step_ratio (of `ukf` to filterpy), ukf_to_numba, ukf_to_cpp,
-        ekf_to_cpp (by run; medians of the rounds' ratios), default_step_us, sir_pf_step_us, and
-        filters_us (microseconds a sample of run() by filter and state space).
+        ekf_to_cpp (by run; medians of the rounds' ratios), default_run_us, default_step_us,
+        default_to_ukf and default_to_ukf_by_step (the same), sir_pf_step_us, and filters_us
+        (microseconds a sample of run() by filter and state space).
 
     Raises:
         ImportError: if filterpy is not installed.
@@ -96,6 +97,7 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
                 f"{name}_step_us": functools.partial(_step_us, estimator, data)
                 for name, estimator in kalman.items()
             },
+            "default_run_us": lambda: _run_us(default, data, repeats=BATCH_REPEATS // 5),
             "default_step_us": lambda: _step_us(default, data),
             "sir_pf_step_us": lambda: _step_us(particles, data),
         }
@@ -127,6 +129,8 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         "ukf_to_numba": ratio("ukf_run_us", "numba_us"),
         "ukf_to_cpp": ratio("ukf_run_us", "cpp_us"),
         "ekf_to_cpp": ratio("ekf_run_us", "cpp_us"),
+        "default_to_ukf": ratio("default_run_us", "ukf_run_us"),
+        "default_to_ukf_by_step": ratio("default_step_us", "ukf_step_us"),
         "filters_us": filters,
     }
 

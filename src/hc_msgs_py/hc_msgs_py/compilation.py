@@ -16,12 +16,14 @@ in each process.
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import llvmlite.binding
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, InTreeCacheLocator
 
@@ -84,12 +86,30 @@ class KernelCompiler:
             own = dispatcher._cache
             # numba offers no public way to add to the stamp; its index file holds it here.
             own._cache_file._source_stamp = stamp
+        _link_current_mathematics()
         # Who names another folder may want other code (NUMBA_BOUNDSCHECK): the shipped is not his.
         if not numba.config.CACHE_DIR:
             shipped = ShippedCode(function, stamp, own)
             if own is None or shipped.cache_path != own.cache_path:
                 dispatcher._cache = shipped
         return dispatcher  # type: ignore[no-any-return]
+
+
+@functools.cache
+def _link_current_mathematics() -> None:
+    """Let kernels call the C library's exp, log and pow as they are now.
+
+    numba hands out those that its own wheel was linked with: the wrappers of glibc before 2.29,
+    which add an eighth to each call for an error handling that nobody asks for. The numbers are
+    the same. To be called after numba has made its first dispatcher, which names them.
+    """
+    try:
+        library = ctypes.CDLL("libm.so.6")
+    except OSError:  # another C library: numba's stay
+        return
+    for name in ("exp", "log", "pow"):
+        address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+        llvmlite.binding.add_symbol(name, address)
 
 
 def _hash(paths: Iterable[Path]) -> str:

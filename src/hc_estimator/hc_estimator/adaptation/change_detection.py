@@ -100,18 +100,28 @@ def detect(settings: Any, memory: Any) -> bool:
     innovation = memory.innovation[1]
     value = min(innovation * innovation / memory.innovation_covariance[1, 1], LARGEST_TERM)
     memory.change_quiet += 1
+    quiet = memory.change_quiet > settings.change_refractory
     if settings.change_detection == WINDOW:
         window = settings.change_window
         memory.change_values[memory.change_position] = value
         memory.change_position = (memory.change_position + 1) % LONGEST_WINDOW
         memory.change_filled = min(memory.change_filled + 1, LONGEST_WINDOW)
-        if memory.change_filled < window:
+        if not quiet or memory.change_filled < window:
             return False
-        total = 0.0
-        for k in range(window):
-            total += memory.change_values[(memory.change_position - 1 - k) % LONGEST_WINDOW]
-        changed = total > settings.change_threshold * window
+        changed = _sum_of_latest(memory, window) > settings.change_threshold * window
     else:
         memory.change_sum = max(0.0, memory.change_sum + value - settings.cusum_drift)
         changed = memory.change_sum > settings.cusum_threshold
-    return bool(changed and memory.change_quiet > settings.change_refractory)
+    return bool(changed and quiet)
+
+
+@compiled
+def _sum_of_latest(memory: Any, window: int) -> float:
+    """Sum of so many latest values, from the newest on."""
+    values, position = memory.change_values, memory.change_position
+    total = 0.0
+    for k in range(position - 1, max(position - window, 0) - 1, -1):
+        total += values[k]
+    for k in range(LONGEST_WINDOW - 1, LONGEST_WINDOW + position - window - 1, -1):
+        total += values[k]
+    return total

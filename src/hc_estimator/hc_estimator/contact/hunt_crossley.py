@@ -120,8 +120,34 @@ def adhesive_gradient(
     if displacement <= TINY:
         return 0.0
     log_displacement = math.log(displacement)
+    power = math.exp(min(displacement_exponent * log_displacement, LARGEST_EXPONENT))
+    return gradient_at_velocity(
+        displacement,
+        log_displacement,
+        power,
+        velocity,
+        stiffness,
+        damping,
+        displacement_exponent,
+        velocity_exponent,
+        gradient,
+    )
+
+
+@compiled
+def gradient_at_velocity(
+    displacement: float,
+    log_displacement: float,
+    power: float,
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    displacement_exponent: float,
+    velocity_exponent: float,
+    gradient: NDArray[np.float64],
+) -> float:
+    """`adhesive_gradient` where d > 0, ln d and d^n are known."""
     log_power = displacement_exponent * log_displacement
-    power = math.exp(min(log_power, LARGEST_EXPONENT))
     speed = max(abs(velocity), SMALLEST_SPEED)
     log_speed = math.log(speed)
     drag = math.exp(min(log_power + velocity_exponent * log_speed, LARGEST_EXPONENT))

@@ -7,6 +7,8 @@ those here; they are compiled into the kernels like these.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -148,6 +150,22 @@ def _differences(
 
 
 @compiled
+def _without_tension(
+    model: int, force: float, n_limited: bool, p_limited: bool, gradient: NDArray[np.float64]
+) -> float:
+    """Force [N], 0 in separation as its derivatives; those after a limited exponent are 0."""
+    if force <= 0.0 and not _MAY_PULL[model]:
+        for i in range(6):
+            gradient[i] = 0.0
+        return 0.0
+    if n_limited:
+        gradient[4] = 0.0
+    if p_limited:
+        gradient[5] = 0.0
+    return force
+
+
+@compiled
 def contact_gradient(
     model: int,
     displacement: float,
@@ -206,12 +224,56 @@ def contact_gradient(
     if not _LAGGED[model]:
         p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
     found: float = _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
-    if found <= 0.0 and not _MAY_PULL[model]:
-        for i in range(6):
-            gradient[i] = 0.0
+    return _without_tension(
+        model, found, n != displacement_exponent, p != velocity_exponent, gradient
+    )
+
+
+@compiled
+def is_plain(model: int) -> bool:
+    """True for the Hunt-Crossley law itself, with tension or without."""
+    return model in (HUNT_CROSSLEY, ADHESIVE)
+
+
+@compiled
+def displacement_power(displacement: float, displacement_exponent: float) -> tuple[float, float]:
+    """Give ln d and d^n as `plain_gradient` wants them; any numbers for d <= 0."""
+    if displacement <= hunt_crossley.TINY:
+        return 0.0, 0.0
+    n = _limited(
+        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
+    )
+    log_displacement = math.log(displacement)
+    return log_displacement, math.exp(min(n * log_displacement, hunt_crossley.LARGEST_EXPONENT))
+
+
+@compiled
+def plain_gradient(
+    model: int,
+    displacement: float,
+    power: tuple[float, float],
+    velocity: float,
+    stiffness: float,
+    damping: float,
+    displacement_exponent: float,
+    velocity_exponent: float,
+    gradient: NDArray[np.float64],
+) -> float:
+    """`contact_gradient` of a model that `is_plain`, for several velocities at one displacement.
+
+    The arguments are those of `contact_gradient`, and power what `displacement_power` gives.
+    """
+    for i in range(6):
+        gradient[i] = 0.0
+    if displacement <= hunt_crossley.TINY:
         return 0.0
-    if n != displacement_exponent:
-        gradient[4] = 0.0
-    if p != velocity_exponent:
-        gradient[5] = 0.0
-    return found
+    n = _limited(
+        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
+    )
+    p = _limited(velocity_exponent, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+    force: float = hunt_crossley.gradient_at_velocity(
+        displacement, power[0], power[1], velocity, stiffness, damping, n, p, gradient
+    )
+    return _without_tension(
+        model, force, n != displacement_exponent, p != velocity_exponent, gradient
+    )

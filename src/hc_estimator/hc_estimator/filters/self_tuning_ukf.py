@@ -20,6 +20,7 @@ from hc_estimator.multiple_model import (
     contact_onset,
     hypotheses,
     maneuver,
+    surface_search,
     tempering,
 )
 from hc_estimator.multiple_model.records import BANK
@@ -34,6 +35,7 @@ SPECIFICATIONS = (
     *tempering.SPECIFICATIONS,
     *hypotheses.SPECIFICATIONS,
     *maneuver.SPECIFICATIONS,
+    *surface_search.SPECIFICATIONS,
     *alignment.SPECIFICATIONS,
 )
 # For experiments: nobody tunes these, and the accuracy pages say what each is worth.
@@ -43,6 +45,7 @@ INTERNAL = (
     *(s.name for s in tempering.SPECIFICATIONS),
     *(s.name for s in hypotheses.SPECIFICATIONS),
     *(s.name for s in maneuver.SPECIFICATIONS),
+    *(s.name for s in surface_search.SPECIFICATIONS),
     "initial_displacement_std",
     "initial_velocity_std",
     "initial_acceleration_std",

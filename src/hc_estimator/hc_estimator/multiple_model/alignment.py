@@ -13,7 +13,13 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import batch_fit, beginning, delay_sensitivity, sample
+from hc_estimator.multiple_model import (
+    batch_fit,
+    beginning,
+    delay_sensitivity,
+    sample,
+    surface_search,
+)
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
@@ -189,6 +195,8 @@ def _take_point(settings: Any, bank: Any) -> None:
     finder, rows = bank.delay, bank.rows
     before = finder.grid_count
     full = grids.advance(finder)
+    if finder.grid_count > before and bank.calibrated != 0:
+        surface_search.look(settings, bank, finder.grid_step)
     if finder.grid_count > before and is_tried(settings, FITTED) and bank.calibrated != 0:
         clock = bank.tool.contact_clock
         if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):

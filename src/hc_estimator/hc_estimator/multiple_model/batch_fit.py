@@ -20,6 +20,8 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import (
     clear_matrix,
     clear_vector,
+    copy_matrix,
+    copy_vector,
 )
 from hc_estimator.multiple_model import delay_sensitivity, smoothing, zero_fit
 from hc_estimator.multiple_model import grid as grids
@@ -167,6 +169,7 @@ def _take_velocity_noise(history: Any, finder: Any, noise: float, independent: f
     noisier = 1.0 + CUBIC_NOISE * history.cubic_share**2
     history.velocity_std[0] = math.sqrt(noisier * variance)
     history.velocity_noise[0] = noisier * variance * width / spacing
+    variance *= 1.0 + CUBIC_NOISE
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
         value = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
         variance = smoothing.wide_variance(finder, value)
@@ -197,10 +200,13 @@ def _fit(
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
         total = weigh(settings, history, history, force_noise)
-        before = max(gather(settings, history, history, history.fit) / count, 1.0)
+        squares = gather(settings, history, history, history.fit)
+        before = max(squares / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
             return -1.0
-        squares = improve(settings, history, history, 1.0 / min(before, 1e6))
+        if _is_anything_held(history):
+            squares = math.nan  # the fit has moved
+        squares = improve(settings, history, history, 1.0 / min(before, 1e6), squares)
         if not math.isfinite(squares):
             return -1.0
         left = max(squares / count, 1.0)
@@ -213,7 +219,8 @@ def _fit(
     for i in range(4):
         history.guessed = max(history.guessed, history.held[i])
         history.held[i] = 0
-    gather(settings, history, history, history.fit)
+    if not _is_gathered(history):
+        gather(settings, history, history, history.fit)
     add_prior(settings, history, history.fit, 1.0 / left)
     if not invert(settings, history):
         return -1.0
@@ -258,7 +265,8 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
 
     Args:
         settings: settings record.
-        history: the points are gathered at the fit; what is held is moved to its first guess.
+        history: the points are gathered at the fit, and are so afterwards if nothing is held;
+            what is held is moved to its first guess.
         weight: of the fit's squares.
 
     Returns:
@@ -271,8 +279,11 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
     if _is_at_rest(history):
         history.held[1] = 1
         history.held[3] = 1
+    seen, pull, false = history.seen.copy(), history.pull.copy(), history.false.copy()
     for place in range(2):
         if place == 1:
+            if history.held[1] != 0 and history.held[3] != 0:
+                break
             history.fit[1] = history.fit[0] + first
             history.fit[3] = settings.initial_velocity_exponent
             gather(settings, history, history, history.fit)
@@ -289,7 +300,28 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
         history.fit[1] = history.fit[0] + first
     if history.held[3] != 0:
         history.fit[3] = settings.initial_velocity_exponent
+    copy_matrix(seen, history.seen)
+    copy_matrix(false, history.false)
+    copy_vector(pull, history.pull)
     return True
+
+
+@compiled
+def _is_anything_held(history: Any) -> bool:
+    """True if something is held at its first guess."""
+    held = 0
+    for i in range(4):
+        held = max(held, history.held[i])
+    return bool(held != 0)
+
+
+@compiled
+def _is_gathered(history: Any) -> bool:
+    """True if `improve` gathered the points at the fit last."""
+    gathered = True
+    for i in range(4):
+        gathered = gathered and history.next[i] == history.fit[i]
+    return gathered
 
 
 @compiled

@@ -9,7 +9,13 @@ from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
-from hc_estimator.multiple_model import contact_onset, levels, plausible, tempering
+from hc_estimator.multiple_model import (
+    contact_onset,
+    levels,
+    plausible,
+    surface_search,
+    tempering,
+)
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
@@ -69,6 +75,7 @@ def _choose_anew(bank: Any) -> None:
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
+    surface_search.reset(bank.search)
 
 
 @compiled

@@ -70,9 +70,9 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[1] = place[1] + rest * place[2]
     point[2] = force
     point[4] = place[6]
-    point[5] = point[1]
+    # Parabolas of readings that are far apart are wide enough for a cubic of their own.
+    point[5] = point[1] + place[6]
     point[6] = place[2]
-    # A parabola of readings that are far apart is wide enough.
     point[7] = 1.0 if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else 0.0
     point[8] = _time_of(finder, there)
     history.count += 1

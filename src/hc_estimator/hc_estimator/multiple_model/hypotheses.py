@@ -72,6 +72,16 @@ ROWS = (
         own_walks=(2e-2,),
         own_variances=(1e-2,),
     ),
+    # Sinks or rises at a speed that hardly changes, or is where it was not said to be.
+    HypothesisRow(
+        Hypothesis.SURFACE_MOVES,
+        (CALM, CALM, CALM, CALM),
+        own=2,
+        drives=((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
+        own_walks=(0.0, 1e-4),
+        own_variances=(1.0, 1e-2),
+        surface=True,
+    ),
     HypothesisRow(
         Hypothesis.ALL_DRIFT,
         (1e-5, 1e-3, 1e-8, 1e-8),
@@ -101,7 +111,8 @@ COUNTS = np.array([OWN + row.own for row in ROWS])
 WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
 WAITS = np.array([row.waits for row in ROWS])
-SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
+STEADY_SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
+SURFACE_ROW = int(np.flatnonzero(SURFACE)[-1])  # the freest: it says what is known at least
 
 SPECIFICATIONS = (
     ParameterSpecification(

@@ -83,7 +83,15 @@ def log_usual_speed(tool: Any) -> float:
 @compiled
 def share_of_damping(k: float, b: float, p: float, log_speed: float) -> float:
     """Share of B v^p in K + B v^p."""
+    if log_speed <= UNBENT:
+        return 0.0
     return 1.0 / (1.0 + math.exp(min(k - b - p * log_speed, LARGEST)))
+
+
+@compiled
+def log_level(k: float, b: float, p: float, log_speed: float) -> float:
+    """ln(K + B v^p)."""
+    return k if log_speed <= UNBENT else k + _log_rest(b - k + p * log_speed)
 
 
 @compiled
@@ -100,10 +108,11 @@ def moved(
     move_k: float,
     move_b: float,
     move_p: float,
+    level: float,
     share: float,
     log_speed: float,
 ) -> tuple[float, float]:
-    """Some way along the ridge, in ln K and ln B.
+    """Some way along the ridge, in ln K and ln B; a straight one where the level is K.
 
     Args:
         k: ln K at the mean.
@@ -112,14 +121,17 @@ def moved(
         move_k: way along the tangent in ln K.
         move_b: in ln B.
         move_p: in p.
-        share: of the damping at the mean.
+        level: its logarithm at the mean.
+        share: of the damping there.
         log_speed: logarithm of the usual speed.
     """
     ratio = b - k
-    level = k + _log_rest(ratio + p * log_speed)
-    level += (1.0 - share) * move_k + share * (move_b + log_speed * move_p)
     ratio += move_b - move_k
-    stiffness = level - _log_rest(ratio + (p + move_p) * log_speed)
+    if log_speed <= UNBENT:
+        stiffness = level + move_k
+    else:
+        level += (1.0 - share) * move_k + share * (move_b + log_speed * move_p)
+        stiffness = level - _log_rest(ratio + (p + move_p) * log_speed)
     return stiffness, stiffness + ratio
 
 
@@ -138,7 +150,8 @@ def follow(row: Any, k: float, b: float, p: float, log_speed: float) -> None:
     share = share_of_damping(k, b, p, log_speed)
     move_k, move_b = state[LOG_STIFFNESS] - k, state[LOG_DAMPING] - b
     move_p = state[VELOCITY_EXPONENT] - p
-    k, b = moved(k, b, p, move_k, move_b, move_p, share, log_speed)
+    level = log_level(k, b, p, log_speed)
+    k, b = moved(k, b, p, move_k, move_b, move_p, level, share, log_speed)
     state[LOG_STIFFNESS] = k
     state[LOG_DAMPING] = b
     # The tangents turn by what the share has changed.

@@ -68,14 +68,32 @@ def raise_model_error(settings: Any, row: Any, sensor_noise: float) -> None:
 
 
 @compiled
-def learn(settings: Any, row: Any, sensor_noise: Any, noise: Any, clock: Any) -> None:
+def latest_noise(sensor_noise: Any, noise: Any) -> tuple[float, float]:
+    """Variances [mm^2], [N^2] in use, or those of the latest differences where they are larger.
+
+    Args:
+        sensor_noise: variances in use, shape (2,).
+        noise: records of the two channels.
+    """
+    if noise[0].count > 0 and noise[1].count > 0:
+        return (
+            max(sensor_noise[0], difference_noise.latest(noise[0])),
+            max(sensor_noise[1], difference_noise.latest(noise[1])),
+        )
+    return sensor_noise[0], sensor_noise[1]
+
+
+@compiled
+def learn(
+    settings: Any, row: Any, sensor_noise: Any, latest: tuple[float, float], clock: Any
+) -> None:
     """Take the innovations of a row after its update; row.alarm is 1 if the alarm goes off.
 
     Args:
         settings: settings record.
         row: changed.
         sensor_noise: variances in use, shape (2,).
-        noise: records of the two channels.
+        latest: as `latest_noise` has them.
         clock: record of the sample.
     """
     elapsed = clock.force_elapsed
@@ -106,7 +124,7 @@ def learn(settings: Any, row: Any, sensor_noise: Any, noise: Any, clock: Any) ->
         if not tempered:
             row.contact_time += elapsed
         _follow(settings, row, recent, sensor_noise[1], elapsed)
-    _sum_up(row, square, sensor_noise, noise, tempered, both)
+    _sum_up(row, square, sensor_noise, latest, tempered, both)
 
 
 @compiled
@@ -124,16 +142,17 @@ def _follow(settings: Any, row: Any, nis: float, sensor_noise: float, elapsed: f
 
 @compiled
 def _sum_up(
-    row: Any, square: float, sensor_noise: Any, noise: Any, tempered: bool, both: bool
+    row: Any,
+    square: float,
+    sensor_noise: Any,
+    latest: tuple[float, float],
+    tempered: bool,
+    both: bool,
 ) -> None:
     """Advance the delayed cumulative sum."""
     line = row.alarm_line[row.alarm_position]
-    displacement_noise, force_noise = sensor_noise[0], sensor_noise[1]
-    if noise[0].count > 0 and noise[1].count > 0:
-        displacement_noise = max(displacement_noise, difference_noise.latest(noise[0]))
-        force_noise = max(force_noise, difference_noise.latest(noise[1]))
-    term = min(line[0] / (line[1] + force_noise), LARGEST_TERM)
-    term += min(line[2] / (line[3] + displacement_noise), LARGEST_TERM)
+    term = min(line[0] / (line[1] + latest[1]), LARGEST_TERM)
+    term += min(line[2] / (line[3] + latest[0]), LARGEST_TERM)
     line[0] = square
     line[1] = row.explained + row.force_noise - sensor_noise[1]
     line[2] = 0.0

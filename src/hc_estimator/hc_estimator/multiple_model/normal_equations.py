@@ -13,7 +13,12 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import contact_gradient
+from hc_estimator.contact.registry import (
+    contact_gradient,
+    displacement_power,
+    is_plain,
+    plain_gradient,
+)
 from hc_estimator.linear_algebra import (
     cholesky,
     clear_matrix,
@@ -71,6 +76,51 @@ def law_at(
     out[2] *= stiffness
     out[3] *= damping
     return force
+
+
+@compiled
+def law_beside(
+    settings: Any,
+    stiffness: float,
+    damping: float,
+    values: Any,
+    depth: float,
+    velocity: float,
+    spread: float,
+    work: Any,
+) -> tuple[float, float]:
+    """Force at a point, and how it changes from a velocity below to one above.
+
+    Args:
+        settings: settings record.
+        stiffness: K, finite.
+        damping: B, finite.
+        values: of which n and p are taken, shape (4,).
+        depth: [mm].
+        velocity: [mm/s].
+        spread: from it to either side [mm/s].
+        work: `gradient`, `above` and `below` take the derivatives, as in `law_at`.
+
+    Returns:
+        Force, and force above less force below [N].
+    """
+    gradient, above, below = work.gradient, work.above, work.below
+    faster, slower = velocity + spread, velocity - spread
+    model = settings.contact_model
+    if not is_plain(model):
+        force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+        change = law_at(settings, stiffness, damping, values, depth, faster, above)
+        change -= law_at(settings, stiffness, damping, values, depth, slower, below)
+        return force, change
+    n, p = values[2], values[3]
+    power = displacement_power(depth, n)
+    force = plain_gradient(model, depth, power, velocity, stiffness, damping, n, p, gradient)
+    change = plain_gradient(model, depth, power, faster, stiffness, damping, n, p, above)
+    change -= plain_gradient(model, depth, power, slower, stiffness, damping, n, p, below)
+    for out in (gradient, above, below):
+        out[2] *= stiffness
+        out[3] *= damping
+    return force, change
 
 
 @compiled
@@ -187,7 +237,13 @@ def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
         velocity, weight, acceleration = velocity_in(history, point, size), point[3], point[6]
         depth = point[0] - position - delay * velocity
         velocity -= delay * acceleration
-        force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+        if spread > 0.0:
+            force, change = law_beside(
+                settings, stiffness, damping, values, depth, velocity, spread, work
+            )
+        else:
+            force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+            change = 0.0
         _note_delay(gradient, velocity, acceleration)
         residual = point[2] - zero - force
         total += weight * residual * residual
@@ -198,8 +254,6 @@ def gather(settings: Any, history: Any, work: Any, values: Any) -> float:
                 seen[i, j] += share * sensitivity(gradient, j)
         if spread <= 0.0:
             continue
-        change = law_at(settings, stiffness, damping, values, depth, velocity + spread, above)
-        change -= law_at(settings, stiffness, damping, values, depth, velocity - spread, below)
         _note_delay(above, velocity + spread, acceleration)
         _note_delay(below, velocity - spread, acceleration)
         total -= 0.25 * weight * change * change
@@ -315,7 +369,7 @@ def _limit(values: Any) -> None:
 
 
 @compiled
-def improve(settings: Any, history: Any, work: Any, weight: float) -> float:
+def improve(settings: Any, history: Any, work: Any, weight: float, squares: float) -> float:
     """Levenberg-Marquardt from work.fit on.
 
     Args:
@@ -323,12 +377,14 @@ def improve(settings: Any, history: Any, work: Any, weight: float) -> float:
         history: points.
         work: its fit, and all that belongs to one, is changed.
         weight: of the squares beside the prior.
+        squares: what `gather` gave for work.fit, if it came last; NaN: it is to be called.
 
     Returns:
         Weighted sum of squares at its end; NaN if it broke down.
     """
     values, following = work.fit, work.next
-    squares = gather(settings, history, work, values)
+    if math.isnan(squares):
+        squares = gather(settings, history, work, values)
     cost = weight * squares + prior_cost(settings, work, values)
     damping = FIRST_DAMPING
     add_prior(settings, work, values, weight)

@@ -208,8 +208,9 @@ def _write_zeros(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     out[FORCE_ZERO] = bank.onset.zero[1]
     out[FORCE_ZERO_STD] = bank.onset.force_deviation
     surface = bank.rows[SURFACE_ROW]
+    if SURFACE[row.index]:
+        surface = row
+        out[CONTACT_POSITION] += row.state[OWN]
     if surface.active == 0:
         return
-    if row.index == SURFACE_ROW:
-        out[CONTACT_POSITION] += surface.state[OWN]
     out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))

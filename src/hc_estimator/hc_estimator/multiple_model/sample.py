@@ -335,9 +335,10 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     clock, rows, tool = bank.clock, bank.rows, bank.tool
     if bank.calibrated == 0:
         return
+    latest = model_error.latest_noise(bank.sensor_noise, bank.noise)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
-            model_error.learn(settings, rows[m], bank.sensor_noise, bank.noise, clock)
+            model_error.learn(settings, rows[m], bank.sensor_noise, latest, clock)
             if rows[m].position_deviation > 0.0 and SURFACE[m] and rows[m].model_error > 0.0:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]

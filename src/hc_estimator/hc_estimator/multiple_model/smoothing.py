@@ -25,7 +25,7 @@ HALF_WIDTH = 0.05  # of grid and neighbours together [s]
 # [-1, 1], by Gauss-Legendre quadrature, exact for polynomials of degree 4.
 NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 WEIGHTS = np.array([5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0])
-FEWEST_NEIGHBOURS = 3  # to either side that make a wide cubic
+FEWEST_NEIGHBOURS = 2  # to either side that make a wide cubic
 SMOOTH = 4.0  # mean square that it leaves over the noise up to which it fits
 VALUE_VARIANCE = 2.25  # of a parabola's value, times its readings, over that of a reading
 

@@ -14,6 +14,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.hunt_crossley import LARGEST_EXPONENT
 from hc_estimator.contact.registry import ADHESIVE, HUNT_CROSSLEY
 from hc_estimator.contact.registry import (
     LARGEST_DISPLACEMENT_EXPONENT as LARGEST_N,
@@ -77,13 +78,18 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
     k, b, n, p = state[2], state[3], state[4], state[5]
     log_speed = log_speed_of(row, log_speed)
     share = levels.share_of_damping(k, b, p, log_speed)
+    level = levels.log_level(k, b, p, log_speed)
     touching = depth > TINY
     log_depth = math.log(depth) if touching else 0.0
     speed = abs(velocity)
     log_velocity = math.log(speed) if speed > TINY else math.log(TINY)
     sign = 1.0 if velocity > 0.0 else -1.0
     least = -math.inf if settings.contact_model == ADHESIVE else 0.0
-    centre = force_of(settings, depth, velocity, k, b, n, p)
+    if plain:
+        drag = sign if speed > TINY else 0.0
+        centre = max(_force(depth, log_depth, log_velocity, drag, k, b, n, p), least)
+    else:
+        centre = force_of(settings, depth, velocity, k, b, n, p)
     total = 0.0
     squares = 0.0
     for j in range(count):
@@ -103,8 +109,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
             row.sigma_force[j, 0] = centre
             row.sigma_force[j, 1] = centre
             continue
-        k_plus, b_plus = levels.moved(k, b, p, move_k, move_b, move_p, share, log_speed)
-        k_minus, b_minus = levels.moved(k, b, p, -move_k, -move_b, -move_p, share, log_speed)
+        k_plus, b_plus = levels.moved(k, b, p, move_k, move_b, move_p, level, share, log_speed)
+        k_minus, b_minus = levels.moved(k, b, p, -move_k, -move_b, -move_p, level, share, log_speed)
         n_plus, n_minus, p_plus, p_minus = n + move_n, n - move_n, p + move_p, p - move_p
         if plain and not moves_tool:
             plus, minus = 0.0, 0.0
@@ -117,6 +123,15 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
                 )
                 plus = max(plus, least)
                 minus = max(minus, least)
+        elif plain and move_depth == 0.0:
+            plus = _faster_force(
+                depth, log_depth, velocity + move_velocity, k_plus, b_plus, n_plus, p_plus
+            )
+            minus = _faster_force(
+                depth, log_depth, velocity - move_velocity, k_minus, b_minus, n_minus, p_minus
+            )
+            plus = max(plus, least)
+            minus = max(minus, least)
         else:
             above, below = depth + move_depth, depth - move_depth
             faster, slower = velocity + move_velocity, velocity - move_velocity
@@ -188,6 +203,53 @@ def _foresee_logarithm(row: Any, centre: float, reading: float) -> None:
         share = math.log(row.sigma_force[j, 0] / row.sigma_force[j, 1])
         row.sensitivity[j] = 0.5 * reading * share / spread
     _note_expected(row, reading * (1.0 + middle) + bend, curvature)
+
+
+@compiled
+def _force(
+    depth: float,
+    log_depth: float,
+    log_speed: float,
+    drag: float,
+    k: float,
+    b: float,
+    n: float,
+    p: float,
+) -> float:
+    """`kalman.force_of` for the plain law, tension allowed, where the logarithms are known.
+
+    Args:
+        depth: [mm].
+        log_depth: its logarithm.
+        log_speed: that of the speed.
+        drag: sign of the damping force; 0 at rest.
+        k: ln K.
+        b: ln B.
+        n: exponent of the depth.
+        p: exponent of the speed.
+    """
+    if depth <= TINY:
+        return 0.0
+    log_power = min(max(n, SMALLEST_N), LARGEST_N) * log_depth
+    stiffness = math.exp(min(max(k, -LARGEST_LOG), LARGEST_LOG))
+    force = stiffness * math.exp(min(log_power, LARGEST_EXPONENT))
+    if drag != 0.0:
+        damping = math.exp(min(max(b, -LARGEST_LOG), LARGEST_LOG))
+        log_power += min(max(p, SMALLEST_P), LARGEST_P) * log_speed
+        force += drag * (damping * math.exp(min(log_power, LARGEST_EXPONENT)))
+    return force
+
+
+@compiled
+def _faster_force(
+    depth: float, log_depth: float, velocity: float, k: float, b: float, n: float, p: float
+) -> float:
+    """The same at another velocity [mm/s]."""
+    speed = abs(velocity)
+    if speed <= TINY:
+        return _force(depth, log_depth, 0.0, 0.0, k, b, n, p)
+    drag = 1.0 if velocity > 0.0 else -1.0
+    return _force(depth, log_depth, math.log(speed), drag, k, b, n, p)
 
 
 @compiled

@@ -293,7 +293,7 @@ def _fit(
     for _ in range(PASSES):
         weigh(settings, history, zeros, force_noise)
         before = squares
-        squares = improve(settings, history, zeros, 1.0)
+        squares = improve(settings, history, zeros, 1.0, math.nan)
         finite = math.isfinite(zeros.fit[POSITION]) and math.isfinite(zeros.fit[FORCE_ZERO])
         if not math.isfinite(squares) or not finite or not math.isfinite(zeros.fit[DELAY]):
             return math.nan

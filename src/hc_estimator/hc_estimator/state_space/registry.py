@@ -307,3 +307,16 @@ def force_of_state(settings: Any, state: NDArray[np.float64]) -> float:
     return contact_force(
         settings.contact_model, state[0], state[1], stiffness, damping, state[5], state[6]
     )
+
+
+@compiled
+def force_of_parameters(
+    settings: Any, state: NDArray[np.float64], parameters: NDArray[np.float64]
+) -> float:
+    """`force_of_state` where `to_parameters` has found K and B already."""
+    model = settings.contact_model
+    if not (math.isnan(fixed_value(model, 0)) and math.isnan(fixed_value(model, 1))):
+        return force_of_state(settings, state)
+    return contact_force(
+        model, state[0], state[1], parameters[0], parameters[1], state[5], state[6]
+    )

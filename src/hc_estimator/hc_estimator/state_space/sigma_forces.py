@@ -94,9 +94,26 @@ def _is_usual(center: NDArray[np.float64], factor: NDArray[np.float64], j: int, 
 
 
 @compiled
+def _are_usual(center: NDArray[np.float64], covariance: NDArray[np.float64], s: float) -> bool:
+    """True if `_is_usual` for every column: no element of a factor exceeds its row's deviation."""
+    s *= 1.0 + 1e-6  # more than rounding
+    for i in range(3, 5):
+        if not abs(center[i]) + s * math.sqrt(covariance[i, i]) < LARGEST_LOG:
+            return False
+    n, p = s * math.sqrt(covariance[5, 5]), s * math.sqrt(covariance[6, 6])
+    return bool(
+        center[5] - n > SMALLEST_DISPLACEMENT_EXPONENT
+        and center[5] + n < LARGEST_DISPLACEMENT_EXPONENT
+        and center[6] - p > SMALLEST_VELOCITY_EXPONENT
+        and center[6] + p < LARGEST_VELOCITY_EXPONENT
+    )
+
+
+@compiled
 def measure_sigma_points(
     contact_model: int,
     center: NDArray[np.float64],
+    covariance: NDArray[np.float64],
     factor: NDArray[np.float64],
     spread: float,
     outputs: NDArray[np.float64],
@@ -106,7 +123,8 @@ def measure_sigma_points(
     Args:
         contact_model: code of the contact model, one with `has_shared_logarithms`.
         center: mean of the state, shape (7,).
-        factor: lower Cholesky factor of its covariance, shape (7, 7).
+        covariance: its covariance, shape (7, 7).
+        factor: the lower Cholesky factor of that, shape (7, 7).
         spread: sqrt(N + lambda) of the unscented transform.
         outputs: takes displacement [mm] and force [N], shape (15, 2): the mean, then the points
             above and then those below it.
@@ -124,11 +142,12 @@ def measure_sigma_points(
         usual_motion = False
         outputs[0, 1] = _point_force(center, factor, 0, 0.0, log_depth, log_speed, center[1])
     outputs[0, 0] = center[0]
+    all_usual = usual_motion and _are_usual(center, covariance, spread)
     for j in range(7):
         above, below = 1 + j, 8 + j
         outputs[above, 0] = center[0] + spread * factor[0, j]
         outputs[below, 0] = center[0] - spread * factor[0, j]
-        if j >= 2 and usual_motion and _is_usual(center, factor, j, spread):
+        if j >= 2 and usual_motion and (all_usual or _is_usual(center, factor, j, spread)):
             exponent = factor[5, j] * log_depth
             ratio = math.exp(spread * (factor[3, j] + exponent))
             other = math.exp(spread * (factor[4, j] + exponent + factor[6, j] * log_speed))

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hc_estimator.estimate import Hypothesis
-from hc_estimator.multiple_model.hypotheses import without
+from hc_estimator.multiple_model.hypotheses import STEADY_SURFACE_ROW, without
 
 
 def _without(hypothesis: Hypothesis) -> Mapping[str, Any]:
@@ -23,7 +23,9 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("least squares over remembered points", _without(Hypothesis.CONSTANT_FITTED)),
     ("stiffness that follows a trend", _without(Hypothesis.STIFFNESS_TREND)),
     ("layers that vary", _without(Hypothesis.ALL_DRIFT)),
-    ("surface that moves", _without(Hypothesis.SURFACE_MOVES)),
+    ("surfaces that move", _without(Hypothesis.SURFACE_MOVES)),
+    ("surface at a steady speed", {"without_hypotheses": 2**STEADY_SURFACE_ROW}),
+    ("search for the surface", {"search_surface": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
     ("delay of the channels", {"channel_delay": 0.0}),

@@ -1,0 +1,184 @@
+"""The choice among the hypotheses: the calmest of those that predict as well as the best.
+
+A row that claims to fit (no model error), yet is clearly less likely than another that does, is
+refuted and out of the choice; so is one whose innovations are far from consistent. The likelihood
+is not asked where the law does not fit: there it would choose the row that overfits the moment.
+(Ours; see `hc bench accuracy ablation`.) What the rows are measured by is found in `judge`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.hypotheses import FITTED, FRESH, OWN, STEADY_SURFACE_ROW, SURFACE
+
+MEMORY = 0.4  # time constant of the scores [s]
+MARGIN = 1.15  # mean square over the best from which on a row predicts worse
+FORGIVEN = 10.0  # mean square over the best up to which an old error counts
+MISFIT_MARGIN = 3.0  # the same for a row that claims to fit, over one with a model error
+FREE_MARGIN = 1.5  # the same for one that may drift, which can follow a misfit for a while
+REFUTED = 5.0  # log likelihood ratio
+REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
+FLOOR = 15.0  # of the log likelihoods below the best: what was long ago is forgiven
+CLAIM = 1.0  # mean square over what a row claims up to which its errors are its ignorance
+LEARNING_NIS = 1.5  # recent_nis (mean 2) below which it is its ignorance that dominates
+CONSISTENT = 2.5  # recent_nis over that of the best from which on a row is far from consistent
+FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
+# Mean square of the others over a moving surface's before one is believed against a misfit: tissue
+# that relaxes lets go early, and that looks like a surface that has sunk.
+SURFACE_GAIN = 1.3
+UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
+UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
+
+
+@compiled
+def counts(row: Any, clock: float) -> bool:
+    """True unless the row is still waiting after it was seeded anew."""
+    return bool(row.active != 0 and clock >= row.counts_from)
+
+
+@compiled
+def stands_by(judge: Any, m: int) -> bool:
+    """True for a surface at a steady speed that was not chosen: nobody is measured by it.
+
+    On the flank of a lump it passes for a moment, and would refute the row that follows the lump.
+    """
+    return bool(m == STEADY_SURFACE_ROW and m != judge.chosen)
+
+
+@compiled
+def steadiest_nis(judge: Any, rows: Any) -> float:
+    """Recent mean of the normalised innovation squared of the row in which it is smallest."""
+    least = math.inf
+    for m in range(FRESH):
+        if rows[m].active != 0 and not stands_by(judge, m):
+            least = min(least, rows[m].recent_nis)
+    return max(least, 2.0)
+
+
+@compiled
+def trusted_motion(judge: Any, rows: Any) -> int:
+    """Row whose motion of the tool is believed: the chosen one, unless it is far from consistent.
+
+    A row that is led astray takes its velocity along, and all others would look wrong by that.
+    """
+    steadiest = judge.chosen
+    if rows[steadiest].recent_nis <= CONSISTENT * steadiest_nis(judge, rows):
+        return steadiest  # type: ignore[no-any-return]
+    for m in range(FRESH):
+        if rows[m].active != 0 and rows[m].recent_nis < rows[steadiest].recent_nis:
+            steadiest = m
+    return steadiest  # type: ignore[no-any-return]
+
+
+@compiled
+def _is_eligible(row: Any, clock: float, steadiest: float, likeliest: float) -> bool:
+    """True if nothing speaks against the row but, perhaps, its predictions."""
+    if not counts(row, clock) or row.recent_nis > CONSISTENT * steadiest:
+        return False
+    if row.model_error > 0.0 or _still_learns(row):
+        return True
+    return bool(row.log_likelihood >= likeliest - REFUTED)
+
+
+@compiled
+def _still_learns(row: Any) -> bool:
+    """True if the row predicts no worse than it says itself, for it knows little yet.
+
+    At the start each step is tempered; a freer row that follows at once predicts better, and says
+    nothing against a tissue that is constant.
+    """
+    if row.active == 0 or row.model_error > 0.0 or row.recent_nis > LEARNING_NIS:
+        return False
+    return bool(row.score <= CLAIM * row.claimed)
+
+
+@compiled
+def _cost(row: Any) -> float:
+    """Mean squared error of a row's predictions, as far as the choice goes.
+
+    A surface that may move follows any misfit for some tenths of a second, and predicts the worse
+    from then on. If what is left is still more than the noise, or if it cannot be said where the
+    surface is, then it was not the surface that moved.
+    """
+    if not SURFACE[row.index]:
+        return float(row.score)
+    unknown = row.covariance[OWN, OWN] > UNKNOWN_POSITION * UNKNOWN_POSITION
+    unexplained = unknown or row.model_error > 0.0
+    return float(row.score * UNEXPLAINED) if unexplained else float(row.score)
+
+
+@compiled
+def choose(judge: Any, rows: Any, clock: float) -> None:
+    """The calmest eligible row that predicts as well as the best, preferably without misfit."""
+    steadiest = steadiest_nis(judge, rows)
+    likeliest = -math.inf
+    for m in range(FRESH if clock > REFUTED_AFTER else 0):
+        if stands_by(judge, m):
+            continue
+        if rows[m].model_error == 0.0 and counts(rows[m], clock):
+            likeliest = max(likeliest, rows[m].log_likelihood)
+    for m in range(FRESH):
+        rows[m].log_likelihood = max(rows[m].log_likelihood, likeliest - FLOOR)
+    best, best_still, best_fitting = math.inf, math.inf, math.inf
+    learning = _still_learns(rows[0]) or _still_learns(rows[FITTED])
+    learning = learning and _is_eligible(rows[FITTED], clock, steadiest, likeliest)
+    asked = FITTED + 1 if learning else FRESH
+    for m in range(asked):
+        if stands_by(judge, m):
+            continue
+        if _is_eligible(rows[m], clock, steadiest, likeliest):
+            best = min(best, _cost(rows[m]))
+        if _is_eligible(rows[m], clock, steadiest, likeliest) and not SURFACE[m]:
+            best_still = min(best_still, _cost(rows[m]))
+    for m in range(FRESH):
+        rows[m].score = min(rows[m].score, FORGIVEN * best)
+    for m in range(asked):
+        row = rows[m]
+        if stands_by(judge, m):
+            continue
+        goes_on = SURFACE[m] and m == judge.chosen
+        margin = MISFIT_MARGIN if m <= FITTED or goes_on else FREE_MARGIN
+        fits = row.model_error == 0.0 and _cost(row) <= margin * best
+        fits = fits and (not SURFACE[m] or goes_on or SURFACE_GAIN * _cost(row) <= best_still)
+        if fits and _is_eligible(row, clock, steadiest, likeliest):
+            best_fitting = min(best_fitting, _cost(row))
+    must_fit = best_fitting < math.inf
+    limit = MARGIN * (best_fitting if must_fit else best)
+    for m in range(FRESH):
+        row = rows[m]
+        if must_fit and row.model_error > 0.0:
+            continue
+        if stands_by(judge, m) and (not must_fit or row.log_likelihood < likeliest + REFUTED):
+            continue
+        if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
+            judge.chosen = m
+            break
+    _prefer_far_better(judge, rows, clock)
+
+
+@compiled
+def _prefer_far_better(judge: Any, rows: Any, clock: float) -> None:
+    """Choose a row that predicts far better after all, whatever else speaks against it.
+
+    Rows that know next to nothing are always consistent, however badly they predict; and a surface
+    that may breathe expects more error than one that only sinks makes, which costs it likelihood.
+    """
+    best = math.inf
+    for m in range(FRESH):
+        if _is_scored(rows[m], clock):
+            best = min(best, _cost(rows[m]))
+    if FAR_BETTER * best >= _cost(rows[judge.chosen]):
+        return
+    for m in range(FRESH):
+        if _is_scored(rows[m], clock) and _cost(rows[m]) <= MARGIN * best:
+            judge.chosen = m
+            return
+
+
+@compiled
+def _is_scored(row: Any, clock: float) -> bool:
+    """True if the score of a row that counts is its own by now."""
+    return bool(counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0)
