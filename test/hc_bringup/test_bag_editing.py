@@ -1,6 +1,7 @@
 """hc bag filter, merge and split; did you mean; the options of hc run."""
 
 import argparse
+import json
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,29 @@ def test_bags_are_merged_in_the_order_of_time(tmp_path: Path) -> None:
     with open_bag(tmp_path / "all") as bag:  # what both bags say of themselves, and no more
         assert bag.custom_data["seed"] == "3"
         assert "run" not in bag.custom_data
+
+
+def test_what_recorded_a_bag_is_a_line_for_each_node(tmp_path: Path, capsys) -> None:
+    nodes = [{"name": "estimator", "module": "hc_estimator.node", "parameters": {"filter": "ukf"}}]
+    for told, shown in (
+        (json.dumps(nodes), "Node:      estimator: hc_estimator.node, filter=ukf\n"),
+        ("[1]", "configuration: [1]\n"),
+        ("by hand", "configuration: by hand\n"),
+    ):
+        path = tmp_path / f"bag_{len(told)}"
+        with BagWriter(path, custom_data={"configuration": told}):
+            pass
+        assert main(["bag", "info", str(path)]) == 0
+        assert shown in capsys.readouterr().out
+
+
+def test_a_filter_that_leaves_nothing_says_so(tmp_path: Path, capsys) -> None:
+    make_bag(tmp_path / "whole")
+    words = [str(tmp_path / "whole"), str(tmp_path / "part"), "--topics", "/a"]
+    assert main(["bag", "filter", *words, "--start", "0.001", "--duration", "0.0001"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("0 messages written to ")
+    assert "none is of these topics and seconds, see hc bag info" in told
 
 
 def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:

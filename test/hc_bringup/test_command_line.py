@@ -70,7 +70,8 @@ def test_help_needs_neither_ros_nor_numba() -> None:
         (["estimate", "no.csv", "--param", "x"], "name=value"),
         (["run", "--duration", "-3"], "seconds >= 0"),
         (["run", "--duration", "soon"], "seconds >= 0"),
-        (["run", "no-such-config"], "no configuration 'no-such-config'"),
+        (["run", "no-such-config"], "no configuration 'no-such-config'; give a YAML file, or one"),
+        (["run", "robots/fraka"], "no configuration 'robots/fraka'; did you mean robots/franka?"),
         (["replay", "no-bag"], "no-bag does not exist"),
         (["replay", "x.csv", "--rate", "0"], "a number > 0"),
         (["bag", "info", "no-bag"], "no-bag does not exist"),
@@ -312,6 +313,8 @@ def test_the_live_page_without_its_library_says_what_to_install(
         ("Header", 2, "'Header' is not a message type like std_msgs/msg/Header"),
         ("std_msgs/srv/Header", 2, "is not a message type"),
         ("nowhere/msg/A", 1, "message type nowhere/msg/A is not installed here"),
+        ("std_msgs/msg/Heder", 1, "type std_msgs/msg/Heder; did you mean std_msgs/msg/Header?"),
+        ("std_msgs/msg/Zzz", 1, "there is no message type std_msgs/msg/Zzz"),
     ],
 )
 def test_a_type_that_is_not_there_is_one_line(

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from hc_bringup.diagnosis import assumed_line, diagnose
+from hc_bringup.diagnosis import diagnose
+from hc_bringup.recording_input import assumed_line
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.stream.sanity import check_samples
 from hc_evaluation.channels import unbroken

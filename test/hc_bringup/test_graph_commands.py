@@ -281,7 +281,10 @@ def test_the_lifecycle_of_the_estimator(command_line) -> None:
     assert "- deactivate [4]: active" in patient.run("lifecycle", "list", "estimator").stdout
     wrong = patient.run("lifecycle", "set", "estimator", "deactivat")
     assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
-    assert "did you mean deactivate?" in wrong.stderr
+    assert "is active and cannot deactivat; did you mean deactivate?" in wrong.stderr
+    wrong = patient.run("lifecycle", "set", "estimator", "activate")
+    assert (wrong.returncode, wrong.stderr.count("\n")) == (2, 1)
+    assert "is active and cannot activate; possible: deactivate, shutdown" in wrong.stderr
     for transition, state in (("deactivate", "inactive [2]\n"), ("activate", "active [3]\n")):
         done = patient.run("lifecycle", "set", "estimator", transition)
         assert (done.returncode, done.stdout) == (0, "Transitioning successful\n"), done.stderr

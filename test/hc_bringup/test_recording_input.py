@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_estimator.stream.readings import MEANINGS
 from hc_logger.writer import BagWriter
 
 START_NS = 1_700_000_000_000_000_000
@@ -163,9 +164,44 @@ def test_parameters_that_are_not_the_tissues_end_with_status_1(
     assert main(["estimate", str(path), "--json", "-o", str(out)]) == status
     told = capsys.readouterr()
     assert len(json.loads(told.out)["suspicions"]) == 1, told.err
-    assert what in told.err.splitlines()[-1]
+    last = told.err.splitlines()[-1] if status else told.err
+    assert what in last
+    assert f"what each means and what to do: {MEANINGS}" in told.err
     assert ("not the parameters of the tissue" in told.err) is (status == 1)
     assert out.exists()
+
+
+def test_a_recording_of_which_next_to_nothing_can_be_used_gives_no_parameters(
+    tmp_path: Path, capsys
+) -> None:
+    """Regression: rows from last to first gave K = 0.88 and status 0, of one sample."""
+    path = write_table(tmp_path / "backward.csv", lambda t, d, f: (-t, d, f))
+    assert main(["estimate", str(path)]) == 1
+    told = capsys.readouterr()
+    assert "K = " not in told.out
+    assert "mostly go backward: sort the readings by time" in told.err
+    last = told.err.splitlines()[-1]
+    assert "1 of the " in last
+    assert "time_backward" in last
+
+
+def test_a_short_press_with_a_small_force_is_told_as_what_it_is(tmp_path: Path, capsys) -> None:
+    path = tmp_path / "short.csv"
+    rows = "".join(f"{1e-3 * k},{2e-3 * k:.4f},{2e-5 * k:.7f}\n" for k in range(300))
+    path.write_text(f"Time [s],Position [mm],Force [N]\n{rows}")
+    assert main(["estimate", str(path)]) == 0
+    told = capsys.readouterr()
+    assert "after the first 0.15 s of contact: force error " in told.out
+    assert " 0.0 mN" not in told.out
+    assert "read as: the tool moves by 0.592 mm and pushes with up to 0.00595 N" in told.err
+
+
+def test_doctor_says_that_a_few_rows_are_too_few(tmp_path: Path, capsys) -> None:
+    """Regression: "nothing is wrong" of two rows, with forecasts."""
+    path = tmp_path / "two.csv"
+    path.write_text("time_s,displacement_mm,force_N\n0,1,2\n0.1,1,2\n")
+    assert main(["doctor", str(path)]) == 1
+    assert "2 readings of the displacement are too few to judge" in capsys.readouterr().out
 
 
 def test_what_doctor_says_to_type_puts_a_table_right(tmp_path: Path, capsys) -> None:

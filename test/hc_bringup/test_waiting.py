@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 from hc_bringup import live
+from hc_bringup.conclusion import conclude
+from hc_bringup.errors import UserError
 from hc_bringup.live import Display
 from hc_bringup.plan import NodePlan
 from hc_bringup.processes import NodeProcess
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import EstimateStatistics
+from hc_estimator.stream.readings import MEANINGS
 
 
 def test_a_headless_run_says_what_it_waits_for(
@@ -60,3 +64,28 @@ def test_who_ends_a_node_is_heard_while_it_takes_its_time(
     shown: list[int | None] = []
     assert process.stop(5.0, while_waiting=lambda: shown.append(process.exit_status())) == 7
     assert shown[0] is None
+
+
+def test_what_the_estimator_doubts_is_in_the_summary_and_may_be_a_failure(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    state = RunState(EstimateStatistics(), 22.0, elapsed_s=22.0, samples=10)
+    state.diagnostics = {
+        "estimator": {
+            "level": "1",
+            "message": "",
+            "suspect: force zero of force": "the force reads 1.7 N free of contact",
+        }
+    }
+    conclude(state, [], None, as_json=False, with_latency=False)  # a zero is a warning
+    told = capsys.readouterr().out
+    assert "what cannot be right: the force reads 1.7 N free of contact\n" in told
+    assert MEANINGS in told
+    state.diagnostics["estimator"]["suspect: sign of force"] = "turn its sign"
+    state.statistics.estimates = 10
+    with pytest.raises(UserError, match="for the sign of a channel is wrong"):
+        conclude(state, ["estimator"], None, as_json=True, with_latency=False)
+    assert json.loads(capsys.readouterr().out)["suspicions"] == {
+        "force zero of force": "the force reads 1.7 N free of contact",
+        "sign of force": "turn its sign",
+    }

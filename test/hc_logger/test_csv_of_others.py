@@ -162,6 +162,66 @@ def test_what_machines_write_is_read_and_said(
     assert bool(told) == bool(said)
 
 
+def missing_at_first() -> bytes:
+    cells = [f"{t:.3f},{d:.4f},{f:.5f}\n" for t, d, f in zip(TIME, DEPTH, FORCE, strict=True)]
+    first = f"{TIME[0]:.3f},{DEPTH[0]:.4f},N/A\n{TIME[1]:.3f},{DEPTH[1]:.4f},-\n"
+    return ("Time (s),Distance (mm),Force (N)\n" + first + "".join(cells[2:])).encode()
+
+
+def test_what_stands_for_a_missing_reading_is_one_and_no_header(tmp_path: Path) -> None:
+    """Regression: a first row without a force passed for the names of the columns."""
+    path = tmp_path / "missing.csv"
+    path.write_bytes(missing_at_first())
+    recording = read_recording(path)
+    assert np.isnan(recording.force_n[:2]).all()
+    np.testing.assert_allclose(recording.force_n[2:], FORCE[2:], atol=1e-5)
+    assert len(recording.time_s) == len(TIME)
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_a_mark_is_found(tmp_path: Path, encoding: str) -> None:
+    head = "Zeit [s]\tWeg [µm]\tKraft [N]\n"
+    text = head + rows("{:.3f}\t{:.1f}\t{:.5f}", TIME, DEPTH * 1e3, FORCE)
+    recording = read_recording(write(tmp_path / "bare.txt", text, encoding))
+    np.testing.assert_allclose(recording.displacement_mm, DEPTH, atol=1e-4)
+    assert f"encoding {encoding}" in recording.findings.lines()[0]
+
+
+@pytest.mark.parametrize("separator", [",", " "])
+def test_the_comment_sign_of_numpy_is_no_name(tmp_path: Path, separator: str) -> None:
+    path = tmp_path / "saved.txt"
+    names = separator.join(("time_s", "displacement_mm", "force_N"))
+    np.savetxt(path, np.column_stack([TIME, DEPTH, FORCE]), delimiter=separator, header=names)
+    recording = read_recording(path)
+    np.testing.assert_array_equal(recording.force_n, FORCE)
+    assert "#" not in "".join(recording.findings.lines())
+
+
+def test_a_minus_sign_of_typography_is_one(tmp_path: Path) -> None:
+    table = rows("{:.3f};{:.4f};{:.5f}", TIME, DEPTH, -FORCE, decimal=",")
+    text = "Tid (s);Weg (mm);Kraft (N)\n" + table.replace("-", "\N{MINUS SIGN}")
+    recording = read_recording(
+        write(tmp_path / "swedish.csv", text),
+        csv_options=CsvOptions(columns={"time": "1"}),
+    )
+    np.testing.assert_allclose(recording.force_n, -FORCE, atol=1e-5)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-be"])
+@pytest.mark.parametrize("rest", ["9", "9,1"])
+@pytest.mark.parametrize("count", [60, 9000])
+def test_a_last_line_that_was_cut_off_is_left_out_and_said(
+    tmp_path: Path, encoding: str, rest: str, count: int
+) -> None:
+    table = "".join(f"{k / 1e3},1,2\n" for k in range(count))
+    text = f"time_s,displacement_mm,force_N\n{table}{rest}"
+    recording = read_recording(write(tmp_path / "cut.csv", text, encoding))
+    assert len(recording.time_s) == count
+    assert recording.findings.lines() == ["the last line is cut off in its middle: it is left out"]
+    whole = read_recording(write(tmp_path / "whole.csv", f"{text},2"[: -len(rest) - 2], encoding))
+    assert whole.findings.lines() == []
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -184,6 +244,15 @@ def test_what_machines_write_is_read_and_said(
         ),
         ("Zeit [s];Weg [mm];Kraft [mN]\n0,1;2,5;1.234,5\n", "between the thousands (1.234,5)"),
         ("Time [s],Pos [mm],Load [tonf]\n0,1,2\n", "the unit of 'Load [tonf]' is not known"),
+        (
+            "Zeit [s];Weg [um];Kraft [mN]\n0,1;2\N{NO-BREAK SPACE}500,0;3,1\n",
+            "between the thousands (2\N{NO-BREAK SPACE}500,0)",
+        ),
+        (
+            "Time,Pos,Load\n0.1 s,2.5 mm,1.2 N\n0.2 s,2.6 mm,1.3 N\n",
+            "their unit behind them (s, mm, N): export them without it",
+        ),
+        ("Time [s],Pos [mm],Load [N]\n0,1,2\n\0\0\0\0", "in zero bytes from line 3 on"),
         ("nothing of numbers\nat all\n", "no rows of three numbers are to be seen"),
     ],
 )

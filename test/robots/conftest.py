@@ -54,11 +54,19 @@ class Bench(Processes):
         """Run hc at a terminal; a context manager."""
         return Terminal(self, *words)
 
-    def patiently(self, *words, attempts=5):
+    def patiently(self, *words, attempts=20):
         """Run hc again while it has not discovered yet what the test has just started."""
         for _ in range(attempts):
             done = self.hc(*words)
-            unseen = ("there is no node", "nobody publishes", "sends anything", "no such topic")
+            unseen = (
+                "there is no node",
+                "there is no service",
+                "nobody offers",
+                "nobody publishes",
+                "sends anything",
+                "no such topic",
+                "starting: ",
+            )
             if not any(word in done.stderr for word in unseen):
                 return done
             time.sleep(1.0)

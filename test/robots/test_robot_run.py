@@ -11,6 +11,8 @@ from hc_msgs_py.node_processes import Processes
 
 pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(300)]
 
+AS_CONFIGURED = {"force": {"reaction": -1}}
+"""A sensor that reads a push as negative, as config/robot_arm.yaml says."""
 CONFIG = str(Path(__file__).resolve().parents[2] / "config" / "robot_run.yaml")
 
 
@@ -32,7 +34,7 @@ class Run:
 
 def test_a_robot_that_goes_on_does_not_keep_the_run_waiting(bench):
     """Regression: estimates of a robot never cease, and were waited for for ten seconds."""
-    bench.robot()
+    bench.robot(**AS_CONFIGURED)
     run = Run(bench, "--duration", "5", "--json")
     _line, stopped_at = run.line_with("^(stopping|waiting for the last)")
     out, err = run.process.communicate(timeout=60)
@@ -45,7 +47,7 @@ def test_a_robot_that_goes_on_does_not_keep_the_run_waiting(bench):
 
 
 def test_a_robot_that_falls_silent_is_told_within_two_seconds_and_in_the_end(bench):
-    robot = bench.robot()
+    robot = bench.robot(**AS_CONFIGURED)
     run = Run(bench, "--duration", "10")
     run.line_with("[1-9] Hz")
     time.sleep(3.0)
@@ -57,3 +59,18 @@ def test_a_robot_that_falls_silent_is_told_within_two_seconds_and_in_the_end(ben
     out, err = run.process.communicate(timeout=60)
     assert run.process.returncode == 0, err
     assert re.search(r"silent at the end, for [2-9]\.\d s: .*ft_sensor/wrench", out), out
+
+
+def test_a_robot_that_is_read_wrongly_is_told_while_it_runs_and_in_the_end(bench):
+    """Regression: pull for push and mN for N gave K = 0.00003 and status 0 without a word."""
+    bench.robot(force={"scale": 1000.0})
+    run = Run(bench, "--duration", "20", "--param", "input.position.zero=-200.0")
+    line, _told_at = run.line_with("turn its sign|is no soft tissue")
+    assert "docs/robots.md#what-a-warning-means" in line
+    out, err = run.process.communicate(timeout=90)
+    assert run.process.returncode == 1, err
+    assert "what cannot be right: the force falls to " in out
+    assert "if the force were in millinewtons" in out
+    assert "the sign of a channel and the unit of a channel are wrong" in err or (
+        "the unit of a channel and the sign of a channel are wrong" in err
+    )

@@ -146,7 +146,7 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
         force_n: contact force [N], shape (n,); NaN where there is no reading.
     """
     samples = _Samples(*(np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)))
-    untouched = _touches_nothing(samples)
+    untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
     findings = []
@@ -193,6 +193,18 @@ def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArra
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
     return Diagnosis(tuple(findings), after, tuple(plans), depth)
+
+
+def _too_few(samples: _Samples) -> Finding | None:
+    """Say so if there is too little of a channel for any of the checks."""
+    for name, values in (("displacement", samples.displacement_mm), ("force", samples.force_n)):
+        count = int(np.count_nonzero(np.isfinite(values)))
+        if count < LEAST_SAMPLES:
+            return Finding(
+                f"{count} readings of the {name} are too few to judge, {LEAST_SAMPLES} are needed: "
+                "record several presses"
+            )
+    return None
 
 
 def _touches_nothing(samples: _Samples) -> Finding | None:
@@ -311,26 +323,6 @@ def _cost(before: Estimated | None, after: Estimated | None, treated: bool) -> s
         if abs(new - old) > max(deviation, 0.01 * abs(new)):
             changes.append(f"{symbol} was {old:.3g}, is {new:.3g}")
     return "; ".join(changes) or "little: no parameter changes by more than its deviation"
-
-
-def assumed_line(displacement_mm: FloatArray, force_n: FloatArray, *, table: bool = False) -> str:
-    """Say what the readings mean in the units of topics or a table: only a person knows better.
-
-    Centimetres for metres or grams for newtons give figures that soft tissue might have as well.
-    """
-    places = displacement_mm[np.isfinite(displacement_mm)]
-    forces = force_n[np.isfinite(force_n)]
-    if not (len(places) and len(forces)):
-        return ""
-    (low, high), (least, most) = robust_range(places), robust_range(forces)
-    does = f"pushes with up to {most:.3g}" if most >= -least else f"pulls with up to {-least:.3g}"
-    moves_by = f"the tool moves by {high - low:.3g} mm and {does} N"
-    if table:
-        return f"read as: {moves_by} (if not: --units displacement=..., force=...)"
-    return (
-        f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
-        "input.force.scale)"
-    )
 
 
 def estimate_lines(diagnosis: Diagnosis) -> list[str]:

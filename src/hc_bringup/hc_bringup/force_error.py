@@ -45,9 +45,19 @@ def settled(time_s: NDArray[np.float64], touching: NDArray[np.bool_]) -> NDArray
     if not touching.any():
         return touching
     elapsed = time_s - time_s[touching][0]
-    longest = float(np.max(elapsed[touching]))
-    late: NDArray[np.bool_] = elapsed >= min(SETTLING_S, 0.5 * longest)
+    late: NDArray[np.bool_] = elapsed >= settling_s(time_s, touching)
     return touching & late
+
+
+def settling_s(time_s: NDArray[np.float64], touching: NDArray[np.bool_]) -> float:
+    """Return how much of the contact is left out [s], from its first sample on.
+
+    Args:
+        time_s: stamps [s], shape (n,).
+        touching: in contact, and used, shape (n,).
+    """
+    times = time_s[touching]
+    return min(SETTLING_S, 0.5 * float(np.max(times - times[0]))) if len(times) else SETTLING_S
 
 
 def root_mean_square(values: NDArray[np.float64]) -> float:

@@ -18,6 +18,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.parameter_client import AsyncParameterClient
 
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.nearest import hint
 from hc_bringup.reach import speak_to_nodes
 
 _LEAST_WAIT_S: Final = 0.8
@@ -113,8 +114,8 @@ class Graph:
         """
         full = absolute(name)
         if not self.wait_for(lambda: full in self.node_names(hidden=True)):
-            known = ", ".join(self.node_names()) or "none"
-            raise UserError(f"there is no node {full}; running nodes: {known}", FAILURE)
+            known = hint(full, self.node_names(), "running nodes")
+            raise UserError(f"there is no node {full}; {known}", FAILURE)
         return full
 
     def require_topic(self, name: str) -> tuple[str, str]:
@@ -129,8 +130,8 @@ class Graph:
             return next((t for n, t in self.topics(hidden=True) if n == full), [])
 
         if not self.wait_for(lambda: self.node.count_publishers(full) > 0 and bool(types())):
-            known = ", ".join(n for n, _ in self.topics()) or "none"
-            raise UserError(f"nobody publishes {full}; topics: {known}", FAILURE)
+            known = hint(full, (name for name, _ in self.topics()), "topics")
+            raise UserError(f"nobody publishes {full}; {known}", FAILURE)
         if len(types()) > 1:
             raise UserError(
                 f"{full} is published with several types: {', '.join(types())}", FAILURE

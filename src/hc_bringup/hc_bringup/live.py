@@ -20,6 +20,7 @@ from hc_bringup.terminal.keys import Keys
 from hc_bringup.terminal.numbers import engineering
 from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.view import NO_SAMPLES, PanelHistory, PanelView
+from hc_estimator.stream.readings import MEANINGS
 from hc_msgs_py.topics import NODE_ESTIMATOR
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -72,6 +73,7 @@ class Display:
         self._last_line_at = 0.0
         self._page_announced = False
         self._reported: dict[str, str] = {}
+        self._doubted: set[str] = set()
         self._silence_reported = False
         self._waits_since = self._spoke_at = time.monotonic()
 
@@ -131,11 +133,17 @@ class Display:
 
     def _tell_problems(self, state: RunState) -> None:
         """Write a line for each problem that is new."""
-        for name, problem in state.problems.items():
-            if self._reported.get(name) != problem:
-                sys.stderr.write(f"{name}: {problem}\n")
+        told = {name: f"{name}: {problem}" for name, problem in state.problems.items()}
+        for name, line in told.items():
+            if self._reported.get(name) != line:
+                sys.stderr.write(f"{line}\n")
                 sys.stderr.flush()
-        self._reported = dict(state.problems)
+        self._reported = told
+        for name, sentence in state.suspicions.items():
+            if name not in self._doubted:  # its numbers change with every look
+                self._doubted.add(name)
+                sys.stderr.write(f"{sentence} ({MEANINGS})\n")
+                sys.stderr.flush()
 
     def _tell_silence(self, state: RunState) -> None:
         """Write a line when the estimates come no more, and one when they come again."""
@@ -213,6 +221,7 @@ class Display:
             bag_dropped=int(_number(recorder, "dropped", 0.0)),
             processor=dict(state.cpu_percent),
             problems=state.problems,
+            suspicions=tuple(state.suspicions.values()),
             respawns=state.respawns,
             answer=state.answer,
             keys=self._keys.legend if self._keys is not None else (),

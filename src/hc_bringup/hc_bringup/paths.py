@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.nearest import hint
 
 
 def checkout_root() -> Path | None:
@@ -41,11 +42,18 @@ def find_config(name: str) -> Path:
     Raises:
         UserError: if there is none; the message lists the names that exist.
     """
-    for candidate in (Path(name), config_folder() / name, config_folder() / f"{name}.yaml"):
+    folder = config_folder()
+    places = (
+        Path(name),
+        folder / name,
+        folder / f"{name}.yaml",
+        folder / "robots" / f"{name}.yaml",
+    )
+    for candidate in places:
         if candidate.is_file():
             return candidate.resolve()
-    known = sorted(p.stem for p in config_folder().glob("*.yaml"))
-    known += sorted(f"robots/{p.stem}" for p in config_folder().glob("robots/*.yaml"))
+    known = sorted(p.stem for p in folder.glob("*.yaml"))
+    known += sorted(f"robots/{p.stem}" for p in folder.glob("robots/*.yaml"))
     raise UserError(
-        f"no configuration {name!r}: give a YAML file, or one of {', '.join(known)}", WRONG_USE
+        f"no configuration {name!r}; {hint(name, known, 'give a YAML file, or one of')}", WRONG_USE
     )

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.file_preset import KEYS
 from hc_bringup.parameter_file import check_parameter_file, read_yaml
 
 _RUN_KEYS = ("duration_s", "nodes")
@@ -63,6 +64,10 @@ def load_plan(path: Path) -> RunPlan:
     data = read_yaml(path)
     if not isinstance(data, dict):
         raise UserError(f"{path} must have the keys {', '.join(_RUN_KEYS)}", WRONG_USE)
+    if "nodes" not in data and data.keys() & set(KEYS):
+        raise UserError(
+            f"{path} is of files, not of a robot: hc estimate FILE --preset {path.stem}", WRONG_USE
+        )
     _check_keys(data, _RUN_KEYS, str(path))
     duration = data.get("duration_s", 0.0)
     if isinstance(duration, bool) or not isinstance(duration, (int, float)) or not duration >= 0:

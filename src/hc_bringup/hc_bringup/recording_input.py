@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural
 from hc_msgs_py.units import NANOSECONDS
@@ -69,6 +70,12 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         "position.zero (mm) of any recording; sign, scale and time_offset of either also of a CSV; "
         "of a bag with a wrench and a position topic also force.topic, force.axis, position.joint, "
         "pairing.maximum_gap and so on",
+    )
+    parser.add_argument(
+        "--preset",
+        metavar="NAME",
+        help="how a machine writes its files: a YAML with the options below, or one of config "
+        "(robots/texture_analyser, robots/bench_indenter); options that are given go before it",
     )
     parser.add_argument(
         "--find-surface",
@@ -170,6 +177,7 @@ def check(arguments: argparse.Namespace) -> None:
     Raises:
         UserError: if one is not allowed; the message says why.
     """
+    file_preset.apply(arguments)
     csv_options(arguments)
     for name, value in arguments.sensors:
         if name not in KIND_OF:
@@ -217,7 +225,36 @@ def load(arguments: argparse.Namespace) -> Any:
 
 def is_given(arguments: argparse.Namespace) -> bool:
     """Whether the recording is to be read otherwise than as it stands."""
-    return bool(arguments.sensors or arguments.find_surface)
+    return bool(arguments.sensors or arguments.find_surface or arguments.preset)
+
+
+def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> str:
+    """Say what the readings mean in the units of topics or a table: only a person knows better.
+
+    Centimetres for metres or grams for newtons give figures that soft tissue might have as well.
+
+    Args:
+        displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
+        force_n: contact force [N], shape (n,); NaN where there is no reading.
+        table: whether they are of a CSV file.
+    """
+    import numpy as np
+
+    from hc_estimator.stream.readings import robust_range
+
+    places = displacement_mm[np.isfinite(displacement_mm)]
+    forces = force_n[np.isfinite(force_n)]
+    if not (len(places) and len(forces)):
+        return ""
+    (low, high), (least, most) = robust_range(places), robust_range(forces)
+    does = f"pushes with up to {most:.3g}" if most >= -least else f"pulls with up to {-least:.3g}"
+    moves_by = f"the tool moves by {high - low:.3g} mm and {does} N"
+    if table:
+        return f"read as: {moves_by} (if not: --units displacement=..., force=...)"
+    return (
+        f"readings taken for metres and newtons: {moves_by} (if not: input.position.scale, "
+        "input.force.scale)"
+    )
 
 
 def _from_surface(recording: Any) -> Any:

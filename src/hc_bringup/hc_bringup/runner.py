@@ -19,6 +19,7 @@ from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
 from hc_bringup.silence import is_silent
 from hc_bringup.statistics import EstimateStatistics
+from hc_estimator.stream.readings import SUSPECT
 from hc_logger.session import INCOMPLETE
 from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import Level
@@ -80,6 +81,16 @@ class RunState:
     def silent(self) -> bool:
         """Whether estimates came and come no more, or came no more when the run was ended."""
         return is_silent(self.silent_s)
+
+    @property
+    def suspicions(self) -> dict[str, str]:
+        """What the estimator doubts of its readings: a sentence by check and channel."""
+        said = self.diagnostics.get(NODE_ESTIMATOR, {})
+        return {
+            name.removeprefix(SUSPECT): sentence
+            for name, sentence in said.items()
+            if name.startswith(SUSPECT)
+        }
 
     @property
     def silent_reason(self) -> str:

@@ -13,12 +13,14 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph, absolute
+from hc_bringup.nearest import hint
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
 
 SETTLE_S = 0.6
 """Three announcements of a participant: by then a server has discovered a new client."""
 ANSWER_S = 10.0
+_OF_EVERY_NODE = ("_parameters", "_atomically", "/get_parameter_types", "/get_type_description")
 
 
 def services(graph: Graph, *, hidden: bool = False) -> list[tuple[str, list[str]]]:
@@ -42,10 +44,8 @@ def require_service(graph: Graph, name: str) -> tuple[str, str]:
         return next((t for n, t in services(graph, hidden=True) if n == full), [])
 
     if not graph.wait_for(lambda: bool(types())):
-        known = ", ".join(
-            n for n, _ in services(graph) if not n.endswith(("_parameters", "_atomically"))
-        )
-        raise UserError(f"there is no service {full}; services: {known or 'none'}", FAILURE)
+        known = [n for n, _ in services(graph) if not n.endswith(_OF_EVERY_NODE)]
+        raise UserError(f"there is no service {full}; {hint(full, known, 'services')}", FAILURE)
     return full, types()[0]
 
 
@@ -121,11 +121,11 @@ class EstimatorServices:
             raise UserError(answer.message, FAILURE)
         return str(answer.message)
 
-    def outcome(self, kinds: tuple[int, ...], timeout_s: float | None) -> Any:
-        """Wait for an event of one of some kinds, begun to listen to before.
+    def outcome(self, wanted: Callable[[Any], bool], timeout_s: float | None) -> Any:
+        """Wait for an event, begun to listen to before.
 
         Args:
-            kinds: of hc_msgs/EstimatorEvent.
+            wanted: whether a hc_msgs/EstimatorEvent is the one.
             timeout_s: how long; None waits until a signal.
 
         Returns:
@@ -134,7 +134,7 @@ class EstimatorServices:
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while end is None or time.monotonic() < end:
             for event in self._events:
-                if event.kind in kinds:
+                if wanted(event):
                     return event
             if not self._graph.spin(0.02):
                 return None
@@ -142,6 +142,8 @@ class EstimatorServices:
 
     def with_parameter(self, name: str, value: Any, act: Callable[[], Any]) -> Any:
         """Do something while a parameter of the node has a value, and put the old one back.
+
+        If it has the value already, another client may have set it for a moment: it is left alone.
 
         Raises:
             UserError: if the node refuses the value.
@@ -159,6 +161,8 @@ class EstimatorServices:
 
         got = self._graph.call(lambda: client.get_parameters([name]), name)
         before = parameter_value_to_python(got.values[0])
+        if before == value:
+            return act()
         change(value)
         try:
             return act()

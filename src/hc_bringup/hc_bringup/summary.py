@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from hc_bringup.live import SYMBOLS
 from hc_bringup.plain_json import finite
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
+from hc_estimator.stream.readings import MEANINGS
+
+_UNUSABLE = {"sign": "the sign of a channel", "units": "the unit of a channel"}
+"""Checks by whose failure the parameters are of no use; with any other they are a warning."""
 
 
 def run_summary(
@@ -53,6 +57,7 @@ def run_summary(
         "duration_s": state.elapsed_s,
         "silent_s": state.silent_s if state.silent else math.nan,
         "silent_reason": state.silent_reason if state.silent else "",
+        "suspicions": state.suspicions,
         "respawns": state.respawns,
         "cpu_percent": dict(state.cpu_percent),
         "parameters": statistics.parameters(),
@@ -73,6 +78,19 @@ def run_summary(
             "max": 1e6 * latency.maximum_s if latency.count else math.nan,
         }
     return summary
+
+
+def why_unusable(checks: Iterable[str]) -> str:
+    """Say why the parameters are of no use; nothing where what is doubted is a warning.
+
+    Args:
+        checks: what is doubted (hc_estimator.stream.readings.Check, its values).
+    """
+    wrong = dict.fromkeys(_UNUSABLE[check] for check in checks if check in _UNUSABLE)
+    if not wrong:
+        return ""
+    verb = "is" if len(wrong) == 1 else "are"
+    return f"these are not the parameters of the tissue, for {' and '.join(wrong)} {verb} wrong"
 
 
 def _share(part: int, whole: int) -> float:
@@ -115,12 +133,15 @@ def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
     if not (math.isfinite(aligned_n) and abs(aligned_n - one_step_n) > 0.01 * one_step_n):
         return []
     return [
-        f"with the readings of both channels brought to the same time: {_millinewton(aligned_n)}"
+        f"with the readings of both channels brought to the same time: {millinewton(aligned_n)}"
     ]
 
 
-def _millinewton(force_n: float) -> str:
-    return "-" if math.isnan(force_n) else f"{1e3 * force_n:.1f} mN"
+def millinewton(force_n: float) -> str:
+    """Return a force in mN with its unit; small ones keep two digits."""
+    if math.isnan(force_n):
+        return "-"
+    return f"{1e3 * force_n:.1f} mN" if abs(force_n) >= 1e-3 else f"{1e3 * force_n:.2g} mN"
 
 
 def _lost(count: int | None) -> str:
@@ -144,6 +165,9 @@ def run_text(summary: dict[str, Any]) -> str:
             f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
             f"max {latency['max']:.0f} us"
         )
+    lines += [f"what cannot be right: {s}" for s in summary["suspicions"].values()]
+    if summary["suspicions"]:
+        lines.append(f"what each means and what to do: {MEANINGS}; hc doctor BAG, or live")
     if summary["respawns"]:
         lines.append(f"nodes that died and were started again: {summary['respawns']}")
     lines.append(f"processor use: {cpu}")
@@ -154,7 +178,7 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += delay_lines(summary)
         lines += [
             "force one step ahead, after the first second of contact: RMS error "
-            + _millinewton(summary["force_rmse_n"]),
+            + millinewton(summary["force_rmse_n"]),
             *aligned_lines(summary["force_rmse_n"], summary["force_aligned_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",

@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.nearest import hint
 from hc_bringup.options import natural, positive
 from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
 
@@ -48,8 +49,8 @@ def info(arguments: argparse.Namespace) -> int:
         graph.settle(expected=lambda: graph.node.count_publishers(name) > 0)
         types = dict(graph.topics(hidden=True)).get(name)
         if types is None:
-            known = ", ".join(n for n, _ in graph.topics()) or "none"
-            raise UserError(f"there is no topic {name}; topics: {known}", FAILURE)
+            known = hint(name, (n for n, _ in graph.topics()), "topics")
+            raise UserError(f"there is no topic {name}; {known}", FAILURE)
         publishers = graph.node.get_publishers_info_by_topic(name)
         subscribers = graph.node.get_subscriptions_info_by_topic(name)
     print(f"Type: {', '.join(types)}")

@@ -8,6 +8,8 @@ from typing import Any
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.options import positive
 
+SERVICES = ("tare", "find_surface")
+
 
 def configure(parser: argparse.ArgumentParser, *, timeout: str) -> None:
     """Declare the options."""
@@ -31,12 +33,19 @@ def run(arguments: argparse.Namespace, service: str, timeout_s: float | None) ->
         estimator = EstimatorServices(graph, arguments.node)
         estimator.listen()
 
-        def ask() -> Any:
-            print(estimator.trigger(service), flush=True)
-            kinds = (EstimatorEvent.TARED, EstimatorEvent.TARE_REFUSED)
-            return estimator.outcome(kinds, timeout_s)
+        def ask() -> str:
+            return estimator.trigger(service)
 
-        event = estimator.with_parameter("tare.force", True, ask) if arguments.force else ask()
+        def is_ours(event: Any) -> bool:
+            # What another client asked for before may have given way to this.
+            given_up = f"{other} given up: "
+            return event.kind in kinds and not event.reason.startswith(given_up)
+
+        kinds = (EstimatorEvent.TARED, EstimatorEvent.TARE_REFUSED)
+        other = next(name for name in SERVICES if name != service)
+        answer = estimator.with_parameter("tare.force", True, ask) if arguments.force else ask()
+        print(answer, flush=True)
+        event = estimator.outcome(is_ours, timeout_s)
     if event is None:
         limit = "" if timeout_s is None else f" within {timeout_s:g} s"
         raise UserError(f"no zeros were found{limit}; the estimator goes on looking", FAILURE)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.csv_layout import COLUMNS, CsvLayout, find_layout
-from hc_logger.csv_text import limited_lines, number
+from hc_logger.csv_text import is_cut_off, limited_lines, number
 from hc_logger.errors import BagError
 from hc_logger.new_file import write_new_text
 
@@ -48,13 +48,15 @@ def read_csv(
     line = layout.header_lines + 1
     factors = np.array(layout.factors)
     while lines := list(islice(stream, BLOCK_ROWS)):
+        if is_cut_off(lines[-1], layout.separator, layout.indices):
+            lines.pop()  # the layout's notes say so
         rows = _parse(path, lines, layout, line)
         yield rows if (factors == 1.0).all() else rows * factors
         line += len(lines)
 
 
 def _parse(path: Path, lines: list[str], layout: CsvLayout, first: int) -> NDArray[np.float64]:
-    if all(line.isspace() for line in lines):
+    if all(map(str.isspace, lines)):
         return np.empty((0, len(COLUMNS)))
     plain = [line.replace(",", ".") for line in lines] if layout.decimal == "," else lines
     try:

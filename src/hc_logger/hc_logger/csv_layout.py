@@ -25,11 +25,20 @@ from hc_logger.csv_table import (
     labview_header,
     why_no_rows,
 )
-from hc_logger.csv_text import find_encoding, first_lines, number, split_line
+from hc_logger.csv_text import (
+    find_encoding,
+    first_lines,
+    is_cut_off,
+    last_line,
+    number,
+    split_line,
+)
 from hc_logger.csv_vocabulary import NAMES, QUANTITIES, UNITS, is_weight, split_name, unit_of
 from hc_logger.errors import BagError
 
 COLUMNS: Final = ("time_s", "displacement_mm", "force_N")
+COMMENT_SIGNS: Final = "#% "
+"""Before a header, as numpy and MATLAB write them."""
 LONGEST_SECONDS: Final = 0.5
 """Median step of a time without a unit: below it, it is taken for seconds."""
 _ASSIGNMENT = re.compile(r"(?:^|,)\s*(time|displacement|force)\s*=", re.ASCII)
@@ -116,8 +125,17 @@ def find_layout(path: str | os.PathLike[str], options: CsvOptions | None = None)
     if options == CsvOptions(encoding=options.encoding):
         own = _own_layout(lines, encoding)
         if own is not None:
-            return own
-    return _Finder(path, options, encoding, lines).layout()
+            return _with_end(path, own)
+    return _with_end(path, _Finder(path, options, encoding, lines).layout())
+
+
+def _with_end(path: Path, layout: CsvLayout) -> CsvLayout:
+    """Add to the notes that the last line will be left out, if it will."""
+    if not is_cut_off(last_line(path, layout.encoding), layout.separator, layout.indices):
+        return layout
+    return layout._replace(
+        notes=(*layout.notes, "the last line is cut off in its middle: it is left out")
+    )
 
 
 def _check(options: CsvOptions) -> None:
@@ -143,7 +161,7 @@ def _check(options: CsvOptions) -> None:
 
 def _own_layout(lines: list[str], encoding: str) -> CsvLayout | None:
     """Return the layout of a file whose first line names our columns, None for another."""
-    first = lines[0] if lines else ""
+    first = lines[0].lstrip(COMMENT_SIGNS) if lines else ""
     for separator in (",", ";", "\t"):
         names = [name.strip() for name in split_line(first, separator)]
         if all(names.count(name) == 1 for name in COLUMNS):
@@ -255,7 +273,7 @@ class _Finder:
     def _header(self, table: Table) -> tuple[list[str], list[str]]:
         """Return the names of the columns and their units, each empty if there are none."""
         above = [
-            [cell.strip() for cell in split_line(line, table.separator)]
+            [cell.strip() for cell in split_line(line.lstrip(COMMENT_SIGNS), table.separator)]
             for line in self._lines[: table.first]
             if line.strip()
         ]

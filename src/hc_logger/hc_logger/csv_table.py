@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import Final, NamedTuple
 
-from hc_logger.csv_text import number, split_line
+from hc_logger.csv_text import MISSING, number, split_line
 from hc_logger.csv_vocabulary import NAMES, QUANTITIES, split_name
 
 SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
@@ -20,8 +20,11 @@ _LARGEST_SUMMARY: Final = 20
 """Rows; as many numbers above another header are results, more are readings."""
 _CLOCK: Final = re.compile(r"\d{1,2}:\d{2}:\d{2}")
 _THOUSANDS: Final = re.compile(
-    r"(?<![\d.,])[1-9]\d{0,2}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+)(?![\d.,])"
+    r"(?<![\d.,])[1-9]\d{0,2}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+|"
+    r"(?:['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]\d{3})+"
+    r"(?:[.,]\d+)?)(?![\d.,])"
 )
+_WITH_UNIT: Final = re.compile(r"^\s*[-+]?\d+(?:[.,]\d+)?\s*(?P<unit>[^\W\d_]+)\s*$")
 
 
 class Table(NamedTuple):
@@ -65,7 +68,7 @@ def cut(
         i
         for i in range(width)
         if sum(number(row[i], decimal) is not None for row in same) >= _NUMERIC_SHARE * len(same)
-        and any(row[i].strip() for row in same)
+        and any(row[i].strip().lower() not in MISSING for row in same)
     )
     if len(numeric) < least or len(same) < _NUMERIC_SHARE * len(body):
         return None
@@ -76,20 +79,30 @@ def _first_row(rows: list[list[str]], decimal: str, least: int) -> int | None:
     """Return the first line that is a row: so many numbers, as many cells as the last ones.
 
     A few such rows above a line that names the quantities are a summary of the test, no readings.
+    Rows above it in which a reading is missing, and all else are numbers, belong to it.
     """
     widths = [len(row) for row in rows if row][-20:]
     usual = max(set(widths), key=widths.count)
     first = None
     count = 0
     for line, row in enumerate(rows):
-        given = [cell for cell in row if cell.strip()]
+        given = [cell for cell in row if cell.strip().lower() not in MISSING]
         numbers = sum(number(cell, decimal) is not None for cell in given)
         if len(row) == usual and numbers >= least:
             first = line if first is None else first
             count += 1
         elif count <= _LARGEST_SUMMARY and not numbers and _named(row) >= len(QUANTITIES) - 1:
             first, count = None, 0
+    while first is not None and first > 0 and _lacks_a_reading(rows[first - 1], usual, decimal):
+        first -= 1
     return first
+
+
+def _lacks_a_reading(row: list[str], usual: int, decimal: str) -> bool:
+    """Whether a row that is no first row is one of numbers but for readings that are missing."""
+    told = [cell for cell in row if cell.strip().lower() not in MISSING]
+    numbers = sum(number(cell, decimal) is not None for cell in told)
+    return len(row) == usual and numbers == len(told) > 1
 
 
 def _named(row: list[str]) -> int:
@@ -130,6 +143,14 @@ def why_no_rows(lines: list[str]) -> str:
     thousands = next((found for line in lines[-50:] if (found := _THOUSANDS.search(line))), None)
     if thousands is not None:
         return f"numbers have a sign between the thousands ({thousands[0]}): export them without it"
+    for separator in SEPARATORS:
+        told = [_WITH_UNIT.match(cell) for cell in split_line(last, separator)]
+        units = [found["unit"] for found in told if found is not None]
+        if separator != " " and len(units) >= len(QUANTITIES) - 1:
+            return (
+                f"numbers have their unit behind them ({', '.join(units)}): export them without "
+                "it, and with the units in the names of the columns"
+            )
     for separator in SEPARATORS:
         for decimal in ".,":
             table = cut(lines, separator, decimal, None, least=2) if separator != decimal else None

@@ -5,14 +5,22 @@ from __future__ import annotations
 import codecs
 import csv
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 from hc_logger.errors import BagError
 
+MISSING: Final = ("", "-", "--", "---", "n/a", "#n/a", "na")
+"""What is written where there is no reading, in lower case."""
+MINUS: Final = "\N{MINUS SIGN}"
+"""What some programs write before a number, in Swedish settings for example."""
 LOOKED_AT_BYTES: Final = 256 * 1024
 LOOKED_AT_LINES: Final = 400
+_LATIN_SHARE: Final = 0.9
+"""Of the characters of a table in UTF-16: as many are digits, separators and plain letters."""
+LONGEST_END: Final = 64 * 1024
 LONGEST_LINE: Final = 1024 * 1024
 """Characters; a file without line ends would have to be kept in memory as a whole."""
 _BYTE_ORDER_MARKS: Final = (
@@ -39,15 +47,36 @@ def find_encoding(path: Path) -> str:
         if start.startswith(mark):
             return name
     if b"\0" in start:
-        raise BagError(
-            f"{path} is not a text file; if it is one in UTF-16, say so: --encoding utf-16-le"
-        )
+        return _with_zeros(path, start)
     try:
         # What was cut off in the middle of a character is none.
         codecs.getincrementaldecoder("utf-8")().decode(start)
     except UnicodeDecodeError:
         return "cp1252"
     return "utf-8"
+
+
+def _with_zeros(path: Path, start: bytes) -> str:
+    """Return the encoding of a text with zero bytes: UTF-16 without a mark.
+
+    Raises:
+        BagError: if it is none.
+    """
+    start = start[: len(start) // 2 * 2]
+    even, odd = start[0::2].count(0), start[1::2].count(0)
+    for high, low, name in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
+        if low == 0 and high > _LATIN_SHARE * (len(start) // 2):
+            return name
+    text = start.rstrip(b"\0")
+    if text and b"\0" not in text:
+        line = text.count(b"\n") + 1
+        raise BagError(
+            f"{path} ends in zero bytes from line {line} on, as after a crash of what wrote it: "
+            "cut them off"
+        )
+    raise BagError(
+        f"{path} is not a text file; if it is one in UTF-16, say so: --encoding utf-16-le"
+    )
 
 
 def first_lines(path: Path, encoding: str) -> list[str]:
@@ -82,6 +111,23 @@ def limited_lines(path: Path, encoding: str) -> Iterator[str]:
         raise BagError(f"{path} is not a text in {encoding}: give its encoding") from None
 
 
+def last_line(path: Path, encoding: str) -> str:
+    """Return what stands behind the last line end, nothing if that is the end of the file."""
+    with open(path, "rb") as file:
+        mark = file.read({"utf-16": 2, "utf-32": 4}.get(encoding, 0))
+        size = file.seek(0, os.SEEK_END)
+        # No character of two or four bytes is cut there.
+        file.seek(max(len(mark), (size - LONGEST_END) // 4 * 4))
+        text = (mark + file.read()).decode(encoding, errors="replace")
+    return text.replace("\r", "\n").rpartition("\n")[2]
+
+
+def is_cut_off(line: str, separator: str, indices: Sequence[int]) -> bool:
+    """Whether a line has no end and too few cells: the writing of the file ended within it."""
+    told = bool(line.strip()) and not line.endswith("\n")
+    return told and len(split_line(line, separator)) <= max(indices)
+
+
 def split_line(line: str, separator: str) -> list[str]:
     """Return the cells of a line."""
     if separator == " ":
@@ -95,10 +141,11 @@ def split_line(line: str, separator: str) -> list[str]:
 
 
 def number(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, NaN for an empty one, None if it is none."""
+    """Return the number in a cell, NaN for one that says there is none, None for other text."""
     text = cell.strip()
-    if not text:
+    if text.lower() in MISSING:
         return math.nan
+    text = text.replace(MINUS, "-")
     if decimal == ",":
         if "." in text:
             return None

@@ -29,6 +29,10 @@ _OTHER_SPELLINGS: Final = {
     "second": "s",
     "seconds": "s",
     "sek": "s",
+    "sek.": "s",
+    "sec.": "s",
+    "sekunden": "s",
+    "millisekunden": "ms",
     "msec": "ms",
     "millisecond": "ms",
     "milliseconds": "ms",
@@ -46,6 +50,7 @@ _OTHER_SPELLINGS: Final = {
     "µm": "um",
     "micron": "um",
     "microns": "um",
+    "mikrometer": "um",
     "micrometre": "um",
     "micrometer": "um",
     "inch": "in",
@@ -57,6 +62,7 @@ _OTHER_SPELLINGS: Final = {
     "g": "gf",
     "gram": "gf",
     "grams": "gf",
+    "gramm": "gf",
     "kg": "kgf",
     "kilogram": "kgf",
     "kilograms": "kgf",
@@ -66,7 +72,7 @@ _OTHER_SPELLINGS: Final = {
     "pound": "lbf",
     "pounds": "lbf",
 }
-_ONLY_AS_FORCE: Final = ("g", "kg", "lb", "lbs")
+_ONLY_AS_FORCE: Final = ("g", "gramm", "kg", "lb", "lbs")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
     "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
              "prüfzeit", "messzeit", "temps", "tiempo", "tempo"),

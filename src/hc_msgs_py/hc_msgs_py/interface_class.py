@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 from typing import Any, Final
 
@@ -38,10 +39,17 @@ def interface_class(type_name: str, kind: str = "msg") -> Any:
         error = UnknownInterfaceError(f"{type_name!r} is not a {_EXAMPLES[kind]}")
         error.misnamed = True
         raise error
+    what = _EXAMPLES[kind].split()[0]
     try:
-        return getattr(importlib.import_module(f"{parts[0]}.{kind}"), parts[2])
-    except (ImportError, AttributeError):
-        what = _EXAMPLES[kind].split()[0]
+        module = importlib.import_module(f"{parts[0]}.{kind}")
+    except ImportError:
         raise UnknownInterfaceError(
             f"{what} type {'/'.join(parts)} is not installed here; install the package {parts[0]}"
         ) from None
+    found = getattr(module, parts[2], None)
+    if found is None:
+        names = [name for name in dir(module) if name[0].isupper()]
+        close = difflib.get_close_matches(parts[2], names, n=1)
+        hint = f"; did you mean {parts[0]}/{kind}/{close[0]}?" if close else ""
+        raise UnknownInterfaceError(f"there is no {what} type {'/'.join(parts)}{hint}")
+    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from datetime import datetime
 from pathlib import Path
@@ -83,7 +84,9 @@ def _info_text(info: Any) -> str:
         f"Start:     {start:%Y-%m-%d %H:%M:%S.%f}",
         f"Messages:  {info.message_count}",
     ]
-    lines += [f"{key + ':':<10} {value}" for key, value in sorted(info.custom_data.items())]
+    for key, value in sorted(info.custom_data.items()):
+        nodes = _nodes(value) if key == "configuration" else []
+        lines += nodes or [f"{key + ':':<10} {value}"]
     table = [("Topic", "Type", "Count", "Rate Hz", "Longest gap s", "Gaps", "Lost")]
     for topic in info.topics:
         table.append(
@@ -119,6 +122,20 @@ def _info_text(info: Any) -> str:
     ]
     lines += [f"Problem:   {problem}" for problem in info.problems]
     return "\n".join(lines)
+
+
+def _nodes(configuration: str) -> list[str]:
+    """Return a line for each node of the run that recorded a bag; none if it says no such thing."""
+    try:
+        nodes = json.loads(configuration)
+        lines = []
+        for node in nodes:
+            words = [str(node["module"]), *map(str, node.get("parameter_files", []))]
+            words += [f"{name}={value}" for name, value in node.get("parameters", {}).items()]
+            lines.append(f"{'Node:':<10} {node['name']}: {', '.join(words)}")
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return []  # it is shown as it stands
+    return lines
 
 
 def _number(value: float | None, form: str) -> str:
@@ -182,7 +199,12 @@ def _filter(arguments: argparse.Namespace) -> int:
             duration_s=arguments.duration,
             progress=progress,
         )
-    print(f"{count} messages written to {arguments.target}")
+    none = (
+        ""
+        if count
+        else f": none is of these topics and seconds, see hc bag info {arguments.source}"
+    )
+    print(f"{count} messages written to {arguments.target}{none}")
     return 0
 
 

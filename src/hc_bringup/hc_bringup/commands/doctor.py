@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
-    from hc_bringup.diagnosis import Finding, assumed_line, diagnose
+    from hc_bringup.diagnosis import Finding, diagnose
 
     notes: tuple[str, ...] = ()
     if arguments.input in (None, "live"):
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     diagnosis = None
     if rows is not None:
         table = arguments.input not in (None, "live") and not recording.is_bag
-        notes = (*notes, assumed_line(rows[1], rows[2], table=table))
+        notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         diagnosis = diagnose(*rows)
         findings += diagnosis.findings
     if arguments.json:
@@ -130,6 +130,7 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
 
 def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_it: Any) -> None:
     from hc_bringup.diagnosis import estimate_lines
+    from hc_estimator.stream.readings import MEANINGS
 
     number = "nothing is wrong" if not findings else f"{len(findings)} finding(s)"
     print(f"{where}: {number}")
@@ -140,7 +141,7 @@ def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_
         for command in type_it(apply(settings, finding.settings), settings):
             print(f"   type:  {command}")
     if findings:
-        print("docs/robots.md says what each means")
+        print(f"what each means: {MEANINGS}")
     if diagnosis is not None and diagnosis.estimated is not None:
         print("with what could be put right put right:" if findings else "estimated:")
         print("\n".join(estimate_lines(diagnosis)))

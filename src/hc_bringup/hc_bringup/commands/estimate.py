@@ -16,8 +16,8 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
 _LINES_AT_ONCE = 4096
-_UNUSABLE = {"sign": "the sign of a channel", "units": "the unit of a channel"}
-"""Checks by whose failure the parameters are of no use; with any other they are a warning."""
+LEAST_USED_SHARE = 0.02
+"""Of the samples: a recording of which less can be used shows nothing of the tissue."""
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
@@ -45,7 +45,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import sys
 
-    from hc_bringup.summary import to_json
+    from hc_bringup.summary import to_json, why_unusable
+    from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
 
     if arguments.verify:
@@ -55,7 +56,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
     suspicions = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
-    for line in (*recording.findings.lines(), *(s.sentence for s in suspicions)):
+    lines = [*recording.findings.lines(), *(s.sentence for s in suspicions)]
+    if recording.findings.notes and not recording.is_bag:
+        read = (recording.displacement_mm, recording.force_n)
+        lines.append(recording_input.assumed_line(*read, table=True))
+    if suspicions:
+        lines.append(f"what each means and what to do: {MEANINGS}")
+    for line in filter(None, lines):
         print(f"{arguments.input}: {line}", file=sys.stderr)
     estimator.warm_up()
     start = time.perf_counter()
@@ -71,12 +78,11 @@ def run(arguments: argparse.Namespace) -> int:
         {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
     ]
     print(to_json(summary) if arguments.json else _text(summary))
-    wrong = [s for s in suspicions if s.check.value in _UNUSABLE]
+    wrong = why_unusable(s.check.value for s in suspicions)
     if wrong:
-        what = " and ".join(dict.fromkeys(_UNUSABLE[s.check.value] for s in wrong))
         raise UserError(
-            f"{arguments.input}: these are not the parameters of the tissue, for {what} is wrong: "
-            f"do what stands above them, or see hc doctor {shlex.quote(arguments.input)}"
+            f"{arguments.input}: {wrong}: do what stands above them, or see hc doctor "
+            f"{shlex.quote(arguments.input)}"
         )
     return 0
 
@@ -162,7 +168,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     """
     import numpy as np
 
-    from hc_bringup.force_error import one_step_error, root_mean_square, settled
+    from hc_bringup.force_error import one_step_error, root_mean_square, settled, settling_s
     from hc_estimator import PARAMETER_NAMES, Rejection
     from hc_estimator.stream.together import of_two_readings
 
@@ -197,6 +203,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "channel_delay_std": float(last.channel_delay_std),
         "changes_detected": int(np.count_nonzero(series.change_detected)),
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
+        "settling_s": settling_s(recording.time_s, touching),
         "force_predicted_rmse_n": root_mean_square(
             one_step_error(force, series.force_predicted)[counted]
         ),
@@ -212,9 +219,9 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
 def why_no_result(summary: dict[str, Any]) -> str:
     """Say why a recording gave no parameters, empty if it gave some."""
     count = summary["samples"]
-    if not summary["used"]:
+    if summary["used"] < LEAST_USED_SHARE * count:
         rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items())
-        return f"none of the {count} samples could be used: {rejected}"
+        return f"{summary['used'] or 'none'} of the {count} samples could be used: {rejected}"
     for name, what in (("forces", "force"), ("displacements", "displacement")):
         if not summary[name]:
             return f"there is no {what} in any of the {count} samples"
@@ -231,8 +238,10 @@ def why_no_result(summary: dict[str, Any]) -> str:
 
 
 def _text(summary: dict[str, Any]) -> str:
-    from hc_bringup.summary import aligned_lines, delay_lines, parameter_lines
+    from hc_bringup.summary import aligned_lines, delay_lines, millinewton, parameter_lines
 
+    settling = summary["settling_s"]
+    left_out = "second" if settling == 1.0 else f"{settling:.2g} s"
     rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     return "\n".join(
         [
@@ -243,9 +252,9 @@ def _text(summary: dict[str, Any]) -> str:
                 summary["parameters"], summary["parameters_std"], summary["identifiability"]
             ),
             *delay_lines(summary),
-            "after the first second of contact: force error "
-            f"{1e3 * summary['force_predicted_rmse_n']:.1f} mN one step ahead, "
-            f"{1e3 * summary['force_reconstructed_rmse_n']:.1f} mN after the update; "
+            f"after the first {left_out} of contact: force error "
+            f"{millinewton(summary['force_predicted_rmse_n'])} one step ahead, "
+            f"{millinewton(summary['force_reconstructed_rmse_n'])} after the update; "
             f"mean NIS {summary['nis_mean']:.2f} (ideal 2)",
             *aligned_lines(summary["force_predicted_rmse_n"], summary["force_aligned_rmse_n"]),
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.nearest import hint
 
 HELP = "look at and change the lifecycle state of a managed node (the estimator is one)"
 
@@ -52,9 +52,15 @@ def run(arguments: argparse.Namespace) -> int:
             return 0
         wanted = possible.get(arguments.transition)
         if wanted is None:
-            close = difflib.get_close_matches(arguments.transition, possible, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"possible: {', '.join(possible)}"
-            raise UserError(f"{node} cannot {arguments.transition} now; {hint}", WRONG_USE)
+            state = _ask(graph, GetState, node, "get_state").current_state.label
+            # activate is no slip of the pen for deactivate.
+            words = [w for w in possible if arguments.transition not in w]
+            meant = hint(arguments.transition, words, "possible")
+            if "did you" not in meant:
+                meant = f"possible: {', '.join(possible)}"
+            raise UserError(
+                f"{node} is {state} and cannot {arguments.transition}; {meant}", WRONG_USE
+            )
         request = ChangeState.Request()
         request.transition.id = wanted.transition.id
         done = Client(graph, ChangeState, f"{node}/change_state").call(request, 200.0)

@@ -116,7 +116,8 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
     Raises:
         UserError: if the readings do not show it.
     """
-    from hc_bringup.diagnosis import assumed_line, diagnose, estimate_lines
+    from hc_bringup.diagnosis import diagnose, estimate_lines
+    from hc_bringup.recording_input import assumed_line
     from hc_estimator.stream.sensor_setup import SetupError, propose
 
     try:

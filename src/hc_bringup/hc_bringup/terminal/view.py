@@ -70,6 +70,7 @@ class PanelView:
         bag_dropped: messages lost on the way to it.
         processor: use of each node, in percent of a core.
         problems: what nodes call an error, by name.
+        suspicions: what the estimator doubts of its readings, in sentences.
         respawns: nodes started again.
         answer: what became of the last key.
         keys: name and meaning of each.
@@ -106,6 +107,7 @@ class PanelView:
     bag_dropped: int = 0
     processor: Mapping[str, float] = field(default_factory=dict)
     problems: Mapping[str, str] = field(default_factory=dict)
+    suspicions: tuple[str, ...] = ()
     respawns: int = 0
     answer: str = ""
     keys: Sequence[tuple[str, str]] = ()
@@ -139,6 +141,7 @@ class PanelView:
     def warnings(self) -> list[str]:
         """Return what the user should do something about, a line each."""
         lines = [f"{name}: {problem}" for name, problem in self.problems.items()]
+        lines += self.suspicions
         if self.mismatch and self.contact and not self.silent and self.explanation:
             lines.append(f"the law does not fit: {self.explanation}")
         if abs(self.depth_mm) > BEYOND_REASON_MM:

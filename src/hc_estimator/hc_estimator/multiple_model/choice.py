@@ -33,6 +33,9 @@ UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it expla
 UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
 
 
+STEADY_TIME = 4.0  # in contact that a surface at a steady speed has to explain, at least [s]
+
+
 @compiled
 def counts(row: Any, clock: float) -> bool:
     """True unless the row is still waiting after it was seeded anew."""
@@ -111,6 +114,16 @@ def _cost(row: Any) -> float:
 
 
 @compiled
+def _may_step_in(row: Any, clock: float, likeliest: float, must_fit: bool) -> bool:
+    """True if a surface at a steady speed has explained all of the last seconds, and better.
+
+    For half a breath an organ sinks at a steady speed, too.
+    """
+    long = clock - max(row.since, 0.0) >= STEADY_TIME
+    return must_fit and long and row.log_likelihood >= likeliest + REFUTED
+
+
+@compiled
 def choose(judge: Any, rows: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = steadiest_nis(judge, rows)
@@ -151,7 +164,7 @@ def choose(judge: Any, rows: Any, clock: float) -> None:
         row = rows[m]
         if must_fit and row.model_error > 0.0:
             continue
-        if stands_by(judge, m) and (not must_fit or row.log_likelihood < likeliest + REFUTED):
+        if stands_by(judge, m) and not _may_step_in(row, clock, likeliest, must_fit):
             continue
         if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from hc_estimator.stream.readings import MEANINGS
 from hc_estimator.stream.vocabulary import Event, EventKind
 
 PERIOD_S = 1.0
@@ -47,7 +48,8 @@ class EventLog:
         self._next[kind] = now + PERIOD_S
         left_out = self._left_out.pop(kind, 0)
         more = f" (and {left_out} more since the last message)" if left_out else ""
-        text = f"{kind.name.lower()}: {event.reason}{more}"
+        where = f" ({MEANINGS})" if kind is EventKind.INPUT_SUSPECT else ""
+        text = f"{kind.name.lower()}: {event.reason}{more}{where}"
         # One line per level: rclpy keeps a level for each place that logs.
         if kind in _QUIET:
             self._logger.debug(text)

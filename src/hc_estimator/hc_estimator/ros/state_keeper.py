@@ -214,7 +214,10 @@ class StateKeeper:
 
     def _given(self) -> StateFolder:
         if self._folder is None:
-            raise NotPossibleError("no folder was given: set parameter state.folder at start")
+            raise NotPossibleError(
+                "no folder was given to keep states in: start with the parameter state.folder "
+                "(hc run --param state.folder=DIR)"
+            )
         return self._folder
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.ros.channel import Channel
 from hc_estimator.ros.inputs import Input
-from hc_estimator.stream.readings import Suspicion
+from hc_estimator.stream.readings import SUSPECT, Suspicion
 from hc_estimator.stream.session import EstimationSession
 from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.histogram import DurationHistogram
@@ -88,6 +88,8 @@ class StatusReporter:
             values[f"messages of other publishers on {channel.topic}"] = channel.lines.foreign
             values[f"messages lost on {channel.topic}"] = channel.lines.lost
             values[f"most messages waiting on {channel.topic}"] = channel.most_waiting
+        for suspicion in suspicions:
+            values[f"{SUSPECT}{suspicion.check.value} of {suspicion.channel}"] = suspicion.sentence
         level, message = self._judge(since, source, suspicions)
         for channel in source.channels:
             channel.most_waiting = 0

@@ -55,9 +55,12 @@ class ZeroSetting:
             NotPossibleError: with the reason.
         """
         values = self._settings.values
-        return self._zeroing.tare(
+        before = self._zeroing.under_way
+        answer_text = self._zeroing.tare(
             values["tare.samples"], time.monotonic(), forced=values["tare.force"]
         )
+        self._tell_superseded(before)
+        return answer_text
 
     def find_surface(self) -> str:
         """Begin to look for the surface; returns what to tell the user.
@@ -69,7 +72,9 @@ class ZeroSetting:
         least_n = 0.0
         if values["input.source"] == "effort":
             least_n = error_in_motion(effort_settings(values))
+        before = self._zeroing.under_way
         answer_text = self._zeroing.find_surface(forced=values["tare.force"], least_noise_n=least_n)
+        self._tell_superseded(before)
         wanted = values["input.contact.frame"], values["input.contact.normal_from"]
         source = self._source()
         if source is not None and wanted == ("surface", "find_surface"):
@@ -100,8 +105,15 @@ class ZeroSetting:
 
     def give_up(self, reason: str) -> None:
         """Look for nothing any more, and say why if something was looked for."""
-        if self._zeroing.cancel():
-            self._report(EventKind.TARE_REFUSED, f"given up: {reason}")
+        given_up = self._zeroing.cancel()
+        if given_up:
+            self._report(EventKind.TARE_REFUSED, f"{given_up} given up: {reason}")
+
+    def _tell_superseded(self, before: str) -> None:
+        """Say that what was under way gave way to another service."""
+        now = self._zeroing.under_way
+        if before and before != now:
+            self._report(EventKind.TARE_REFUSED, f"{before} given up: {now} was asked for")
 
     def forget(self) -> None:
         """Forget the samples: a sensor is read otherwise."""

@@ -12,6 +12,7 @@ from hc_estimator.stream.press_watch import PressWatch
 from hc_estimator.stream.surface import SurfaceFinder
 from hc_estimator.stream.tare import Tare, TareResult
 
+TARE, FIND_SURFACE = "tare", "find_surface"
 ZEROS = ("input.force.zero", "input.position.zero")
 FORCED = "tare.force: true, or --force of the command, takes them all the same"
 PATIENCE_S = 10.0
@@ -34,6 +35,7 @@ class Zeroing:
     def __init__(self) -> None:
         self.watch = PressWatch()
         self._collector: Tare | SurfaceFinder | None = None
+        self._name = ""
         self._forced = False
         self._deadline_s = 0.0
 
@@ -48,7 +50,8 @@ class Zeroing:
         Raises:
             NotPossibleError: if the tool presses, unless it is forced.
         """
-        self._refuse_press(forced)
+        if self._joins(TARE, forced):
+            return "a tare is under way already; hc/events says when it is done"
         self._collector = Tare(samples)
         self._deadline_s = now_s + PATIENCE_S
         return f"takes the mean of the next {samples} samples; hc/events says when it is done"
@@ -63,15 +66,21 @@ class Zeroing:
         Raises:
             NotPossibleError: if the tool presses, unless it is forced.
         """
-        self._refuse_press(forced)
+        if self._joins(FIND_SURFACE, forced):
+            return "looks for the surface already: press; hc/events says where it was"
         self._collector = SurfaceFinder(least_noise_n)
         return "press from free motion into the tissue; hc/events says where the surface was"
 
-    def cancel(self) -> bool:
-        """Want no more samples; returns whether some were wanted."""
-        active = self.active
+    def cancel(self) -> str:
+        """Want no more samples; returns which service had wanted some, or nothing."""
+        active = self.under_way
         self._collector = None
         return active
+
+    @property
+    def under_way(self) -> str:
+        """The service for which samples are taken; nothing if none is."""
+        return self._name if self.active else ""
 
     def add(self, displacement_mm: float, force_n: float) -> TareResult | Refusal | None:
         """Take in a sample; return what came of it with the last one that was wanted."""
@@ -93,11 +102,22 @@ class Zeroing:
         self._collector = None
         return f"only {collector.count} of {collector.wanted} samples came in {PATIENCE_S:g} s"
 
-    def _refuse_press(self, forced: bool) -> None:
-        self._forced = forced
+    def _joins(self, name: str, forced: bool) -> bool:
+        """Whether a request joins one of its kind; else it is to begin.
+
+        A second client must not make the first one wait anew.
+
+        Raises:
+            NotPossibleError: if the tool presses, unless it is forced.
+        """
+        if self.under_way == name:
+            self._forced = self._forced or forced
+            return True
         pressing = "" if forced else self.watch.pressing
         if pressing:
             raise NotPossibleError(f"{pressing}: lift it free of contact first ({FORCED})")
+        self._forced, self._name = forced, name
+        return False
 
     @staticmethod
     def parameters(found: TareResult, values: Mapping[str, Any]) -> list[Parameter]:

@@ -77,8 +77,13 @@ def irregular(readings: Readings) -> str:
     name, _unit, time_s, _values = readings
     steps = np.diff(time_s)
     usual = float(np.median(steps))
-    if usual <= 0.0:
-        return f"most samples of the {name} repeat the stamp of the one before"
+    if usual < 0.0:
+        return f"the stamps of the {name} mostly go backward: sort the readings by time"
+    if usual == 0.0:
+        return (
+            f"most samples of the {name} repeat the stamp of the one before, and are left out: "
+            "write the times with more digits, or stamp each reading when it is measured"
+        )
     typical = float(np.quantile(steps, 0.95))
     together = float(np.mean(steps < 0.1 * typical))
     forward = steps[(steps > 0.0) & (steps < 20.0 * usual)]

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 LEAST_SAMPLES = 100
+MEANINGS = "docs/robots.md#what-a-warning-means"
+"""Where every warning is explained."""
+SUSPECT = "suspect: "
+"""Before check and channel in the name of a diagnostic value that says what cannot be right."""
 CLEAR = 10.0
 """A channel moves if its range is so many times its noise."""
 

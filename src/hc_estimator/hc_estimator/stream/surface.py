@@ -3,8 +3,9 @@
 A tool that cannot be brought to rest at the surface (the contact position is not known, that is
 why one palpates) moves freely at first, and the force of that time is its zero. When the force
 stands out of its noise the tool is in contact, but the surface lies before that point: the
-readings that follow are fitted with F = c (d - surface)^n, whose zero is the surface. At the
-nearly constant speed of an approach the damping only changes c.
+readings that follow are fitted with F = c (d - surface)^n, whose zero is the surface. At a constant
+speed of the approach the damping only changes c; where the speed changes, c grows with it by the
+damping's share g of the force at the mean speed: c (1 + g (v / mean - 1)), g from 0 to 1.
 """
 
 from __future__ import annotations
@@ -36,6 +37,12 @@ CALCULATED_SPAN = 1.8
 of the contact are lost, the first is one at depth: a few of one depth do not say where it began.
 Ours; measured in docs/teleoperation.md."""
 MOST_SAMPLES = 20_000
+SPEED_DEGREE = 3
+"""Of the polynomial in time that is the speed of an approach; of 2 to 5 it is the one whose stated
+deviations hold."""
+FEWEST_FOR_SPEED = 20
+LEAST_SWING = 0.1
+"""An approach whose speed changes by less of its mean is one of constant speed."""
 SMALLEST_EXPONENT = 0.8
 LARGEST_EXPONENT = 3.0
 
@@ -141,20 +148,46 @@ class SurfaceFinder:
         # The surface is not deeper than where contact was sure.
         upper = np.array([first, np.inf, LARGEST_EXPONENT])
 
+        speed = self._speed(displacement)
+        if speed is not None:
+            lower, upper = np.append(lower, 0.0), np.append(upper, 1.0)
+
         def misfit(x: FloatArray) -> FloatArray:
             depth = np.maximum(displacement - x[0], 1e-9)
             error: FloatArray = x[1] * depth ** x[2] - force
+            if speed is not None:
+                error += x[1] * depth ** x[2] * x[3] * speed
             return error
 
-        start = np.array([first - 0.1 * stroke, force[-1] / stroke**1.5, 1.5])
-        fit = self._least_squares(
-            misfit, start, bounds=(lower, upper), x_scale=(stroke, start[1], 1.0)
-        )
-        freedom = max(len(force) - 3, 1)
+        start = np.array([first - 0.1 * stroke, force[-1] / stroke**1.5, 1.5, 0.2])[: len(lower)]
+        scale = np.array([stroke, start[1], 1.0, 1.0])[: len(lower)]
+        fit = self._least_squares(misfit, start, bounds=(lower, upper), x_scale=scale)
+        freedom = max(len(force) - len(lower), 1)
         jacobian: FloatArray = np.asarray(fit.jac)
         covariance = 2.0 * float(fit.cost) / freedom * np.linalg.pinv(jacobian.T @ jacobian)
         spread = math.sqrt(max(float(covariance[0, 0]), 0.0))
         return TareResult(float(fit.x[0]), spread, self._zero, deviation, len(force))
+
+    def _speed(self, displacement: FloatArray) -> FloatArray | None:
+        """Return the speed of an approach as what it exceeds its mean by, in units of the mean.
+
+        None where that is not known or does not differ: too few samples, or a calculated force,
+        which has the damping of its own robot in it.
+        """
+        if self._least_noise > 0.0 or len(displacement) < FEWEST_FOR_SPEED:
+            return None
+        # A polynomial over the whole approach: less noise than slopes of short pieces.
+        place = np.linspace(-1.0, 1.0, len(displacement))
+        motion = np.polynomial.Chebyshev.fit(place, displacement, SPEED_DEGREE + 1)
+        straight = np.polynomial.Chebyshev.fit(place, displacement, 1)
+        left = float(np.sum((displacement - motion(place)) ** 2)) / len(displacement)
+        more = float(np.sum((motion(place) - straight(place)) ** 2)) / SPEED_DEGREE
+        speed: FloatArray = motion.deriv()(place)
+        mean = float(np.mean(speed))
+        swings = more > CLEAR**2 * left and float(np.ptp(speed)) > LEAST_SWING * mean
+        if mean <= 0.0 or not swings:
+            return None
+        return speed / mean - 1.0
 
 
 def find_surface(displacement_mm: FloatArray, force_n: FloatArray) -> TareResult | None:

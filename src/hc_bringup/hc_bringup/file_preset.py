@@ -1,0 +1,66 @@
+"""How a machine writes its files, kept in a YAML: what --preset takes.
+
+The keys are the options themselves; what is given on the command line goes before them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.nearest import hint
+from hc_bringup.paths import find_config
+
+OF_THE_FILE = ("separator", "decimal", "encoding", "header_lines")
+KEYS = ("columns", "units", *OF_THE_FILE, "input", "find_surface")
+
+
+def apply(arguments: argparse.Namespace) -> None:
+    """Take what the preset says into the options that were not given; it is then done with.
+
+    Raises:
+        UserError: if there is no such file, or it says what no option says.
+    """
+    name = getattr(arguments, "preset", None)
+    if not name:
+        return
+    arguments.preset = None
+    path = find_config(name)
+    told = _read(path)
+    for key in ("columns", "units"):
+        if getattr(arguments, key) is None and key in told:
+            parts = _mapping(path, key, told[key])
+            setattr(arguments, key, ",".join(f"{k}={v}" for k, v in parts.items()))
+    for key in OF_THE_FILE:
+        if getattr(arguments, key) is None:
+            setattr(arguments, key, told.get(key))
+    given = {name for name, _ in arguments.sensors}
+    sensors = _mapping(path, "input", told.get("input", {}))
+    arguments.sensors = [
+        *((name, value) for name, value in sensors.items() if name not in given),
+        *arguments.sensors,
+    ]
+    arguments.find_surface = bool(arguments.find_surface or told.get("find_surface", False))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    from hc_bringup.parameter_file import read_yaml
+
+    told = read_yaml(path)
+    if isinstance(told, dict) and "nodes" in told:
+        raise UserError(
+            f"--preset {path} is of a robot, not of a file: start it with hc run", WRONG_USE
+        )
+    for key in _mapping(path, "the file", told):
+        if key not in KEYS:
+            known = hint(key, KEYS, "known")
+            raise UserError(f"--preset {path}: no key {key!r}; {known}", WRONG_USE)
+    return dict(told)
+
+
+def _mapping(path: Path, what: str, value: Any) -> dict[str, Any]:
+    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+        raise UserError(f"--preset {path}: {what} is no mapping of names to values", WRONG_USE)
+    return value

@@ -1,0 +1,58 @@
+"""Two who want zeros at once: the second joins the first, or takes its place and says so."""
+
+import pytest
+
+from hc_estimator.ros.services import NotPossibleError
+from hc_estimator.ros.zeroing import Refusal, Zeroing
+
+
+def feed(zeroing, depths, force=0.0):
+    """Give samples until something comes of them; returns that."""
+    for depth in depths:
+        outcome = zeroing.add(depth, force)
+        if outcome is not None:
+            return outcome
+    return None
+
+
+def test_a_second_tare_joins_the_first_and_does_not_make_it_wait():
+    """A storm of requests would otherwise keep a tare from ever ending."""
+    zeroing = Zeroing()
+    zeroing.tare(100, 0.0, forced=False)
+    assert feed(zeroing, [1.0] * 60) is None
+    assert "under way already" in zeroing.tare(100, 0.5, forced=False)
+    assert feed(zeroing, [1.0] * 39) is None
+    assert feed(zeroing, [1.0]).samples == 100
+    assert not zeroing.active
+
+
+def test_a_second_who_forces_it_forces_it_for_both():
+    zeroing = Zeroing()
+    zeroing.tare(100, 0.0, forced=False)
+    zeroing.tare(100, 0.0, forced=True)
+    moving = [0.1 * k for k in range(100)]
+    assert feed(zeroing, moving).displacement_mm == pytest.approx(4.95)
+    zeroing.tare(100, 0.0, forced=False)
+    assert isinstance(feed(zeroing, moving), Refusal)
+
+
+def test_another_service_takes_the_place_of_what_is_under_way():
+    zeroing = Zeroing()
+    zeroing.tare(100, 0.0, forced=False)
+    assert zeroing.under_way == "tare"
+    zeroing.find_surface(forced=False)
+    assert zeroing.under_way == "find_surface"
+    assert "looks for the surface already" in zeroing.find_surface(forced=False)
+    assert zeroing.cancel() == "find_surface"
+    assert zeroing.cancel() == ""
+
+
+def test_a_refused_one_leaves_what_is_under_way_alone():
+    zeroing = Zeroing()
+    zeroing.find_surface(forced=False)
+    for k in range(2000):
+        zeroing.watch.add(0.002 * k - 1.0, max(0.0, 0.01 * (k - 500)))
+    assert zeroing.watch.pressing
+    with pytest.raises(NotPossibleError, match="lift it free"):
+        zeroing.tare(100, 0.0, forced=False)
+    assert zeroing.under_way == "find_surface"
