@@ -114,13 +114,9 @@ def _cost(row: Any) -> float:
 
 
 @compiled
-def _may_step_in(row: Any, clock: float, likeliest: float, must_fit: bool) -> bool:
-    """True if a surface at a steady speed has explained all of the last seconds, and better.
-
-    For half a breath an organ sinks at a steady speed, too.
-    """
-    long = clock - max(row.since, 0.0) >= STEADY_TIME
-    return must_fit and long and row.log_likelihood >= likeliest + REFUTED
+def _is_steady(row: Any, clock: float) -> bool:
+    """True if the row has gone on for long: for half a breath an organ sinks steadily, too."""
+    return bool(clock - max(row.since, 0.0) >= STEADY_TIME)
 
 
 @compiled
@@ -164,7 +160,8 @@ def choose(judge: Any, rows: Any, clock: float) -> None:
         row = rows[m]
         if must_fit and row.model_error > 0.0:
             continue
-        if stands_by(judge, m) and not _may_step_in(row, clock, likeliest, must_fit):
+        likelier = must_fit and row.log_likelihood >= likeliest + REFUTED
+        if stands_by(judge, m) and not (likelier and _is_steady(row, clock)):
             continue
         if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
@@ -194,4 +191,7 @@ def _prefer_far_better(judge: Any, rows: Any, clock: float) -> None:
 @compiled
 def _is_scored(row: Any, clock: float) -> bool:
     """True if the score of a row that counts is its own by now."""
-    return bool(counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0)
+    known = counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0
+    if row.index == STEADY_SURFACE_ROW:
+        known = known and _is_steady(row, clock)
+    return bool(known)
