@@ -51,6 +51,9 @@ SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fit
 REACHES = 8.0 * (np.arange(16) / 15.0) ** 2
 RATES = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])
 STEEPNESS = 1.5  # exponent with which it is searched: a sphere (Hertz 1881)
+# Of the forces, that every other row leaves unexplained, both as RMS: a tissue that relaxes leaves
+# less, and would pass for a surface that has sunk.
+LEAST_MISFIT = 0.25
 FAR_BETTER = 0.25  # of the squares that the best row leaves, below which a surface is believed
 DEVIATIONS = (0.7, 1.0, 0.4, 0.1)  # of ln K, ln B, n and p of what was found
 POSITION_DEVIATION = 0.5  # [mm]
@@ -90,7 +93,8 @@ def look(settings: Any, bank: Any, elapsed: float) -> None:
     now = bank.clock.state_time
     if not _gather(bank.delay, search, bank.sensor_noise, now):
         return
-    if _try_all(search) < FAR_BETTER * _least_squares(settings, search, bank.rows):
+    left = _least_squares(settings, search, bank.rows)
+    if left > LEAST_MISFIT**2 * _squared_forces(search) and _try_all(search) < FAR_BETTER * left:
         _begin(settings, bank, surface, chosen)
 
 
@@ -187,6 +191,15 @@ def _try(search: Any, position: float, rate: float) -> float:
     left = ff - 2.0 * (stiffness * xf + damping * yf)
     left += stiffness * stiffness * xx + 2.0 * stiffness * damping * xy + damping * damping * yy
     return max(left, 0.0)
+
+
+@compiled
+def _squared_forces(search: Any) -> float:
+    """Sum of the squared forces of the points [N^2]."""
+    total = 0.0
+    for i in range(search.count):
+        total += search.points[i, 2] ** 2
+    return total
 
 
 @compiled
