@@ -348,5 +348,7 @@ def test_a_tare_with_sensors_applies_to_whole_samples_and_is_refused_in_mid_pres
     move(lambda t: 1.0, 0.1)
     assert probe.call("tare").success
     assert probe.call("reset").success
-    probe.wait(lambda: "given up: a reset came between" in reasons(18), what="the end of the tare")
+    probe.wait(
+        lambda: "tare given up: a reset came between" in reasons(18), what="the end of the tare"
+    )
     assert end_process(process)[0] == 0

@@ -19,6 +19,7 @@ SOURCES = (
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
     "hc_logger/hc_logger/sensors.py",
+    "hc_estimator/hc_estimator/ros/zero_setting.py",
 )
 
 
