@@ -31,8 +31,6 @@ FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SURFACE_GAIN = 1.3
 UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
 UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
-
-
 STEADY_TIME = 4.0  # in contact that a surface at a steady speed has to explain, at least [s]
 
 

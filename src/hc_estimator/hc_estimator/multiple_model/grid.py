@@ -133,6 +133,12 @@ def velocity_variance(finder: Any, noise: float) -> float:
 
 
 @compiled
+def time_of(finder: Any, k: int) -> float:
+    """Time of a point of the grid [s]."""
+    return float(finder.grid_next - finder.grid_step * (finder.grid_count - k))
+
+
+@compiled
 def _add_point(finder: Any, centre: float, half: float) -> bool:
     """Add the point of a time to the grid; False if readings are few in either channel."""
     slot = finder.grid_count % GRID

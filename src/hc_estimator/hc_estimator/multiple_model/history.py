@@ -74,17 +74,11 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[5] = point[1] + place[6]
     point[6] = place[2]
     point[7] = 1.0 if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else 0.0
-    point[8] = _time_of(finder, there)
+    point[8] = grids.time_of(finder, there)
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)
     return True
-
-
-@compiled
-def _time_of(finder: Any, k: int) -> float:
-    """Time of a point of the grid [s]."""
-    return float(finder.grid_next - finder.grid_step * (finder.grid_count - k))
 
 
 @compiled
@@ -114,7 +108,7 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
     there = finder.grid_count - 1 - around
     if around < smoothing.FEWEST_NEIGHBOURS or there - around < max(finder.grid_count - GRID, 0):
         return
-    time = _time_of(finder, there)
+    time = grids.time_of(finder, there)
     for k in range(history.count - 1, max(oldest(history), history.count - 2 - around) - 1, -1):
         point = history.points[k % POINTS]
         if abs(point[8] - time) < 0.5 * finder.grid_step:

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.history import SMOOTH, TOUCHING
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
     FRESH,
@@ -43,10 +45,8 @@ SPECIFICATIONS = (
 AFTER = 0.3  # without a row that fits, before anything is tried [s]
 AGAIN = 0.5  # time between two searches [s]
 FEWEST = 24  # points
-TOUCHING = 5.0  # deviations of the force beyond which there is a contact
 FEWEST_TOUCHING = 12  # points
 LEAST_SWING = 0.5  # of the displacement in contact, or depth and surface are one [mm]
-SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
 # Of the surface below the shallowest contact [mm], and its speed [mm/s].
 REACHES = 8.0 * (np.arange(16) / 15.0) ** 2
 RATES = np.array([-1.5, -0.75, 0.0, 0.75, 1.5])
@@ -132,7 +132,7 @@ def _gather(finder: Any, search: Any, noise: Any, now: float) -> bool:
         point[0] = place[0]
         point[1] = place[1]
         point[2] = here[3]
-        point[3] = finder.grid_next - finder.grid_step * (finder.grid_count - there) - now
+        point[3] = grids.time_of(finder, there) - now
         search.count += 1
         if point[2] > search.touching_force:
             touching += 1
@@ -173,7 +173,7 @@ def _try(search: Any, position: float, rate: float) -> float:
         depth = point[0] - position - rate * point[3]
         if depth <= 0.0:
             continue
-        x = depth * math.sqrt(depth) if STEEPNESS == 1.5 else depth**STEEPNESS
+        x = depth * math.sqrt(depth)  # by STEEPNESS
         y = x * (point[1] - rate)
         xx += x * x
         xy += x * y
