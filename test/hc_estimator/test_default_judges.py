@@ -52,8 +52,39 @@ def rows_of(options, bank, scores, misfits=(), learns=()):
 def test_the_judge_chooses(scores, misfits, learns, chosen, parts):
     options, bank = parts
     rows_of(options, bank, scores, misfits, learns)
-    choice.choose(bank.judge, bank.rows, CLOCK)
+    choice.choose(options, bank.judge, bank.rows, bank.tool, CLOCK)
     assert bank.judge.chosen == chosen
+
+
+@pytest.mark.parametrize(
+    ("log_stiffness", "second", "chosen"),
+    [
+        (0.0, 1.4, 0),  # K d^n = 5.2 N at most, where 2 N were felt
+        (1.0, 1.4, 2),  # 14 N, and another predicts as well
+        (1.0, 6.0, 0),  # unless it predicts far worse: a lump may be that hard
+    ],
+)
+def test_a_law_that_foretells_the_impossible_gives_way(log_stiffness, second, chosen, parts):
+    options, bank = parts
+    plausible.reset(bank.tool)
+    bank.tool.deepest, bank.tool.fastest, bank.tool.largest_force = 3.0, 0.0, 2.0
+    rows = rows_of(options, bank, (1.0, 9.0, second, 9.0, 9.0, 9.0))
+    for row in rows:
+        row.state[LOG_STIFFNESS] = 0.0
+    rows[0].state[LOG_STIFFNESS] = log_stiffness
+    choice.choose(options, bank.judge, rows, bank.tool, CLOCK)
+    assert bank.judge.chosen == chosen
+
+
+def test_zeros_that_move_take_along_what_was_felt(parts):
+    _, bank = parts
+    plausible.reset(bank.tool)
+    plausible.move(bank.tool, 1.5, 0.2)
+    assert bank.tool.largest_force == 0.0  # nothing was felt
+    bank.tool.deepest, bank.tool.largest_force = 3.0, 2.0
+    plausible.move(bank.tool, 1.5, 0.2)
+    assert bank.tool.deepest == pytest.approx(1.5)
+    assert bank.tool.largest_force == pytest.approx(1.8)
 
 
 @pytest.mark.parametrize(("likelihood", "chosen"), [(4.9, 4), (5.1, 3)])
@@ -61,7 +92,7 @@ def test_a_surface_that_sinks_is_chosen_where_it_is_likelier_by_far(likelihood, 
     options, bank = parts
     rows_of(options, bank, (9.0, 9.0, 9.0, 1.0, 1.0, 1.0))
     bank.rows[3].log_likelihood = likelihood
-    choice.choose(bank.judge, bank.rows, CLOCK)
+    choice.choose(options, bank.judge, bank.rows, bank.tool, CLOCK)
     assert bank.judge.chosen == chosen
 
 
@@ -70,7 +101,7 @@ def test_a_surface_that_sinks_refutes_nobody_before_it_is_chosen(parts):
     options, bank = parts
     rows_of(options, bank, (9.0, 9.0, 1.0, 0.1, 9.0, 9.0), misfits=(3,))
     bank.rows[3].log_likelihood = 50.0
-    choice.choose(bank.judge, bank.rows, CLOCK)
+    choice.choose(options, bank.judge, bank.rows, bank.tool, CLOCK)
     assert bank.judge.chosen == 2
 
 
@@ -78,7 +109,7 @@ def test_an_old_error_is_forgiven(parts):
     """A bad start once counted for ten seconds: its square decayed through eight decades."""
     options, bank = parts
     rows_of(options, bank, (1e8, 9.0, 1.0, 1.0, 1.0, 1.0))
-    choice.choose(bank.judge, bank.rows, CLOCK)
+    choice.choose(options, bank.judge, bank.rows, bank.tool, CLOCK)
     assert bank.rows[0].score == pytest.approx(choice.FORGIVEN)
 
 

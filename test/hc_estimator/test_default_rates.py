@@ -29,7 +29,7 @@ def bank():
 
 @pytest.mark.parametrize("m", WITH_RATES)
 def test_in_the_air_a_rate_comes_to_rest(m, bank):
-    """Regression: where the tool let go, an exponent went on drifting for a second in the air."""
+    """Regressions: in the air an exponent went on drifting for a second, and K grew fourfold."""
     row = bank.rows[m]
     row.covariance[:] = 0.0
     row.state[:] = 0.0
@@ -40,9 +40,9 @@ def test_in_the_air_a_rate_comes_to_rest(m, bank):
         kalman.predict(row, 0.001, 0.0, True, True)
     left = 0.5 * np.exp(-1.0 / kalman.RATE_MEMORY)
     np.testing.assert_allclose(row.state[OWN : COUNTS[m]], left, rtol=1e-9)
-    went = 0.5 * kalman.RATE_MEMORY * (1.0 - np.exp(-1.0 / kalman.RATE_MEMORY))
     driven = [LOG_STIFFNESS, EXPONENT][: COUNTS[m] - OWN]
-    np.testing.assert_allclose(row.state[driven], went, rtol=0.01)
+    assert np.all(row.state[driven] == 0.0)  # what is not felt goes on nowhere, as far as is known
+    assert np.all(np.diag(row.covariance)[driven] > 0.0)  # but it may have
     for i in range(OWN, COUNTS[m]):  # its walk goes on: that of an Ornstein-Uhlenbeck process
         left = np.exp(-2.0 / kalman.RATE_MEMORY)
         settled = left + 0.5 * OWN_WALKS[m, i - OWN] * kalman.RATE_MEMORY * (1.0 - left)

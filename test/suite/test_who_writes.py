@@ -44,7 +44,12 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "memory": "memory",
 }
 OWNERS = {
-    "bank": ("filters/self_tuning_ukf", "multiple_model/beginning", "multiple_model/sample"),
+    "bank": (
+        "filters/self_tuning_ukf",
+        "multiple_model/beginning",
+        "multiple_model/first_guess",
+        "multiple_model/sample",
+    ),
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
     "noise": ("adaptation/difference_noise",),
     "motion": ("adaptation/motion_density",),

@@ -20,6 +20,7 @@ from hc_estimator.multiple_model import (
     contact_onset,
     hypotheses,
     maneuver,
+    plausible,
     surface_search,
     tempering,
 )
@@ -35,6 +36,7 @@ SPECIFICATIONS = (
     *tempering.SPECIFICATIONS,
     *hypotheses.SPECIFICATIONS,
     *maneuver.SPECIFICATIONS,
+    *plausible.SPECIFICATIONS,
     *surface_search.SPECIFICATIONS,
     *alignment.SPECIFICATIONS,
 )
@@ -45,6 +47,7 @@ INTERNAL = (
     *(s.name for s in tempering.SPECIFICATIONS),
     *(s.name for s in hypotheses.SPECIFICATIONS),
     *(s.name for s in maneuver.SPECIFICATIONS),
+    *(s.name for s in plausible.SPECIFICATIONS),
     *(s.name for s in surface_search.SPECIFICATIONS),
     "initial_displacement_std",
     "initial_velocity_std",

@@ -174,7 +174,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     bank.rows[FITTED].active = 0
     bank.guessed = 0
     _go_on_moving(settings, bank)
-    bank.tool.worthless_time = 0.0
+    plausible.begin_tissue(bank.tool)
     levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
     _choose_anew(bank)

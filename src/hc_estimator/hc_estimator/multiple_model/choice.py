@@ -177,7 +177,7 @@ def _prefer_possible(settings: Any, judge: Any, rows: Any, tool: Any, clock: flo
     that no tissue has (`hc bench accuracy possible`, arm).
     """
     chosen = rows[judge.chosen]
-    if plausible.foretells_possible(settings, chosen, tool):
+    if settings.possible_forces == 0 or plausible.foretells_possible(settings, chosen, tool):
         return
     least = FAR_BETTER * _cost(chosen)
     for m in range(FRESH):

@@ -24,6 +24,16 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.kalman import force_of, force_of_row
 from hc_estimator.multiple_model.rows import free_parameters, seed
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "possible_forces",
+        "bool",
+        True,
+        "No hypothesis may expect a force far beyond what was felt where the tool has been.",
+    ),
+)
 
 LARGEST_FACTOR = 2.5  # of the largest force felt
 NOISE = 10.0  # deviations of the force sensor that are added to it
@@ -54,6 +64,12 @@ def learn(tool: Any, row: Any, force: float, elapsed: float) -> None:
         tool.worthless_time += elapsed
     else:
         tool.worthless_time = 0.0
+
+
+@compiled
+def begin_tissue(tool: Any) -> None:
+    """The law begins anew; what was felt is the same."""
+    tool.worthless_time = 0.0
 
 
 @compiled
@@ -93,7 +109,7 @@ def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) 
         force_noise: variance of the force sensor [N^2].
     """
     largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(force_noise)
-    looked_long = tool.contact_clock > KNOWN_AFTER
+    looked_long = settings.possible_forces != 0 and tool.contact_clock > KNOWN_AFTER
     possible = -1
     for m in range(rows.shape[0]):
         row = rows[m]

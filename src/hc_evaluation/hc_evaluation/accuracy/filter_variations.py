@@ -26,6 +26,7 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("surfaces that move", _without(Hypothesis.SURFACE_MOVES)),
     ("surface at a steady speed", {"without_hypotheses": 2**STEADY_SURFACE_ROW}),
     ("search for the surface", {"search_surface": False}),
+    ("no force beyond what was felt", {"possible_forces": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
     ("delay of the channels", {"channel_delay": 0.0}),
