@@ -49,7 +49,10 @@ COMMANDS: Final = (
     "completion",
     "test",
 )
-"""Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
+"""Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status.
+
+A module with COMPILES = True runs kernels itself: that these are compiled is then told.
+"""
 
 
 ENTRY_POINTS: Final = "hc.commands"
@@ -166,11 +169,12 @@ def was_interrupted() -> bool:
     return bool(_interrupts)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, tell_compilation: bool = False) -> int:
     """Run the hc command.
 
     Args:
         arguments: command line without the program's name; None takes sys.argv.
+        tell_compilation: whether a line on standard error says that kernels are being compiled.
 
     Returns:
         Exit status: 0, 1 for a failure, 2 for wrong use.
@@ -181,7 +185,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
         try:
-            return _run(words)
+            return _run(words, tell_compilation)
         finally:
             _flush()  # before the error line; and a full disk shows here, not when Python ends
     except UserError as error:
@@ -208,12 +212,16 @@ def _complete() -> None:
     argcomplete.autocomplete(_parser(command), always_complete_options=False)
 
 
-def _run(words: list[str]) -> int:
+def _run(words: list[str], tell_compilation: bool) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
     module = _module(parsed.command)
+    if tell_compilation and getattr(module, "COMPILES", False):
+        from hc_bringup.compilation_notice import CompilationNotice
+
+        CompilationNotice()
     return int(module.run(parsed))
 
 

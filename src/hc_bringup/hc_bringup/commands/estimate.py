@@ -15,6 +15,7 @@ from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
+COMPILES = True
 _LINES_AT_ONCE = 4096
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
