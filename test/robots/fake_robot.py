@@ -46,6 +46,7 @@ DEFAULTS = {
     "attitudes": [],  # if given: the tool goes from one to the next and rests 1.5 s in each
     "tip": [0.0, 0.0, 0.0],  # m, of the tool in the frame of the pose
     "reliable": True,
+    "clock_s": 0.0,  # so much ahead of this machine is the robot's clock
     "force": {
         "topic": "ft_sensor/wrench",
         "frame": "ft_sensor",
@@ -271,7 +272,7 @@ class Publisher:
             delay = arrival - (time.time_ns() - begin_ns) * 1e-9
             if delay > 0.0:
                 time.sleep(delay)
-            stamp_ns = begin_ns + round(time_s * 1e9)
+            stamp_ns = begin_ns + round((time_s + self.robot.s["clock_s"]) * 1e9)
             if not (stream == "force" and self.robot.force_is_dead):
                 self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
             told = self.robot.s[stream]

@@ -16,6 +16,7 @@ from typing import Any, Final, NoReturn
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.guard import explain
+from hc_bringup.wrapping import wrapped
 from hc_msgs_py.interface_class import UnknownInterfaceError
 
 COMMANDS: Final = (
@@ -246,7 +247,8 @@ def _tell(words: list[str], error: UserError) -> int:
     if output:
         sys.stderr.write(f"{output}\n")
     command = words[0] if words and words[0] in COMMANDS else ""
-    sys.stderr.write(f"{f'hc {command}'.strip()}: {error}\n")
+    line = wrapped(f"{f'hc {command}'.strip()}: {error}", stream=sys.stderr)
+    sys.stderr.write(f"{line}\n")
     return error.status
 
 

@@ -46,7 +46,7 @@ def _why_no_estimate(state: RunState) -> str:
     """Say why a run has no result, empty if it has one."""
     if state.statistics.estimates or state.elapsed_s < LONGEST_WITHOUT_ESTIMATE_S:
         return ""
-    said = state.problems.get(NODE_ESTIMATOR)
+    said = state.problems.get(NODE_ESTIMATOR) or state.silent_reason
     if state.samples:
         return f"no estimate came of {state.samples} samples" + (f": {said}" if said else "")
     return (

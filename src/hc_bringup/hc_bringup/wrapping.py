@@ -5,22 +5,22 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from typing import Final
+from typing import Final, TextIO
 
 INDENT: Final = "  "
 """Of the second and further lines, more than that of the first."""
 
 
-def wrapped(text: str, width: int | None = None) -> str:
+def wrapped(text: str, width: int | None = None, stream: TextIO | None = None) -> str:
     """Return a text as the terminal shows it, every line of it broken between words.
 
     Args:
         text: any number of lines.
-        width: of the terminal; None takes that of standard output, and breaks nothing where that is
-            none.
+        width: of the terminal; None takes that of the stream, and breaks nothing if it is none.
+        stream: where it will be written; None is standard output.
     """
     if width is None:
-        if not sys.stdout.isatty():
+        if not (stream or sys.stdout).isatty():
             return text
         width = shutil.get_terminal_size().columns
     return "\n".join(_broken(line, width) for line in text.split("\n"))
