@@ -207,10 +207,14 @@ def _complete() -> None:
     """Answer a shell that asks what the words so far can go on with (hc completion), and end."""
     import argcomplete
 
+    from hc_bringup.completers import attach
+
     line = os.environ["COMP_LINE"][: int(os.environ["COMP_POINT"])]
     words = line.split()[1:] if line[-1:].isspace() else line.split()[1:-1]
     command = words[0] if words else "none yet"  # the options of one command alone are declared
-    argcomplete.autocomplete(_parser(command), always_complete_options=False)
+    parser = _parser(command)
+    attach(parser)
+    argcomplete.autocomplete(parser, always_complete_options=False)
 
 
 def _run(words: list[str], tell_compilation: bool) -> int:
