@@ -154,7 +154,7 @@ class Display:
         if not state.statistics.estimates and state.phase == RUNNING:
             if state.silent_reason and not self._silence_reported:
                 self._silence_reported = True
-                said = f"no estimate yet: {state.silent_reason}"
+                said = f"no estimate yet: {state.silent_reason} ({MEANINGS})"
         elif state.silent and not self._silence_reported:
             # Why, the estimator says once a second.
             if state.silent_reason or state.silent_s > _REASON_WITHIN_S:
