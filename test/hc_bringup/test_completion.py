@@ -43,6 +43,20 @@ def test_bash_completes_commands_options_and_files(tmp_path: Path) -> None:
     assert actions == ["convert"]
 
 
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
+def test_bash_completes_what_only_the_suite_knows(tmp_path: Path) -> None:
+    (tmp_path / "robots_of_mine.yaml").touch()
+    lines = ["hc estimate x.csv --filter rw", "hc run --scenario palp", "hc run robot"]
+    lines += ["hc estimate x.csv --preset robots/b", "hc simulate tissue_"]
+    filters, scenarios, runs, presets, simulated = complete(lines, tmp_path)
+    assert filters == ["rwstukf"]
+    assert scenarios == ["palpation_scan"]
+    assert {"robot_run", "robots/franka", "robots_of_mine.yaml"} <= set(runs)
+    assert "robots/texture_analyser" not in runs
+    assert presets == ["robots/bench_indenter"]
+    assert simulated == ["tissue_change"]
+
+
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_every_shell_gets_a_script(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0

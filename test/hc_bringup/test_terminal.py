@@ -146,6 +146,10 @@ def test_nothing_makes_it_ragged(
         ({"silent_s": 1.4, "silent_reason": "no force"}, "no force"),
         ({"silent_s": 7.4, "phase": "done"}, "silent for 7.4 s"),
         ({"contact": None, "elapsed_s": 2.0}, "does anybody publish"),
+        (
+            {"contact": None, "elapsed_s": 9.0, "silent_reason": "no joint"},
+            "no estimate yet: no joint",
+        ),
         ({"mismatch": True, "explanation": "it relaxes"}, "the law does not fit: it relaxes"),
         ({"depth_mm": 312.0}, "was nothing tared"),
         ({"bag_dropped": 3}, "3 messages did not get into the bag"),

@@ -89,3 +89,28 @@ def test_what_the_estimator_doubts_is_in_the_summary_and_may_be_a_failure(
         "force zero of force": "the force reads 1.7 N free of contact",
         "sign of force": "turn its sign",
     }
+
+
+def test_a_run_without_an_estimate_says_why_while_it_runs_and_in_the_end(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Regression: attitudes without a quaternion ended in "does anybody publish samples?"."""
+    display = Display(enabled=False)
+    state = RunState(EstimateStatistics(), 22.0, phase="running", elapsed_s=2.0)
+    why = "waits for the first sample: 125 attitudes whose quaternion has no length"
+    state.diagnostics = {"estimator": {"level": "0", "message": why}}
+    display.show(state)
+    assert capsys.readouterr().err == ""  # it has just begun
+    state.elapsed_s = 6.0
+    state.diagnostics["estimator"]["level"] = "1"
+    for _ in range(3):
+        display.show(state)
+    assert capsys.readouterr().err == f"6.0 s: no estimate yet: {why} ({MEANINGS})\n"
+    with pytest.raises(UserError, match=f"no estimate came in 6 s: {why}"):
+        conclude(state, ["estimator"], None, as_json=False, with_latency=False)
+
+    # A warning beside estimates is no silence.
+    state.statistics.estimates = 10
+    assert state.silent_reason == ""
+    display.show(state)
+    assert capsys.readouterr().err == "6.0 s: samples come again\n"

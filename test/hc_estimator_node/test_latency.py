@@ -3,6 +3,8 @@
 import pytest
 
 from hc_estimator.stream.latency import LatencyClock
+from hc_estimator.stream.readings import Check
+from hc_estimator.stream.stamp_watch import StampWatch
 
 HOUR = 3_600_000_000_000
 MS = 1_000_000
@@ -33,3 +35,27 @@ def test_stamps_of_another_machine_s_clock_are_taken_as_they_are():
     clock = LatencyClock()
     for steady in range(0, 100 * MS, MS):
         assert clock.latency_ns(steady - HOUR, steady, steady) == HOUR
+
+
+@pytest.mark.parametrize(
+    ("latencies", "live", "told"),
+    [
+        ((-7200_000, -7200_003), True, "stamped 7200 s in the future"),
+        ((-30, -12), False, "stamped 0.012 s in the future"),
+        ((-30, -12, 3), True, ""),  # one that waited: a source that stamps ahead now and then
+        ((-9, -4), True, ""),
+        ((7200_000, 7200_400), True, "samples are 7200 s old when they are used"),
+        ((7200_000, 7200_400), False, ""),  # a bag
+        ((1300, 40, 2), True, ""),  # a node that stood still
+        ((), True, ""),
+    ],
+)
+def test_stamps_of_another_clock_are_doubted_and_late_samples_are_not(latencies, live, told):
+    watch = StampWatch()
+    for _ in range(2):  # nothing is left of what was looked at
+        for late in latencies:
+            watch.add(late * MS, live=live)
+        found = watch.take()
+        assert [(s.check, s.channel) for s in found] == [(Check.CLOCK, "samples")] * bool(told)
+        assert not told or told in found[0].sentence
+        assert watch.take() == []

@@ -176,6 +176,30 @@ def test_a_sign_is_told_from_a_zero_that_is_off_as_well():
     assert (found.check, found.channel) == (Check.SIGN, "both")
 
 
+def test_a_displacement_that_jumps_is_doubted_and_a_fast_press_or_a_gap_is_not():
+    """A tracker that lost its mark for a second left 4e5 N of error, and not a word."""
+    time_s, displacement, force = press(rate_hz=125.0)
+    jumped = displacement.copy()
+    jumped[400:525] -= 500.0
+    (found,) = check_samples(time_s, jumped, np.where(jumped < -100.0, 0.0, force))
+    assert (found.check, found.channel) == (Check.JUMP, "displacement")
+    assert "jumps by 500 mm within 8 ms" in found.sentence
+    assert "displacement_limit" in found.sentence
+
+    kept = np.ones(len(time_s), dtype=bool)
+    kept[300:380] = False
+    fast = np.s_[:: len(time_s) // 250]  # ten seconds in 250 readings: 100 mm/s looks like steps
+    for readings in (
+        (time_s[kept], displacement[kept], force[kept]),
+        (time_s / 20.0, displacement, force),
+    ):
+        assert (Check.JUMP, "displacement") not in checks(*readings)
+    assert (Check.JUMP, "displacement") not in checks(time_s[fast], displacement[fast], force[fast])
+    # In micrometres, or with times in milliseconds, it is the unit that is wrong.
+    for readings in ((time_s, 1e3 * displacement, force), (1e-3 * time_s, displacement, force)):
+        assert (Check.JUMP, "displacement") not in checks(*readings)
+
+
 @pytest.mark.clock
 def test_a_stream_is_looked_at_in_a_thread_and_told_once_until_it_is_right():
     watch = SuspicionWatch()

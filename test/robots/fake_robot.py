@@ -42,10 +42,12 @@ DEFAULTS = {
     "surface": [0.4, 0.1, 0.2],  # m, a point of the tissue's surface in the base frame
     "normal": [0.0, 0.0, 1.0],  # of the surface, out of the tissue
     "attitude": [0.0, 0.0, 0.0, 1.0],  # of the tool in the base frame, quaternion
+    "tells_attitude": True,  # else its quaternion is zero
     "rocking_deg": 0.0,  # the tool turns to and fro by so much about its y axis
     "attitudes": [],  # if given: the tool goes from one to the next and rests 1.5 s in each
     "tip": [0.0, 0.0, 0.0],  # m, of the tool in the frame of the pose
     "reliable": True,
+    "clock_s": 0.0,  # so much ahead of this machine is the robot's clock
     "force": {
         "topic": "ft_sensor/wrench",
         "frame": "ft_sensor",
@@ -238,7 +240,8 @@ class Publisher:
             place, turned = self.robot.pose(time_s)
             if told["type"] == "tf":
                 return self.frames(told, place, turned, stamp_ns)
-            q = dict(zip("xyzw", turned, strict=True))
+            told_as = turned if self.robot.s["tells_attitude"] else (0.0, 0.0, 0.0, 0.0)
+            q = dict(zip("xyzw", told_as, strict=True))
             if told["type"] == "pose":
                 message = PoseStamped()
                 point, attitude = message.pose.position, message.pose.orientation
@@ -271,7 +274,7 @@ class Publisher:
             delay = arrival - (time.time_ns() - begin_ns) * 1e-9
             if delay > 0.0:
                 time.sleep(delay)
-            stamp_ns = begin_ns + round(time_s * 1e9)
+            stamp_ns = begin_ns + round((time_s + self.robot.s["clock_s"]) * 1e9)
             if not (stream == "force" and self.robot.force_is_dead):
                 self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
             told = self.robot.s[stream]

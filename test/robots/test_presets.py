@@ -43,6 +43,7 @@ ROBOTS = {
             "rate_hz": 1000.0,
             "mounting": TURNED,
             "in_base": True,
+            "reaction": -1,  # the force of the arm on what it touches, as users report
         },
         "position": {
             "topic": "franka_robot_state_broadcaster/current_pose",

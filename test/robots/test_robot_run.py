@@ -74,3 +74,19 @@ def test_a_robot_that_is_read_wrongly_is_told_while_it_runs_and_in_the_end(bench
     assert "the sign of a channel and the unit of a channel are wrong" in err or (
         "the unit of a channel and the sign of a channel are wrong" in err
     )
+
+
+def test_a_robot_whose_clock_is_two_hours_ahead_is_told_and_its_tissue_is_found_all_the_same(bench):
+    """Regression: latencies below zero counted as zero, and "in the future" was never said."""
+    bench.robot(**AS_CONFIGURED, clock_s=7200.0)
+    run = Run(bench, "--duration", "15", "--json", "--param", "input.position.zero=-200.0")
+    said = "samples are stamped 7200 s in the future: the clocks of sensor and computer differ"
+    run.line_with(said)
+    doctor = bench.hc("doctor", "--seconds", "3")
+    assert doctor.returncode == 1
+    assert f"the node says: {said}" in doctor.stdout, doctor.stdout
+    out, err = run.process.communicate(timeout=90)
+    assert run.process.returncode == 0, err
+    summary = json.loads(out)
+    assert summary["suspicions"] == {"clock of samples": f"{said} (use PTP or chrony)"}
+    assert summary["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.05)

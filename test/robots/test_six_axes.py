@@ -83,3 +83,15 @@ def test_the_payload_is_identified_and_told_to_the_estimator(bench):
     assert float(told) == pytest.approx(0.7, abs=0.02)
     told = bench.hc("param", "get", "estimator", "input.payload.force_bias", "--hide-type").stdout
     np.testing.assert_allclose(yaml.safe_load(told), ROBOT["force"]["bias"], atol=0.1)
+
+
+@pytest.mark.slow
+def test_attitudes_that_are_none_are_told_in_one_line(bench):
+    bench.robot(**ROBOT, tells_attitude=False)
+    estimator(bench)
+    assert bench.patiently("param", "get", "estimator", "filter").returncode == 0
+    done = bench.hc("doctor", "--seconds", "7")
+    assert done.returncode == 1
+    assert "waits for the first sample: " in done.stdout
+    assert " attitudes whose quaternion has no length: let the driver fill it" in done.stdout
+    assert not done.stderr

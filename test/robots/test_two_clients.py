@@ -63,6 +63,23 @@ def test_who_gives_way_is_told_and_nobody_takes_anothers_outcome_for_his(bench):
     assert "find_surface given up: tare was asked for" in searched.stderr, searched.stderr
 
 
+def test_whoever_waits_for_a_node_that_died_is_told_and_waits_no_longer(bench):
+    """Regression: without a time limit it waited for ever, for a node that knew nothing of it."""
+    bench.robot(rest_s=1e6, lift_mm=0.0)
+    node = estimator(bench)
+    assert bench.patiently("reset").returncode == 0
+    results = []
+    search = threading.Thread(target=lambda: results.append(bench.hc("find-surface")))
+    search.start()
+    time.sleep(8.0)
+    node.kill()
+    estimator(bench)
+    search.join()
+    (searched,) = results
+    assert searched.returncode == 1
+    assert "/estimator ended meanwhile, and what it was to do with it: ask again" in searched.stderr
+
+
 def test_two_who_force_it_leave_nothing_forced_behind(bench):
     """Regression: the second put back the value that the first had set for a moment."""
     bench.robot(rest_s=1e6, lift_mm=0.0)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.wrapping import say, wrapped
 
 _POLL_S = 0.1
 
@@ -33,7 +34,7 @@ class Asker:
         """
         with contextlib.suppress(termios.error):  # what is no terminal has nothing to forget
             termios.tcflush(self._number, termios.TCIFLUSH)
-        print(question, end=" ", flush=True)
+        print(wrapped(question), end=" ", flush=True)
         typed = b""
         while not typed.endswith(b"\n"):
             if not select.select([self._number], [], [], 0.0)[0]:
@@ -67,7 +68,7 @@ class Asker:
             if typed in answers:
                 return answers[typed]
             words = ", ".join(answer or "Enter" for answer in answers)
-            print(f"{typed!r} is no answer here; type one of: {words}")
+            say(f"{typed!r} is no answer here; type one of: {words}")
 
 
 def yes_or_no(asker: Asker, question: str) -> bool:

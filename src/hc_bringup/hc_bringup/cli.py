@@ -16,6 +16,7 @@ from typing import Any, Final, NoReturn
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.guard import explain
+from hc_bringup.wrapping import wrapped
 from hc_msgs_py.interface_class import UnknownInterfaceError
 
 COMMANDS: Final = (
@@ -49,7 +50,10 @@ COMMANDS: Final = (
     "completion",
     "test",
 )
-"""Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status."""
+"""Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status.
+
+A module with COMPILES = True runs kernels itself: that these are compiled is then told.
+"""
 
 
 ENTRY_POINTS: Final = "hc.commands"
@@ -166,11 +170,12 @@ def was_interrupted() -> bool:
     return bool(_interrupts)
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None, *, tell_compilation: bool = False) -> int:
     """Run the hc command.
 
     Args:
         arguments: command line without the program's name; None takes sys.argv.
+        tell_compilation: whether a line on standard error says that kernels are being compiled.
 
     Returns:
         Exit status: 0, 1 for a failure, 2 for wrong use.
@@ -181,7 +186,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
         try:
-            return _run(words)
+            return _run(words, tell_compilation)
         finally:
             _flush()  # before the error line; and a full disk shows here, not when Python ends
     except UserError as error:
@@ -202,18 +207,26 @@ def _complete() -> None:
     """Answer a shell that asks what the words so far can go on with (hc completion), and end."""
     import argcomplete
 
+    from hc_bringup.completers import attach
+
     line = os.environ["COMP_LINE"][: int(os.environ["COMP_POINT"])]
     words = line.split()[1:] if line[-1:].isspace() else line.split()[1:-1]
     command = words[0] if words else "none yet"  # the options of one command alone are declared
-    argcomplete.autocomplete(_parser(command), always_complete_options=False)
+    parser = _parser(command)
+    attach(parser)
+    argcomplete.autocomplete(parser, always_complete_options=False)
 
 
-def _run(words: list[str]) -> int:
+def _run(words: list[str], tell_compilation: bool) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
     module = _module(parsed.command)
+    if tell_compilation and getattr(module, "COMPILES", False):
+        from hc_bringup.compilation_notice import CompilationNotice
+
+        CompilationNotice()
     return int(module.run(parsed))
 
 
@@ -238,7 +251,8 @@ def _tell(words: list[str], error: UserError) -> int:
     if output:
         sys.stderr.write(f"{output}\n")
     command = words[0] if words and words[0] in COMMANDS else ""
-    sys.stderr.write(f"{f'hc {command}'.strip()}: {error}\n")
+    line = wrapped(f"{f'hc {command}'.strip()}: {error}", stream=sys.stderr)
+    sys.stderr.write(f"{line}\n")
     return error.status
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.runner import RunState
 from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
+from hc_bringup.wrapping import say
 from hc_logger.writer import numbered_bags
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
@@ -37,7 +38,10 @@ def conclude(
             state.failures.append(f"{wrong}: do what stands above them, or see hc doctor")
     bags = [str(folder) for folder in numbered_bags(bag)] if bag else []
     summary = run_summary(state, str(bag) if bag else None, bags[1:], with_latency=with_latency)
-    print(to_json(summary) if as_json else run_text(summary))
+    if as_json:
+        print(to_json(summary))
+    else:
+        say(run_text(summary))
     if state.failures:
         raise UserError("; ".join(state.failures), FAILURE)
 
@@ -46,7 +50,7 @@ def _why_no_estimate(state: RunState) -> str:
     """Say why a run has no result, empty if it has one."""
     if state.statistics.estimates or state.elapsed_s < LONGEST_WITHOUT_ESTIMATE_S:
         return ""
-    said = state.problems.get(NODE_ESTIMATOR)
+    said = state.problems.get(NODE_ESTIMATOR) or state.silent_reason
     if state.samples:
         return f"no estimate came of {state.samples} samples" + (f": {said}" if said else "")
     return (

@@ -21,6 +21,6 @@ def main() -> int:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
     signal.signal(signal.SIGINT, cli.on_interrupt)
     try:
-        return cli.main()
+        return cli.main(tell_compilation=True)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -13,6 +13,7 @@ from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
 from hc_bringup.press_monitor import PressMonitor, resting
 from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, best, find_streams, unusable
+from hc_bringup.wrapping import say
 
 LOOK_S = 1.5
 PATIENCE_S = 12.0
@@ -73,15 +74,14 @@ def at_once(
 
 def look(graph: Graph) -> list[Stream]:
     """Look for sensors and say which there are."""
-    print(f"looking for sensors (at most {PATIENCE_S:g} s) ...", flush=True)
+    say(f"looking for sensors (at most {PATIENCE_S:g} s) ...")
     streams = find_streams(graph, LOOK_S, PATIENCE_S)
     for stream in streams:
         alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
-        print(f"  {stream.topic} ({stream.kind}): {alive}")
+        say(f"  {stream.topic} ({stream.kind}): {alive}")
     if not all(best(streams, kinds) for kinds in KINDS.values()):
         for line in unusable(graph):
-            print(f"  {line}")
-    sys.stdout.flush()
+            say(f"  {line}")
     return streams
 
 
@@ -166,7 +166,7 @@ class Guide:
                     for what, name in zip(KINDS, (force, position), strict=True)
                 ]
             except UserError as error:
-                print(error)
+                say(str(error))
                 if not yes_or_no(self._asker, "look again?"):
                     raise
                 continue
@@ -179,11 +179,11 @@ class Guide:
     def _pick(self, streams: list[Stream], proposed: Stream, what: str) -> Stream:
         alive = [s for s in streams if s.kind in KINDS[what] and s.rate_hz > 0.0]
         if len(alive) == 1:
-            print(f"{what}: {proposed.topic}")
+            say(f"{what}: {proposed.topic}")
             return proposed
         answers = {"": "0"}
         for i, stream in enumerate(alive, 1):
-            print(f"  {i}. {stream.topic}")
+            say(f"  {i}. {stream.topic}")
             answers[str(i)] = str(i)
         number = self._asker.choose(
             f"number of the {what} topic [Enter: {proposed.topic}]", answers, self._wait
@@ -211,7 +211,7 @@ class Guide:
                     self.again(f"{error}: is its driver still running?", recorder.idle)
                     continue
                 if monitor.has_pressed:
-                    print(f"felt: {monitor.sentence}")
+                    say(f"felt: {monitor.sentence}")
                     return Recorded(force, position, recorder.readings(), rest_s)
                 self.again(
                     f"no press was felt: {monitor.sentence}. Does the tool touch the tissue, and "
@@ -226,7 +226,7 @@ class Guide:
             BackError: if other sensors are wanted.
             UserError: if the user ends it.
         """
-        print(why)
+        say(why)
         answers = {"": "", "r": "", "b": "b", "q": "q"}
         answer = self._asker.choose(
             "press again [Enter], choose other sensors [b], or end [q]?",
@@ -270,7 +270,7 @@ class Guide:
             doubt = resting(recorder)
             if not doubt:
                 return recorder.elapsed_s
-            print(f"{doubt}: was it at rest, and in the air?")
+            say(f"{doubt}: was it at rest, and in the air?")
             answers = {"": "", "r": "", "g": "g"}
             if self._asker.choose("rest again [Enter], or go on all the same [g]?", answers) == "g":
                 return recorder.elapsed_s
@@ -278,10 +278,9 @@ class Guide:
     def _presses(self, recorder: Recorder) -> PressMonitor:
         """Let the tool press; the time runs from the first press that is felt."""
         monitor = PressMonitor(recorder)
-        print(
+        say(
             "Now press into the tissue and leave it again, several times, slow and fast "
-            f"({self._seconds:g} s from the first press on).",
-            flush=True,
+            f"({self._seconds:g} s from the first press on)."
         )
         began = time.monotonic()
         first: float | None = None

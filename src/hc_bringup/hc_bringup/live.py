@@ -146,9 +146,16 @@ class Display:
                 sys.stderr.flush()
 
     def _tell_silence(self, state: RunState) -> None:
-        """Write a line when the estimates come no more, and one when they come again."""
+        """Write a line when the estimates come no more, and one when they come again.
+
+        And one where none comes at all, once the estimator says why.
+        """
         said = ""
-        if state.silent and not self._silence_reported:
+        if not state.statistics.estimates and state.phase == RUNNING:
+            if state.silent_reason and not self._silence_reported:
+                self._silence_reported = True
+                said = f"no estimate yet: {state.silent_reason} ({MEANINGS})"
+        elif state.silent and not self._silence_reported:
             # Why, the estimator says once a second.
             if state.silent_reason or state.silent_s > _REASON_WITHIN_S:
                 self._silence_reported = True

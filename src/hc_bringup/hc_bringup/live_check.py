@@ -16,8 +16,6 @@ from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, SAMPLE
 
 LEAST_SAMPLES = 100
-OLD_S = 1.0
-"""Samples that are so old when they are used are not of now: a bag, or clocks that differ."""
 
 Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -73,8 +71,6 @@ def listen(node: str, seconds: float) -> Heard:
         heard.findings.append(Finding(f"{name} tells no diagnostics: is it stopped or too busy?"))
     elif int.from_bytes(statuses[-1].level, "little") > 0:
         heard.findings.append(Finding(f"the node says: {statuses[-1].message}"))
-    if statuses:
-        _judge_values({v.key: v.value for v in statuses[-1].values}, heard)
     if len(samples) < LEAST_SAMPLES:
         hidden = heard.settings.get("source") == "sensors" and not heard.settings.get(
             "publish_samples", True
@@ -109,21 +105,3 @@ def input_settings(graph: Any, name: str) -> dict[str, Any]:
         n.removeprefix("input."): parameter_value_to_python(v)
         for n, v in zip(wanted, values, strict=True)
     }
-
-
-def _judge_values(values: dict[str, str], heard: Heard) -> None:
-    latency_s = float(values.get("latency_p50_us", "nan")) * 1e-6
-    if latency_s > OLD_S:
-        heard.findings.append(
-            Finding(
-                f"samples are {latency_s:.3g} s old when they are used: the clocks of sensor and "
-                "computer differ (use PTP or chrony), or a recording is played"
-            )
-        )
-    elif latency_s < -0.001:
-        heard.findings.append(
-            Finding(
-                f"samples are stamped {-latency_s:.3g} s in the future: the clocks of sensor and "
-                "computer differ (use PTP or chrony)"
-            )
-        )

@@ -94,9 +94,14 @@ class RunState:
 
     @property
     def silent_reason(self) -> str:
-        """What the estimator says of its silence; empty as long as it says nothing."""
+        """What the estimator says of its silence; empty as long as it says nothing.
+
+        Before the first estimate a warning of it is about nothing else.
+        """
         said = self.diagnostics.get(NODE_ESTIMATOR, {})
-        return said.get("message", "") if int(said.get("level", 0)) in _UNHEARD else ""
+        level = int(said.get("level", 0))
+        waits = not self.statistics.estimates and level == int(Level.WARN)
+        return said.get("message", "") if waits or level in _UNHEARD else ""
 
 
 class Runner:

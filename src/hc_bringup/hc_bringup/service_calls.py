@@ -93,6 +93,7 @@ class EstimatorServices:
         self.node = graph.require_node(node)
         self._namespace = self.node.rpartition("/")[0]
         self._events: list[Any] = []
+        self._speakers: set[bytes] = set()
 
     def listen(self) -> None:
         """Listen to the node's events from now on."""
@@ -105,6 +106,12 @@ class EstimatorServices:
             CONFIGURATION_QOS,
         )
         self._graph.spin(SETTLE_S)  # events of before come at once, and are forgotten
+        self._speakers = self._who_speaks()
+
+    def _who_speaks(self) -> set[bytes]:
+        topic = f"{self._namespace}/{EVENTS}"
+        endpoints = self._graph.node.get_publishers_info_by_topic(topic)
+        return {bytes(endpoint.endpoint_gid) for endpoint in endpoints}
 
     def trigger(self, service: str) -> str:
         """Call a service; return what it says.
@@ -130,6 +137,9 @@ class EstimatorServices:
 
         Returns:
             The event; None if it did not come, or a signal did.
+
+        Raises:
+            UserError: if the node is gone: one that is started in its place knows of nothing.
         """
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while end is None or time.monotonic() < end:
@@ -138,6 +148,11 @@ class EstimatorServices:
                     return event
             if not self._graph.spin(0.02):
                 return None
+            if self._speakers and self._speakers.isdisjoint(self._who_speaks()):
+                raise UserError(
+                    f"{self.node} ended meanwhile, and what it was to do with it: ask again",
+                    FAILURE,
+                )
         return None
 
     def with_parameter(self, name: str, value: Any, act: Callable[[], Any]) -> Any:

@@ -16,6 +16,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural
 
 HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
+COMPILES = True
 INTERRUPTED = 130
 MOST_WORKERS = 1024
 

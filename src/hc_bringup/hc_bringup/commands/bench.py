@@ -13,6 +13,7 @@ from hc_bringup.options import natural, positive
 from hc_msgs_py.realtime import DEFAULT_PRIORITY
 
 HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the documents"
+COMPILES = True
 _DOCUMENT = "write tables into this document and the pages of its evidence/, CSV there"
 
 

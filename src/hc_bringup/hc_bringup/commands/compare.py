@@ -12,6 +12,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment
 
 HELP = "run recordings through several filters or settings and compare them on one page"
+COMPILES = True
 MOST_VARIANTS = 16
 _CHOICES = ("state_space", "contact_model")
 

@@ -12,6 +12,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import positive, seconds
 
 HELP = "write one row for each contact of a recording; --map draws the palpation map"
+COMPILES = True
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

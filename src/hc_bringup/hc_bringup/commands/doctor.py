@@ -9,8 +9,10 @@ from typing import Any
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
+from hc_bringup.wrapping import say
 
 HELP = "verdict on a recording, or on the estimator that runs now"
+COMPILES = True
 LISTEN_S = 10.0
 
 
@@ -62,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         _print_json(findings, diagnosis, settings, type_it, notes)
     else:
         for note in notes:
-            print(f"{where.partition(',')[0]}: {note}")
+            say(f"{where.partition(',')[0]}: {note}")
         _print(where, findings, diagnosis, settings, type_it)
     return FAILURE if findings else 0
 
@@ -133,18 +135,18 @@ def _print(where: str, findings: list[Any], diagnosis: Any, settings: Any, type_
     from hc_estimator.stream.readings import MEANINGS
 
     number = "nothing is wrong" if not findings else f"{len(findings)} finding(s)"
-    print(f"{where}: {number}")
+    say(f"{where}: {number}")
     for i, finding in enumerate(findings, 1):
-        print(f"{i}. {finding.what}")
+        say(f"{i}. {finding.what}")
         if finding.cost:
-            print(f"   costs: {finding.cost}")
+            say(f"   costs: {finding.cost}")
         for command in type_it(apply(settings, finding.settings), settings):
-            print(f"   type:  {command}")
+            print(f"   type:  {command}")  # whole, to be copied
     if findings:
         print(f"what each means: {MEANINGS}")
     if diagnosis is not None and diagnosis.estimated is not None:
         print("with what could be put right put right:" if findings else "estimated:")
-        print("\n".join(estimate_lines(diagnosis)))
+        say("\n".join(estimate_lines(diagnosis)))
 
 
 def _print_json(

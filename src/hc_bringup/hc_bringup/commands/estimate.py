@@ -13,8 +13,10 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.wrapping import say
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
+COMPILES = True
 _LINES_AT_ONCE = 4096
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
@@ -77,7 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
     summary["suspicions"] = [
         {"check": s.check.value, "channel": s.channel, "sentence": s.sentence} for s in suspicions
     ]
-    print(to_json(summary) if arguments.json else _text(summary))
+    if arguments.json:
+        print(to_json(summary))
+    else:
+        say(_text(summary))
     wrong = why_unusable(s.check.value for s in suspicions)
     if wrong:
         raise UserError(

@@ -47,4 +47,5 @@ def run(arguments: argparse.Namespace) -> int:
     print(f"  pip install --no-deps -e {folder}    then every command knows it:")
     print(f"  hc estimate RECORDING --filter {name}")
     print(f"  python -m pytest {folder}")
+    print("Its settings are in one record with those of the others: all are compiled anew, once.")
     return 0

@@ -8,6 +8,7 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
+from hc_bringup.wrapping import say
 
 HELP = "identify what hangs on the force sensor, and tell the estimator"
 REST_S = 2.0
@@ -50,17 +51,17 @@ def run(arguments: argparse.Namespace) -> int:
         if not (arguments.dry_run and arguments.force and arguments.pose):
             node = graph.require_node(arguments.node)
             settings = input_settings(graph, node)
-        wrenches, poses = _record(graph, arguments, settings)
-        mounting = unit_quaternion(settings.get("force.mounting", (0.0, 0.0, 0.0, 1.0)))
-        attitudes = np.array([product(q[1:], mounting) for q in poses])
-        times = np.array([q[0] for q in poses])
-        rows = np.array(wrenches)
         if settings.get("force.in_base"):
             raise UserError(
                 "input.force.in_base is true: a driver that tells the wrench in the base frame "
                 "takes the payload off itself",
                 FAILURE,
             )
+        wrenches, poses = _record(graph, arguments, settings)
+        mounting = unit_quaternion(settings.get("force.mounting", (0.0, 0.0, 0.0, 1.0)))
+        attitudes = np.array([product(q[1:], mounting) for q in poses])
+        times = np.array([q[0] for q in poses])
+        rows = np.array(wrenches)
         still = still_readings(rows[:, 0], rows[:, 1:], times, attitudes)
         try:
             found = identify_payload(*still, tuple(settings.get("gravity", (0.0, 0.0, -9.81))))
@@ -78,6 +79,7 @@ def _record(
     """Record wrenches (time, force, torque) and attitudes (time, quaternion)."""
     from geometry_msgs.msg import WrenchStamped
 
+    from hc_bringup.asking import Asker
     from hc_bringup.graph import absolute
     from hc_bringup.robot_streams import POSITIONS
     from hc_msgs_py.interface_class import interface_class
@@ -85,8 +87,8 @@ def _record(
     from hc_msgs_py.units import nanoseconds_from_stamp
 
     kind = settings.get("position.type", "pose") if arguments.pose is None else "pose"
-    if kind == "joint":
-        raise UserError("input.position.type is joint: a payload needs poses (--pose TOPIC)")
+    if kind in ("joint", "tf"):
+        raise UserError(f"input.position.type is {kind}: a payload needs poses (--pose TOPIC)")
     type_name = next(name for name, short in POSITIONS.items() if short == kind)
     force = absolute(arguments.force or settings["force.topic"])
     pose = absolute(arguments.pose or settings["position.topic"])
@@ -116,8 +118,9 @@ def _record(
         graph.spin(arguments.seconds or ONE_GO_S)
     else:
         print(f"Free of contact, turn the tool into {ATTITUDES} attitudes, as different as it can.")
+        asker = Asker()
         for i in range(ATTITUDES):
-            input(f"attitude {i + 1} of {ATTITUDES}: let it rest, then press Enter. ")
+            asker.ask(f"attitude {i + 1} of {ATTITUDES}: let it rest, then press Enter.")
             graph.spin(REST_S)
     for rows, topic in ((wrenches, force), (poses, pose)):
         if not rows:
@@ -137,6 +140,11 @@ def _tell(found: Any) -> None:
         f"center {vector(found.center, found.center_std, 'm')} in the sensor's frame\n"
         f"offset {vector(found.force_bias, found.force_bias_std, 'N')}"
     )
+    if not found.is_explained:
+        say(
+            f"a weight explains these forces to {found.residual_n:.2g} N only: is the sensor "
+            "turned against the pose (input.force.mounting), or did the tool touch something?"
+        )
 
 
 def _set(graph: Any, node: str, found: Any) -> None:

@@ -12,6 +12,7 @@ from hc_bringup.commands import estimate
 from hc_bringup.errors import WRONG_USE, UserError
 
 HELP = "say in words and charts what a recording holds: an HTML page, or a picture"
+COMPILES = True
 _PICTURES = (".png", ".svg", ".pdf")
 
 

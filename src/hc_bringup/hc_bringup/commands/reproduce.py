@@ -10,6 +10,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural
 
 HELP = "run the papers' experiments and write tables and figures beside the published ones"
+COMPILES = True
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -9,8 +9,10 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
+from hc_bringup.wrapping import say
 
 HELP = "find how your robot's sensors are to be read, write it down and start a run"
+COMPILES = True
 ONE_GO_S = 15.0
 INTERRUPTED = 130
 
@@ -61,9 +63,9 @@ def run(arguments: argparse.Namespace) -> int:
             raise
         print(file=sys.stderr)  # behind the ^C of the terminal
         raise UserError("ended: nothing was written", INTERRUPTED) from None
-    print(f"written: {output}, {run_file}", flush=True)
+    say(f"written: {output}, {run_file}")
     if arguments.no_run or not (arguments.yes or _run_now(run_file)):
-        print(f"start it with: hc run {run_file}")
+        say(f"start it with: hc run {run_file}")
         return 0
     return cli.main(["run", str(run_file)])
 
@@ -133,13 +135,13 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
     )
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")
-    print(assumed_line(found.displacement_mm, found.force_n))
+    say(assumed_line(found.displacement_mm, found.force_n))
     for finding in diagnosis.findings:
         if not _are_zeros(finding.settings):  # those are told above
-            print(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
+            say(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
     for note in found.notes:
-        print(note)
-    print("\n".join(estimate_lines(diagnosis)), flush=True)
+        say(note)
+    say("\n".join(estimate_lines(diagnosis)))
     offsets = {
         name: corrections[f"{name}.time_offset"]
         for name in ("force", "position")
@@ -153,7 +155,7 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
     if found.axis == "direction":
         along = "along " + ", ".join(f"{c:.2f}" for c in found.direction)
     zero = "zero not known" if found.zero != found.zero else f"zero {found.zero:.4g} {unit}"
-    print(
+    say(
         f"{stream.topic}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
         f"{found.rate_hz:.0f} Hz"
     )

@@ -10,6 +10,7 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural, positive
 
 HELP = "run a scenario of the rig as fast as possible into a CSV file or a bag"
+COMPILES = True
 BAG_EPOCH_NS = 1_000_000_000 * 1_000_000_000
 """Stamp of the first sample in a bag: fixed, so that the same seed gives the same bytes."""
 BLOCK = 1024

@@ -131,7 +131,8 @@ class PanelView:
             reason = self.silent_reason or NO_SAMPLES
             return f"silent for {self.silent_s:.1f} s: {reason}", "bad"
         if self.waits:
-            return "no estimate yet: does anybody publish samples?", "bad"
+            reason = self.silent_reason or "does anybody publish samples?"
+            return f"no estimate yet: {reason}", "bad"
         if self.contact is None:
             return self.phase, "idle"
         if self.mismatch and self.contact:

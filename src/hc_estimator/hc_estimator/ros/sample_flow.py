@@ -97,19 +97,24 @@ class SampleFlow:
         self, stamp_ns: int, sequence: int, force_n: float, estimate: Estimate, computation_ns: int
     ) -> None:
         """Publish an estimate."""
-        assert self._status is not None
         latency_ns = self._outputs.publish_estimate(
             stamp_ns, sequence, force_n, estimate, computation_ns, self._revision
         )
-        self._status.latency.add(latency_ns)
+        self._add_latency(latency_ns)
 
     def on_estimates(self, batch: Batch, series: EstimateSeries, computation_ns: int) -> None:
         """Publish the estimates of samples that waited together."""
-        assert self._status is not None
         for latency_ns in self._outputs.publish_estimates(
             batch, series, computation_ns, self._revision
         ):
-            self._status.latency.add(latency_ns)
+            self._add_latency(latency_ns)
+
+    def _add_latency(self, latency_ns: int) -> None:
+        assert self._status is not None
+        self._status.latency.add(latency_ns)
+        # Samples may come out of a bag; sensors of a robot speak now.
+        live = self._settings.values["input.source"] == "sensors"
+        self._suspicions.add_latency(latency_ns, live=live)
 
     def on_event(self, event: Event) -> None:
         """Publish an event and write it to the log."""

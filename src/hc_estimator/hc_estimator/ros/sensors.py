@@ -171,6 +171,7 @@ class SensorInput:
         self._reading: tuple[Any, ...] = ()
         self._attitude: Quaternion | None = None
         self._without_attitude = 0
+        self._unusable_attitudes = 0
         self.normal_finder: NormalFinder | None = None
         self.configure(values)
 
@@ -211,7 +212,7 @@ class SensorInput:
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """Readings that are in no sample, and joint messages without the joint."""
+        """Readings that are in no sample, and messages without what is read of them."""
         counters = self._merger.counters
         return {
             "pairing_late": counters.late,
@@ -221,6 +222,7 @@ class SensorInput:
             "joint_missing": self._missing_joint,
             "frame_missing": self._missing_frame,
             "attitude_missing": self._without_attitude,
+            "attitude_unusable": self._unusable_attitudes,
         }
 
     def close(self) -> None:
@@ -327,7 +329,7 @@ class SensorInput:
             try:
                 turned = unit_quaternion((turn.x, turn.y, turn.z, turn.w))
             except ValueError:
-                self.undecodable += 1
+                self._unusable_attitudes += 1
                 continue
             child = _name(transform.child_frame_id)
             pose = ((place.x, place.y, place.z), turned)
@@ -341,7 +343,7 @@ class SensorInput:
         try:
             normal = rotated(unit_quaternion((q.x, q.y, q.z, q.w)), (0.0, 0.0, 1.0))
         except ValueError:
-            self.undecodable += 1
+            self._unusable_attitudes += 1
             return
         self._frame = self._frame._replace(point=(point.x, point.y, point.z), normal=normal)
 
@@ -350,7 +352,7 @@ class SensorInput:
             try:
                 turned = unit_quaternion((attitude.x, attitude.y, attitude.z, attitude.w))
             except ValueError:
-                self.undecodable += 1
+                self._unusable_attitudes += 1
                 return
             self._attitude = turned
             tip = self._frame.tip_at((point.x, point.y, point.z), turned)

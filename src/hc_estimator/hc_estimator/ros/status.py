@@ -28,6 +28,14 @@ _REFUSED = {
     Rejection.NUMERICAL: "the filter failed numerically",
 }
 
+_UNUSABLE = {
+    "attitude_unusable": "attitudes whose quaternion has no length: let the driver fill it",
+    "joint_missing": "messages without the joint, or what is read of it (input.position.joint)",
+    "frame_missing": "messages of frames that do not connect input.position.base_frame and "
+    "child_frame",
+}
+"""What an input counts of messages that it cannot use."""
+
 
 class StatusReporter:
     """Makes the status from a session's counters.
@@ -111,6 +119,7 @@ class StatusReporter:
             "repeated_stamps": session.guard.faults.repeated_stamps,
             "stamp_jumps": session.guard.faults.stamp_jumps,
             **{channel.topic: channel.received for channel in source.channels},
+            **{name: source.counters[name] for name in _UNUSABLE if name in source.counters},
             **{reason.name: counters.rejected[reason] for reason in Rejection},
         }
 
@@ -208,6 +217,7 @@ def _reasons(since: Mapping[str, float], source: Input, jump_ns: int) -> list[st
                 reasons.append(f"no message on {channel.topic} from {', '.join(names)}")
     if since["undecodable"]:
         reasons.append(f"{since['undecodable']:.0f} messages that cannot be decoded")
+    reasons += [f"{since[name]:.0f} {what}" for name, what in _UNUSABLE.items() if since.get(name)]
     if since["zero_stamps"]:
         reasons.append(
             f"{since['zero_stamps']:.0f} samples with stamp zero: let the source fill header.stamp"

@@ -146,6 +146,29 @@ def coarse(readings: Readings) -> str:
     )
 
 
+def jumping(displacement: Readings) -> str:
+    """A displacement that goes further between two readings than any tool does."""
+    _name, unit, time_s, values = displacement
+    steps, apart = np.abs(np.diff(values)), np.diff(time_s)
+    forward = apart > 0.0
+    if not forward.any():
+        return ""
+    usual = float(np.median(apart[forward]))
+    speed = steps / np.maximum(apart, usual)  # stamps that are next to equal are no speed
+    wild = forward & (steps > _JUMP_MM) & (speed > _FASTEST_MM_S)
+    if not wild.any():
+        return ""
+    largest = int(np.argmax(np.where(wild, steps, 0.0)))
+    return (
+        f"the displacement jumps by {steps[largest]:.3g} {unit} within "
+        f"{1e3 * apart[largest]:.3g} ms: no tool moves so; look at what tells the position (a "
+        "tracker that loses its mark, a frame that is told anew), or set displacement_limit"
+    )
+
+
+_JUMP_MM, _FASTEST_MM_S = 5.0, 3000.0
+"""Three metres a second: nobody palpates so fast."""
+
 LEAST_TIMED = 500
 _SLOWEST_HZ, _FASTEST_HZ = 4.5, 1e5
 _USUAL_HZ = (20.0, 2e4)

@@ -18,6 +18,12 @@ FloatArray = NDArray[np.float64]
 LEAST_ATTITUDES = 3
 SMALLEST_TURN = math.radians(20.0)
 """Attitudes that differ by less do not tell the weight from the offset."""
+ANOTHER_TURN = math.radians(5.0)
+"""Attitudes that differ by less against the vertical are one that was taken twice."""
+UNEXPLAINED = 0.1
+"""Of the weight: a residual beyond it is no noise, the attitudes are not those of the sensor."""
+NOISE_N = 0.05
+"""Means over a rest are noisy by less, whatever hangs there."""
 GRAVITY = (0.0, 0.0, -9.81)
 STILL_TURN = math.radians(1.0)
 STILL_S = 0.5
@@ -38,6 +44,7 @@ class PayloadEstimate(NamedTuple):
         torque_bias: [N m], shape (3,).
         residual_n: RMS of what the forces differ by from the model [N].
         attitudes: number of attitudes used.
+        is_explained: whether weight and offset explain the forces.
     """
 
     mass: float
@@ -49,6 +56,7 @@ class PayloadEstimate(NamedTuple):
     torque_bias: FloatArray
     residual_n: float
     attitudes: int
+    is_explained: bool
 
 
 class StillReadings(NamedTuple):
@@ -118,7 +126,7 @@ def identify_payload(
         ValueError: if the attitudes are too few or too much alike.
     """
     if len(forces) < LEAST_ATTITUDES:
-        raise ValueError(f"{len(forces)} attitudes are too few: give at least {LEAST_ATTITUDES}")
+        raise ValueError(f"{_attitudes(len(forces))} too few: give at least {LEAST_ATTITUDES}")
     turned = Rotation.from_quat(attitudes).inv().apply(gravity)  # gravity in the sensor's frame
     unit = turned / np.linalg.norm(turned, axis=1)[:, None]
     widest = math.acos(float(np.clip(np.min(unit @ unit.T), -1.0, 1.0)))
@@ -126,6 +134,12 @@ def identify_payload(
         raise ValueError(
             f"the attitudes differ by {math.degrees(widest):.0f} degrees against the vertical: "
             f"turn the tool by {math.degrees(SMALLEST_TURN):.0f} or more"
+        )
+    different = _different(unit)
+    if different < LEAST_ATTITUDES:  # the centre would be any of a line, and its deviation 0
+        raise ValueError(
+            f"{_attitudes(different)} too few, though {len(forces)} were taken: the others turn "
+            f"about the vertical only, or come again; give at least {LEAST_ATTITUDES}"
         )
     count = len(forces)
     identity = np.tile(np.eye(3), (count, 1))
@@ -153,7 +167,21 @@ def identify_payload(
         moments[:3],
         residual,
         count,
+        residual <= max(UNEXPLAINED * abs(mass) * float(np.linalg.norm(gravity)), NOISE_N),
     )
+
+
+def _attitudes(number: int) -> str:
+    return "1 attitude is" if number == 1 else f"{number} attitudes are"
+
+
+def _different(directions: FloatArray) -> int:
+    """Return how many of some unit vectors differ from all that are counted before."""
+    kept: list[FloatArray] = []
+    for direction in directions:
+        if all(float(direction @ other) < math.cos(ANOTHER_TURN) for other in kept):
+            kept.append(direction)
+    return len(kept)
 
 
 def _least_squares(matrix: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, float]:

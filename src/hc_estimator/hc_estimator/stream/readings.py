@@ -35,6 +35,8 @@ class Check(Enum):
     UNITS = "units"
     FORCE_ZERO = "force zero"
     POSITION_ZERO = "position zero"
+    CLOCK = "clock"
+    JUMP = "jump"
 
 
 class Suspicion(NamedTuple):
@@ -42,7 +44,7 @@ class Suspicion(NamedTuple):
 
     Attributes:
         check: what is doubted.
-        channel: displacement or force.
+        channel: displacement, force, or samples for both.
         sentence: what is seen, and what to do about it.
         remedy: what would put it right: the factor of a sign or a unit, the zero to take off [N] or
             [mm]; NaN where no number would.

@@ -110,6 +110,10 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
         turned = seen & {(Check.SIGN, "displacement"), (Check.SIGN, "both")}
         if not (turned or (Check.SATURATION, "force") in seen):
             _add(result, Check.SATURATION, force, channel_checks.flattened(displacement, force))
+    if len(displacement.values) >= LEAST_SAMPLES:
+        doubted = {s.check for s in result if s.channel == "displacement"}
+        if doubted.isdisjoint((Check.UNITS, Check.RATE)):  # nothing is known of its speed
+            _add(result, Check.JUMP, displacement, channel_checks.jumping(displacement))
     order = list(Check)
     return sorted(result, key=lambda s: order.index(s.check))
 

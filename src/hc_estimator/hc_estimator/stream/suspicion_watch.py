@@ -12,6 +12,7 @@ import numpy as np
 
 from hc_estimator.stream.readings import Readings, Suspicion, usable
 from hc_estimator.stream.sanity import check_channels
+from hc_estimator.stream.stamp_watch import StampWatch
 
 KEPT = 4096
 """Readings of each channel: four seconds at 1 kHz."""
@@ -65,6 +66,7 @@ class SuspicionWatch:
         """The sensors are read otherwise from now on."""
         self._displacement = _Channel("displacement", "mm")
         self._force = _Channel("force", "N")
+        self._stamps = StampWatch()
         self._origin_ns: int | None = None
         self._seen: dict[tuple[str, str], int] = {}
         self._looked_at = 0
@@ -81,6 +83,10 @@ class SuspicionWatch:
         if force_n == force_n:
             self._force.add(time_s, force_n)
 
+    def add_latency(self, latency_ns: int, *, live: bool) -> None:
+        """Take in how old a sample was when it was used [ns], and whether it should be of now."""
+        self._stamps.add(latency_ns, live=live)
+
     def look(self, now_s: float) -> list[Suspicion]:
         """Look, if it is time to; returns what has become suspicious since the last time.
 
@@ -93,7 +99,7 @@ class SuspicionWatch:
             error = looked.exception()
             self.failure = "" if error is None else f"{type(error).__name__}: {error}"
             if error is None:
-                new = self._weigh(looked.result())
+                new = self._weigh([*looked.result(), *self._stamps.take()])
         count = self._displacement.count + self._force.count
         if self._looking is None and now_s >= self._next_s and count > self._looked_at:
             self._looked_at = count

@@ -1,0 +1,62 @@
+"""Whether the stamps of samples are of the clock by which they are used."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from hc_estimator.stream.readings import Check, Suspicion
+
+AHEAD_NS: Final = 10_000_000
+"""Clocks that a time server holds differ by less, and nothing here minds so much."""
+OLD_NS: Final = 1_000_000_000
+"""What is so old when it is used is not of now: clocks that differ, or a recording."""
+_DIFFER: Final = "the clocks of sensor and computer differ (use PTP or chrony)"
+
+
+class StampWatch:
+    """Doubts stamps that all lie in the future, or all far in the past."""
+
+    def __init__(self) -> None:
+        self._clear()
+
+    def _clear(self) -> None:
+        self._least_ns: int | None = None
+        self._most_ns = 0
+        self._live = True
+
+    def add(self, latency_ns: int, *, live: bool) -> None:
+        """Take in how old a sample was when it was used [ns].
+
+        Args:
+            latency_ns: from its stamp to now; negative for a stamp in the future.
+            live: whether it is of now by what it came from; a recording may be as old as it is.
+        """
+        if self._least_ns is None:
+            self._least_ns = self._most_ns = latency_ns
+        elif latency_ns < self._least_ns:
+            self._least_ns = latency_ns
+        elif latency_ns > self._most_ns:
+            self._most_ns = latency_ns
+        self._live = live
+
+    def take(self) -> list[Suspicion]:
+        """Return what is doubted of the samples since the last call; nothing without samples."""
+        least_ns, most_ns, live = self._least_ns, self._most_ns, self._live
+        self._clear()
+        if least_ns is None:
+            return []
+        if most_ns < -AHEAD_NS:
+            said = f"samples are stamped {_seconds(-most_ns)} in the future: {_DIFFER}"
+        elif least_ns > OLD_NS and live:
+            said = (
+                f"samples are {_seconds(least_ns)} old when they are used: {_DIFFER}, or a "
+                "recording is played"
+            )
+        else:
+            return []
+        return [Suspicion(Check.CLOCK, "samples", said)]
+
+
+def _seconds(duration_ns: int) -> str:
+    seconds = duration_ns * 1e-9
+    return f"{seconds:.0f} s" if seconds >= 100.0 else f"{seconds:.3g} s"
