@@ -92,10 +92,9 @@ def domain(ros_domain: int) -> int:
 
 
 @pytest.fixture
-def start_node(domain: int) -> Iterator[Callable[..., NodeProcess]]:
+def start_node(processes: Processes) -> Callable[..., NodeProcess]:
     """Start nodes, which end with the test."""
-    with Processes(domain) as processes:
-        yield lambda module, **parameters: NodeProcess(processes, module, **parameters)
+    return lambda module, **parameters: NodeProcess(processes, module, **parameters)
 
 
 @pytest.fixture
