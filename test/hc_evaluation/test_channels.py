@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder, load
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.separation import SEPARATIONS
 from hc_evaluation.channels import diagnose_channels, evenly_spaced
-from hc_evaluation.contact_law import hunt_crossley_force
 from hc_sim_rig import Rig, load_scenario
 
 needs_recordings = pytest.mark.skipif(

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import OptimizeResult, least_squares
 
+from hc_estimator.contact.arrays import force_gradient, hunt_crossley_force
 from hc_estimator.stream.together import together
-from hc_evaluation.contact_law import force_gradient, hunt_crossley_force
 from hc_evaluation.hold_forward import smooth_motion
 
 FloatArray = NDArray[np.float64]
