@@ -20,7 +20,7 @@ _MYPY = "mypy"
 _LOWEST_PRIORITY = "19"
 """Of mypy, which runs beside the tests: it takes what they leave while they wait for processes."""
 _PARALLEL = ("--numprocesses=3", "--dist=loadfile", "--no-loadscope-reorder")
-"""Three processes for the two cores of CI's machines: a test of processes waits for two fifths of its
+"""Three processes for the two cores of CI: tests of processes wait for two fifths of their
 time. They come first (test/conftest.py); a file's tests stay together."""
 
 
