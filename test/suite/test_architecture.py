@@ -1,6 +1,7 @@
 """The rule of docs/design.md: imports run one way, and the cores know nothing of ROS."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -171,6 +172,24 @@ def test_lock_file_has_hashes_and_no_addresses() -> None:
     assert len(pinned) > 50
     assert all(line.rstrip().endswith("\\") for line in pinned), "a package without a hash"
     assert not [line for line in lines if "://" in line or "index-url" in line]
+
+
+def names(path: Path) -> Iterator[str]:
+    """Every name that a file gives or uses."""
+    for node in ast.walk(tree(path)):
+        for field in ("name", "id", "arg", "attr"):
+            if isinstance(name := getattr(node, field, None), str):
+                yield name
+
+
+@pytest.mark.parametrize("package", ORDER[:-1])
+def test_names_are_the_fields_terms(package: str) -> None:
+    """A quantity is estimated, measured or reported; nobody in a program feels or tells."""
+    word = re.compile(r"(^|_)(told|felt|newcomers?|veterans?)(_|$)")
+    found = {
+        f"{p.name}: {name}" for p in sources(package) for name in names(p) if word.search(name)
+    }
+    assert not found
 
 
 def test_processes_of_tests_are_started_by_the_one_harness() -> None:
