@@ -276,10 +276,16 @@ class _Fit:
         def whole(x: FloatArray) -> FloatArray:
             return np.concatenate((x, [0.0, 0.0, 0.0]))
 
+        def residual(x: FloatArray) -> FloatArray:
+            return self._misfit(whole(x)) / self.noise_n
+
+        def jacobian(x: FloatArray) -> FloatArray:
+            return self._slopes(whole(x))[:, :4] / self.noise_n
+
         alone = least_squares(
-            lambda x: self._misfit(whole(x)) / self.noise_n,
+            residual,
             start,
-            lambda x: self._slopes(whole(x))[:, :4] / self.noise_n,
+            jacobian,
             bounds=(self._lower[:4], self._upper[:4]),
             x_scale=self._scale[:4],
         )

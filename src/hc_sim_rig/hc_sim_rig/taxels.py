@@ -78,7 +78,8 @@ class TaxelPad:
 
         F = max(0, K d^n + B d^n sign(v)|v|^p), as the rig's own tissue.
         """
-        depth, velocity = np.float64(truth.displacement_mm), np.float64(truth.velocity_mm_s)
-        forces = hunt_crossley_force(depth, velocity, self.parameters(truth))
+        depth = float(truth.displacement_mm)
+        motion = np.array([[depth], [float(truth.velocity_mm_s)]])
+        forces = hunt_crossley_force(motion[0], motion[1], self.parameters(truth))
         noise = self._random.standard_normal((2, len(forces)))
         return depth + self._noise[0] * noise[0], forces + self._noise[1] * noise[1]
