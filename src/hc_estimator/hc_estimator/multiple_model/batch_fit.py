@@ -33,11 +33,11 @@ from hc_estimator.multiple_model.fit_covariance import (
     widen,
 )
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES, SURFACE_ROW, is_tried
+from hc_estimator.multiple_model.levenberg_marquardt import improve
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
     gather,
-    improve,
     velocity_at,
     weigh,
 )

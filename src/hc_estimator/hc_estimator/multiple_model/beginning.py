@@ -29,12 +29,14 @@ from hc_estimator.multiple_model.hypotheses import (
     WAITS,
     is_tried,
 )
+from hc_estimator.multiple_model.kalman import predict
 from hc_estimator.multiple_model.rows import (
     free_parameters,
     is_sound,
     limit,
     prior_deviation,
     reset,
+    take_motion,
 )
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 
@@ -139,9 +141,28 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
         bank.history.fit[i] = fit[i]
     bank.history.unfitted = bank.history.count
     bank.rows[FITTED].active = 0
-    bank.motion_anew = 1
+    _go_on_moving(settings, bank)
     bank.delay.windows = 0
     _choose_anew(bank)
+
+
+@compiled
+def _go_on_moving(settings: Any, bank: Any) -> None:
+    """Begin with the motion that the displacement alone says, if it does; else at the next reading.
+
+    At an unknown velocity any force is possible, an outlier's as well.
+    """
+    ahead = bank.clock.state_time - bank.motion.last_time
+    near = ahead >= 0.0 and ahead < 2.0 * bank.motion.step
+    if not (near and motion_density.is_settled(bank.motion)):
+        bank.motion_anew = 1
+        return
+    density = motion_density.jerk_density(settings, bank.motion)
+    for m in range(FRESH):
+        row = bank.rows[m]
+        if row.active != 0:
+            take_motion(row, bank.motion, bank.sensor_noise[0])
+            predict(row, ahead, density, False, True)
 
 
 @compiled
@@ -152,8 +173,8 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
         reset(settings, row, row.state[DEPTH])
     bank.rows[FITTED].active = 0
     bank.guessed = 0
-    bank.motion_anew = 1
-    plausible.reset(bank.tool)
+    _go_on_moving(settings, bank)
+    bank.tool.worthless_time = 0.0
     levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
     _choose_anew(bank)
@@ -169,6 +190,7 @@ def recover(settings: Any, bank: Any, time: float, decision: int) -> None:
         if bank.tool.worthless_time > WORTHLESS_TIME:  # a law that explains nothing
             contact_onset.take_back(bank)
             _forget_tissue(settings, bank)
+            plausible.reset(bank.tool)
             bank.change.detected = 1
         return
     if decision == NUMERICAL:

@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import plausible
 from hc_estimator.multiple_model.hypotheses import FITTED, FRESH, OWN, STEADY_SURFACE_ROW, SURFACE
 
 MEMORY = 0.4  # time constant of the scores [s]
@@ -118,7 +119,7 @@ def _is_steady(row: Any, clock: float) -> bool:
 
 
 @compiled
-def choose(judge: Any, rows: Any, clock: float) -> None:
+def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best, preferably without misfit."""
     steadiest = steadiest_nis(judge, rows)
     likeliest = -math.inf
@@ -164,7 +165,27 @@ def choose(judge: Any, rows: Any, clock: float) -> None:
         if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
             break
+    _prefer_possible(settings, judge, rows, tool, clock)
     _prefer_far_better(judge, rows, clock)
+
+
+@compiled
+def _prefer_possible(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> None:
+    """Another row, if the law of the chosen one foretells far more than was ever felt.
+
+    At a zero that is millimetres off, a row explains a force at next to no depth with a stiffness
+    that no tissue has (`hc bench accuracy possible`, arm).
+    """
+    chosen = rows[judge.chosen]
+    if plausible.foretells_possible(settings, chosen, tool):
+        return
+    least = FAR_BETTER * _cost(chosen)
+    for m in range(FRESH):
+        row = rows[m]
+        better = counts(row, clock) and _cost(row) < least
+        if better and plausible.foretells_possible(settings, row, tool):
+            least = _cost(row)
+            judge.chosen = m
 
 
 @compiled

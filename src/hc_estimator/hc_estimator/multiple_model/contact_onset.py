@@ -21,7 +21,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
-from hc_estimator.multiple_model import zero_fit
+from hc_estimator.multiple_model import plausible, zero_fit
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 from hc_estimator.multiple_model.records import RAW
 
@@ -369,6 +369,7 @@ def move_zeros(bank: Any) -> None:
     bank.history.points[:, 2] -= force
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
+    plausible.move(bank.tool, displacement, force)
     bank.motion.first -= displacement
     bank.motion.states[:, 0] -= displacement
     onset.free_at -= displacement

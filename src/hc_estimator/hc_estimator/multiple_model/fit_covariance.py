@@ -17,10 +17,10 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import cholesky, copy_matrix
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.normal_equations import (
     exp_limited,
     law_at,
-    solve,
     velocity_at,
 )
 from hc_estimator.multiple_model.records import POINTS

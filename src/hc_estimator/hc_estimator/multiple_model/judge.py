@@ -229,7 +229,7 @@ def learn(
     _score(settings, judge, rows, clock, force, noise, share)
     _note(judge, rows, clock)
     if judge.weight > FIRST_WEIGHT:
-        choose(judge, rows, clock)
+        choose(settings, judge, rows, tool, clock)
         likelier = rows[judge.chosen].log_likelihood - rows[0].log_likelihood
         if judge.chosen > FITTED and likelier > REFUTED and clock > REFUTED_AFTER:
             judge.varying = judge.chosen

@@ -20,31 +20,19 @@ from hc_estimator.contact.registry import (
     plain_gradient,
 )
 from hc_estimator.linear_algebra import (
-    cholesky,
     clear_matrix,
     clear_vector,
-    copy_matrix,
-    copy_vector,
 )
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import LARGEST_LOG
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
-    LARGEST_EXPONENT,
-    LARGEST_LOG_STIFFNESS,
-    LARGEST_VELOCITY_EXPONENT,
-    SMALLEST_EXPONENT,
-    SMALLEST_VELOCITY_EXPONENT,
     prior_deviation,
 )
 
 HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
 ANYWHERE = 1e3  # deviation of a zero or a delay that is unknown [mm], [N], [s]
 DELAY = 6  # of the unknowns
-STEPS = 8  # of Levenberg-Marquardt at most
-FIRST_DAMPING = 1e-3
-LARGEST_DAMPING = 1e6
-SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 
 
 @compiled
@@ -343,74 +331,3 @@ def add_prior(settings: Any, work: Any, values: Any, weight: float) -> None:
             information[0, 0] += square
             information[1, 0] -= square
             information[0, 1] -= square
-
-
-@compiled
-def solve(factor: Any, vector: Any) -> None:
-    """Replace b by the solution x of L L^T x = b."""
-    size = factor.shape[0]
-    for i in range(size):
-        for j in range(i):
-            vector[i] -= factor[i, j] * vector[j]
-        vector[i] /= factor[i, i]
-    for i in range(size - 1, -1, -1):
-        for j in range(i + 1, size):
-            vector[i] -= factor[j, i] * vector[j]
-        vector[i] /= factor[i, i]
-
-
-@compiled
-def _limit(values: Any) -> None:
-    """Keep ln K, ln B, n and p where the law means something."""
-    for i in range(2):
-        values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
-    values[2] = min(max(values[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
-    values[3] = min(max(values[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-
-
-@compiled
-def improve(settings: Any, history: Any, work: Any, weight: float, squares: float) -> float:
-    """Levenberg-Marquardt from work.fit on.
-
-    Args:
-        settings: settings record.
-        history: points.
-        work: its fit, and all that belongs to one, is changed.
-        weight: of the squares beside the prior.
-        squares: what `gather` gave for work.fit, if it came last; NaN: it is to be called.
-
-    Returns:
-        Weighted sum of squares at its end; NaN if it broke down.
-    """
-    values, following = work.fit, work.next
-    if math.isnan(squares):
-        squares = gather(settings, history, work, values)
-    cost = weight * squares + prior_cost(settings, work, values)
-    damping = FIRST_DAMPING
-    add_prior(settings, work, values, weight)
-    for _ in range(STEPS):
-        copy_matrix(work.information, work.damped)
-        copy_vector(work.slope, following)
-        for i in range(values.shape[0]):
-            work.damped[i, i] *= 1.0 + damping
-        if not cholesky(work.damped, work.factor):
-            return math.nan
-        solve(work.factor, following)
-        for i in range(values.shape[0]):
-            following[i] += values[i]
-        _limit(following)
-        squares_after = gather(settings, history, work, following)
-        after = weight * squares_after + prior_cost(settings, work, following)
-        if after < cost:
-            gain = cost - after
-            cost, squares = after, squares_after
-            copy_vector(following, values)
-            if gain < SMALLEST_GAIN * cost:
-                break
-            add_prior(settings, work, values, weight)
-            damping *= 0.1
-        else:
-            damping *= 10.0
-            if damping > LARGEST_DAMPING:
-                break
-    return float(squares)

@@ -14,16 +14,21 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
+    EXPONENT,
     LOG_DAMPING,
     LOG_STIFFNESS,
+    OWN,
+    SURFACE,
     VELOCITY,
+    VELOCITY_EXPONENT,
 )
-from hc_estimator.multiple_model.kalman import force_of_row
+from hc_estimator.multiple_model.kalman import force_of, force_of_row
 from hc_estimator.multiple_model.rows import free_parameters, seed
 
 LARGEST_FACTOR = 2.5  # of the largest force felt
 NOISE = 10.0  # deviations of the force sensor that are added to it
 KNOWN_AFTER = 0.1  # in contact before it means anything [s]
+LARGEST_FORETOLD = 4.0  # of the largest force felt, where deepest and fastest come together
 NOWHERE = 1e9  # [mm]
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p of a row brought down
 
@@ -49,6 +54,31 @@ def learn(tool: Any, row: Any, force: float, elapsed: float) -> None:
         tool.worthless_time += elapsed
     else:
         tool.worthless_time = 0.0
+
+
+@compiled
+def move(tool: Any, displacement: float, force: float) -> None:
+    """The zeros have moved by so much [mm], [N]; what was felt is the same."""
+    if tool.deepest > -NOWHERE:
+        tool.deepest -= displacement
+        tool.largest_force -= force
+
+
+@compiled
+def foretells_possible(settings: Any, row: Any, tool: Any) -> bool:
+    """False if the row's law says far more than was felt where the tool was deepest and fastest."""
+    state = row.state
+    surface = state[OWN] if SURFACE[row.index] else 0.0
+    force = force_of(
+        settings,
+        tool.deepest - surface,
+        tool.fastest,
+        state[LOG_STIFFNESS],
+        state[LOG_DAMPING],
+        state[EXPONENT],
+        state[VELOCITY_EXPONENT],
+    )
+    return bool(force <= LARGEST_FORETOLD * tool.largest_force)
 
 
 @compiled

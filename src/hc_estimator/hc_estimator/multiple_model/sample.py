@@ -23,6 +23,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
+    first_guess,
     levels,
     model_error,
     plausible,
@@ -35,11 +36,8 @@ from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
-    EXPONENT,
     FITTED,
     FRESH,
-    LOG_DAMPING,
-    LOG_STIFFNESS,
     SURFACE,
 )
 from hc_estimator.multiple_model.kalman import (
@@ -64,10 +62,6 @@ from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 
 PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
-SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
-FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
-CONTACT_READINGS = 3  # readings in a row that say there is a force
-SURE = 5.0  # a force beyond so many standard deviations is one
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
 FREE_DEVIATIONS = 3.0  # of the depth from which on free motion is certain
@@ -240,40 +234,7 @@ def _predict(settings: Any, bank: Any) -> None:
         clock.restart = 1
         bank.motion_anew = 0
     if bank.guessed == 0:
-        _guess_stiffness(settings, bank)
-
-
-@compiled
-def _guess_stiffness(settings: Any, bank: Any) -> None:
-    """Centre the prior of K and B on the first clear contact; its width stays.
-
-    K spans decades between tissues. From a first guess a hundred times too stiff the linearised
-    update needs long to come down, and the first force reading says the order of magnitude. As long
-    as nothing was felt yet, it says what K is at most.
-    """
-    clock = bank.clock
-    depth = bank.rows[bank.judge.chosen].state[DEPTH]
-    sure = SURE * math.sqrt(bank.sensor_noise[1])
-    if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
-        return
-    pressed = clock.measurement[1] >= sure
-    if bank.contact_readings < CONTACT_READINGS:
-        bank.contact_readings = bank.contact_readings + 1 if pressed else 0
-    if not pressed and (depth < FREE_DEPTH or bank.contact_readings == CONTACT_READINGS):
-        return
-    if pressed:  # until calibrated each sample says it anew, for no force is used
-        bank.guessed = bank.calibrated
-    if settings.initial_stiffness_log_std == 0.0:
-        return
-    log_force = math.log(max(clock.measurement[1], sure))
-    for m in range(bank.rows.shape[0]):
-        state = bank.rows[m].state
-        shift = log_force - state[EXPONENT] * math.log(depth) - state[LOG_STIFFNESS]
-        if not pressed and shift > 0.0:
-            continue
-        state[LOG_STIFFNESS] += shift
-        if settings.initial_damping_log_std > 0.0:
-            state[LOG_DAMPING] += shift
+        first_guess.centre_prior(settings, bank)
 
 
 @compiled
@@ -343,7 +304,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     # A row that expects no force where there is one must not stop what would refute it.
-    pressed = clock.present[1] != 0 and clock.measurement[1] > SURE * math.sqrt(
+    pressed = clock.present[1] != 0 and clock.measurement[1] > first_guess.SURE * math.sqrt(
         bank.sensor_noise[1]
     )
     touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)

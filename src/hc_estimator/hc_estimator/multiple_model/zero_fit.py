@@ -24,12 +24,11 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import cholesky, copy_vector
 from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model.levenberg_marquardt import improve, solve
 from hc_estimator.multiple_model.normal_equations import (
     add_prior,
     gather,
-    improve,
     is_used,
-    solve,
     weigh,
 )
 from hc_estimator.multiple_model.records import POINTS

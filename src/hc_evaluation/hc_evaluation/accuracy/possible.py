@@ -21,7 +21,7 @@ from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.contacts import CONTACTS
 from hc_evaluation.accuracy.measure import Numbers, Setup
-from hc_evaluation.hold_forward import Frozen
+from hc_evaluation.hold_forward import Frozen, smooth_motion
 
 FloatArray = NDArray[np.float64]
 Readings = tuple[FloatArray, FloatArray, FloatArray]
@@ -111,7 +111,8 @@ def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     predicted = np.abs(series.force_predicted)
     judged = inside & np.isfinite(predicted)
     one_step = float(np.max(predicted[judged] / np.maximum(largest[judged], 1e-9), initial=0.0))
-    velocity = np.gradient(displacement, time)
+    # Differences of noisy readings are no speed that was felt.
+    _, velocity = smooth_motion(displacement, 1.0 / step)
     touch_speed = medfilt(np.where(touching & enough, np.abs(velocity), 0.0), 5)
     fastest = np.maximum.accumulate(touch_speed)
     frozen = Frozen.of(series)
