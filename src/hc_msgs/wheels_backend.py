@@ -31,6 +31,7 @@ def _prepare(source_folders: list[Path]) -> None:
     python_folder = f"lib/python{sysconfig.get_python_version()}/site-packages"
     os.environ["AMENT_PREFIX_PATH"] = str(prefix)
     os.environ["CMAKE_PREFIX_PATH"] = str(prefix)
+    os.environ["PYTHONHASHSEED"] = "0"  # the generators write what they keep in sets
     os.environ.setdefault("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count() or 1))
     arguments = [
         f"-DCMAKE_PROJECT_hc_msgs_INCLUDE={HERE / 'wheels_fix.cmake'}",

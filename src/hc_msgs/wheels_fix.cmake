@@ -45,3 +45,5 @@ install(FILES ${_hc_robots} DESTINATION share/hc_bringup/config/robots)
 add_compile_options(
   "-ffile-prefix-map=${CMAKE_BINARY_DIR}=build"
   "-ffile-prefix-map=${CMAKE_SOURCE_DIR}=hc_msgs")
+# The identity that a linker gives its output is a hash of it while it still names that folder.
+add_link_options("-Wl,--build-id=none")

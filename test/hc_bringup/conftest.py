@@ -25,7 +25,6 @@ from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import load_scenario
 
 SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
-HC = [sys.executable, "-m", "hc_bringup"]
 
 
 def is_node(process: Path) -> bool:
@@ -42,15 +41,7 @@ class CommandLine(Processes):
 
     def run(self, *words: str, timeout: float = 60.0) -> subprocess.CompletedProcess[str]:
         """Run a command to its end."""
-        return subprocess.run(
-            [*HC, *words],
-            cwd=self.folder,
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-        )
+        return super().run("-m", "hc_bringup", *words, timeout_s=timeout)
 
     def start(
         self, *words: str, module: str = "hc_bringup", through: Sequence[str] = ()

@@ -99,12 +99,8 @@ def test_everything_at_once(command_line, set_clock, monkeypatch):
     process, live, page = start(command_line)
     pids = {module: command_line.node_process(module) for module in NODES}
     assert None not in pids.values()
-    looking = subprocess.Popen(
-        [sys.executable, "-m", "hc_bringup.viewer_load", page, "1", "1"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    command = [sys.executable, "-m", "hc_bringup.viewer_load", page, "1", "1"]
+    looking = command_line.launch(command, env=None, stdin=subprocess.PIPE, stderr=None)
     with ParameterStorm(1) as one, ParameterStorm(2) as other, Viewers(3) as viewers:
         begin = time.monotonic()
         while not (one._first and other._first):  # both know what to go back to

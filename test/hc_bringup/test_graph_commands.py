@@ -2,13 +2,14 @@
 
 import re
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
 import yaml
+
+from hc_msgs_py.node_processes import end
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
 
@@ -201,9 +202,7 @@ def test_the_estimators_services_in_plain_words(estimator, command_line) -> None
     assert "no zeros were found within 1 s" in done.stderr
 
     script = Path(__file__).parents[1] / "hc_estimator_node" / "stream_source.py"
-    source = subprocess.Popen(
-        [sys.executable, str(script), "0", "rest"], env=command_line.environment
-    )
+    source = command_line.launch([sys.executable, script, "0", "rest"])
     try:
         done = estimator.run("tare")
         lines = done.stdout.splitlines()
@@ -223,8 +222,7 @@ def test_the_estimators_services_in_plain_words(estimator, command_line) -> None
         assert done.returncode == 0, done.stderr
         assert estimator.run("param", "get", "estimator", "tare.force").stdout.endswith("False\n")
     finally:
-        source.terminate()
-        source.wait(20)
+        end(source, signal.SIGTERM)
     done = estimator.run("find-surface", "--node", "nobody")
     assert done.returncode == 1
     assert "there is no node /nobody" in done.stderr

@@ -12,6 +12,7 @@ import pytest
 
 from hc_bringup import cli
 from hc_bringup.commands import simulate
+from hc_msgs_py.node_processes import Processes, end
 
 ROOT = Path(__file__).resolve().parents[2]
 HC = [sys.executable, "-m", "hc_bringup"]
@@ -89,19 +90,13 @@ def test_a_full_standard_output_is_told() -> None:
 
 def test_an_early_interrupt_is_quiet() -> None:
     """./hc blocks the interrupt until Python can answer it; python -m alone cannot."""
-    for after_ms in (0, 10, 30, 50, 70, 100, 150, 250, 350):
-        process = subprocess.Popen(
-            [ROOT / "hc", "node", "list"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=os.environ | {"ROS_DOMAIN_ID": "101"},
-        )
-        time.sleep(after_ms * 1e-3)
-        process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=30)
-        assert err == "", after_ms
-        assert process.returncode in (-signal.SIGINT, 130), after_ms
+    with Processes(101) as processes:
+        for after_ms in (0, 10, 30, 50, 70, 100, 150, 250, 350):
+            process = processes.launch([ROOT / "hc", "node", "list"])
+            time.sleep(after_ms * 1e-3)
+            status, _, err = end(process)
+            assert err == "", after_ms
+            assert status in (-signal.SIGINT, 130), after_ms
 
 
 @pytest.mark.process

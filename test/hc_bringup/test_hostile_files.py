@@ -2,7 +2,7 @@
 
 The commands run in this process, many after another. A traceback, an "internal error" of the
 guard, a warning of numpy, a second line on standard error, a number in a result that is none: each
-is a failure. The ordinary run takes a few hundred files, `-m slow` 2,000 of each format.
+is a failure. The ordinary run takes a hundred files, `-m slow` 2,000 of each format.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from hc_logger.mcap_file import MAGIC
 from hc_logger.recording import read_recording
 
 ROOT = Path(__file__).resolve().parents[2]
-FEW, MANY = 40, 2000
+FEW, MANY = 20, 2000
 COUNTS = [FEW, pytest.param(MANY, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
 
 

@@ -24,7 +24,7 @@ from hc_logger.foreign import open_bag
 from hc_logger.mcap_file import MAGIC
 from hc_logger.writer import BagWriter
 
-COUNTS = [24, pytest.param(2000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
+COUNTS = [16, pytest.param(2000, marks=[pytest.mark.slow, pytest.mark.timeout(3600)])]
 EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example" / "example_0.mcap"
 FOOTER, MESSAGE, CHUNK = 2, 5, 6
 NUMBERS = (0, 1, 2**31, 2**32 - 1, 2**53, 2**62, 2**63 - 1, 2**63, 2**64 - 1, 10**18)
@@ -162,8 +162,8 @@ def test_wrong_records_under_right_checksums(
     path, folder = tmp_path / "hostile.mcap", tmp_path / "out"
     csv, page = tmp_path / "out.csv", tmp_path / "page.html"
     for number in range(count):
-        path.write_bytes(hostile_bag(sounds[number % 4 == 0], rng))
-        kind = number // 4 % 8
+        path.write_bytes(hostile_bag(sounds[number % 5 == 0], rng))
+        kind = number % 8
         if kind < 2:
             shell("estimate", path, "--json", "--filter", "ukf")
         elif kind == 2:

@@ -12,6 +12,7 @@ import pytest
 
 from hc_bringup.plan import NodePlan
 from hc_bringup.processes import NodeProcess, end_all
+from hc_msgs_py.node_processes import Processes
 
 NODE = """
 import sys, time
@@ -109,14 +110,12 @@ def test_a_successor_ends_with_the_run(process, tmp_path):
 
 
 def test_a_successor_ends_when_whoever_waits_for_it_has_ended(tmp_path):
-    waiting = subprocess.Popen(
-        [sys.executable, "-m", "hc_bringup.standby", "a_node_of_ours"],
-        stdin=subprocess.PIPE,
-        cwd=tmp_path,
-    )
-    wait_for((tmp_path / "prepared").exists, "not prepared")
-    waiting.stdin.close()
-    assert waiting.wait(10) == 0
+    with Processes(None, tmp_path) as processes:
+        command = [sys.executable, "-m", "hc_bringup.standby", "a_node_of_ours"]
+        waiting = processes.launch(command, stdin=subprocess.PIPE)
+        wait_for((tmp_path / "prepared").exists, "not prepared")
+        waiting.stdin.close()
+        assert waiting.wait(10) == 0
 
 
 def test_who_is_not_started_again_has_no_successor(tmp_path):

@@ -6,7 +6,6 @@ import math
 import os
 import pty
 import signal
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -243,9 +242,8 @@ def test_keys_in_a_real_terminal(command_line: Any) -> None:
     leader, follower = pty.openpty()
     os.set_blocking(leader, False)
     environment = command_line.environment | {"COLUMNS": "72", "LINES": "40", "TERM": "xterm"}
-    process = subprocess.Popen(
+    process = command_line.launch(
         [sys.executable, "-m", "hc_bringup", "run", "--scenario", "palpation_scan"],
-        cwd=command_line.folder,
         env=environment,
         stdin=follower,
         stdout=follower,

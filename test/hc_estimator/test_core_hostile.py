@@ -166,7 +166,7 @@ EXACT = [c for c in COMBINATIONS if c[0] not in ("self_tuning_ukf", "sir_pf", "r
 @pytest.mark.parametrize(("filter_name", "state_space"), EXACT)
 @given(order=ORDERS)
 @settings(
-    max_examples=12,
+    max_examples=6,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 def test_ten_seconds_of_good_data_give_the_stiffness(filter_name, state_space, order, plant):
@@ -241,23 +241,25 @@ def test_the_particle_filter_follows_the_force_again(phase, plant):
     assert np.sqrt(np.nanmean(error**2)) < 0.3 * np.sqrt(np.mean(force[-1000:] ** 2))
 
 
+@pytest.mark.parametrize("seeds", [1, pytest.param(10, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("phase", PHASES, ids=lambda phase: phase.__name__)
-def test_ten_seconds_of_good_data_give_the_stiffness_to_the_default(phase, plant):
-    for seed in range(3):
+def test_ten_seconds_of_good_data_give_the_stiffness_to_the_default(phase, seeds, plant):
+    for seed in range(seeds):
         order = [(PHASES.index(phase), seed)]
         series, clean, _ = after(plant, "self_tuning_ukf", "kinematic", order)
         assert clean.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.005)
         assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.01), f"seed {seed}"
 
 
+@pytest.mark.parametrize("examples", [8, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("missing", [False, True], ids=["pairs", "missing"])
-@given(order=ORDERS)
-@settings(
-    max_examples=30,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-def test_the_default_is_sound_after_every_sample(missing, order, plant):
-    hostile(plant, hc.create_estimator("self_tuning_ukf", missing_readings=missing), order)
+def test_the_default_is_sound_after_every_sample(missing, examples, plant):
+    @given(order=ORDERS)
+    @settings(max_examples=examples)
+    def sound(order):
+        hostile(plant, hc.create_estimator("self_tuning_ukf", missing_readings=missing), order)
+
+    sound()
 
 
 @pytest.mark.parametrize("filter_name", ["self_tuning_ukf", "ukf", "ekf", "raukf", "rls"])

@@ -231,14 +231,15 @@ def test_every_number_out_of_its_range_is_refused(filter_name):
     plain = json.loads(before)
     fields = FILTERS[filter_name].memory or FIELDS
     seen = set()
-    for field, path in field_values(fields, plain["memory"]):
+    for count, (field, path) in enumerate(field_values(fields, plain["memory"])):
         if tuple(step for step in path if isinstance(step, str)) in seen:
             continue  # the first of many alike
         seen.add(tuple(step for step in path if isinstance(step, str)))
         whole = field.kind is np.int64
         bad = [field.low - 1, (field.high or memory.LARGEST_COUNT) * 2 + 1, 0.5] if whole else []
         bad += [math.nan, math.inf] if whole or field.finite else [1e200]
-        for number in bad:
+        # One of them in each field, and all in every fifth: the values are the kind's, not its own.
+        for number in bad if count % 5 == 0 else bad[count % len(bad) :][:1]:
             holder = plain["memory"]
             for step in path[:-1]:
                 holder = holder[step]

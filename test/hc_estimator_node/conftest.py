@@ -11,7 +11,7 @@ import pytest
 
 from hc_estimator import available_filters, create_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_msgs_py.node_processes import Caller, Processes, end, ros_arguments
+from hc_msgs_py.node_processes import Caller, end, ros_arguments
 
 TRUE_PARAMETERS = (0.2, 0.008, 1.8, 1.05)  # with which the tissue never pulls
 
@@ -108,7 +108,7 @@ def start_process(processes, compiled):
     """Start `python -m MODULE` with ROS arguments in the test's domain; killed at the end."""
 
     def start(module="hc_estimator.node", *arguments, **parameters):
-        return processes("-m", module, *ros_arguments(parameters, *arguments))
+        return processes.start("-m", module, *ros_arguments(parameters, *arguments))
 
     return start
 
@@ -118,16 +118,9 @@ def start_script(processes):
     """Start one of the scripts beside this file in the test's domain; ended with the test."""
 
     def start(name, *arguments):
-        return processes(str(Path(__file__).parent / name), *arguments)
+        return processes.start(str(Path(__file__).parent / name), *arguments)
 
     return start
-
-
-@pytest.fixture
-def processes(domain_id):
-    """Start Python processes in the test's domain; ended with the test."""
-    with Processes(domain_id) as started:
-        yield started.start
 
 
 @pytest.fixture

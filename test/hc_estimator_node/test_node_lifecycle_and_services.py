@@ -217,7 +217,7 @@ def test_what_was_learnt_survives_a_failure_of_the_node(processes, probe, plant,
         "node.EstimatorNode = Failing\n"
         "sys.exit(node.main())"
     )
-    process = processes(
+    process = processes.start(
         "-c", script, "--ros-args", "-p", f"state.folder:={tmp_path}", "-p",
         "state.autosave_period:=0.1",
     )  # fmt: skip

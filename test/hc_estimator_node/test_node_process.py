@@ -122,7 +122,7 @@ def test_it_answers_before_it_has_compiled(processes, probe, plant):
         "work._compile = lambda name: (time.sleep(0.7), compile(name))\n"
         "sys.exit(node.main())"
     )
-    process = processes("-c", script, "--ros-args", "-p", "filter:=ukf")
+    process = processes.start("-c", script, "--ros-args", "-p", "filter:=ukf")
     assert probe.get("filter") == ["ukf"]
     answer = probe.call("ready")
     assert not answer.success
@@ -144,7 +144,7 @@ def test_it_answers_before_it_has_compiled(processes, probe, plant):
 
 
 def test_it_ends_at_once_though_it_still_compiles(processes, probe, tmp_path):
-    process = processes("-c", (
+    process = processes.start("-c", (
         "import os, sys\n"
         f"os.environ['NUMBA_CACHE_DIR'] = {str(tmp_path)!r}\n"
         "import hc_estimator.node as node\n"

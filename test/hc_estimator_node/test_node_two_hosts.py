@@ -1,10 +1,6 @@
 """Rig on one host and estimator on another, with delay and loss between them."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -67,31 +63,17 @@ time.sleep(1.0)
 
 
 @pytest.fixture
-def hosts(join_hosts, domain_id, compiled):
+def hosts(join_hosts, processes, compiled):
     """Run commands on two hosts that a slow link joins; all of it is gone afterwards."""
     link = join_hosts(DELAY_S, loss=LOSS)
-    processes = []
 
     def start(command, host):
-        process = subprocess.Popen(
-            ["ip", "netns", "exec", link.namespaces[host], sys.executable, *command],
-            env=os.environ
-            | {"ROS_DOMAIN_ID": str(domain_id), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        processes.append(process)
-        return process
+        through = ("ip", "netns", "exec", link.namespaces[host])
+        subnet = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+        return processes.start(*command, through=through, **subnet)
 
     yield start
-    for process in processes:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
+    processes.close()  # before the hosts that they are on
 
 
 @pytest.mark.slow

@@ -122,9 +122,9 @@ def test_unknown_experiments_and_no_seeds_are_refused():
 @pytest.fixture(scope="module")
 def small_result():
     told = []
-    result = run_accuracy(
-        ["excitation"], seeds=1, progress=lambda name, done, total: told.append((name, done, total))
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("hc_evaluation.accuracy.run.WORKERS", 1)
+        result = run_accuracy(["excitation"], seeds=1, progress=lambda *step: told.append(step))
     assert told[-1] == ("excitation", 7, 7)
     return result
 

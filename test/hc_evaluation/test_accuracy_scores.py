@@ -140,7 +140,8 @@ def make(stiffness=1.0):
 """
 
 
-def test_anything_with_run_can_be_measured(tmp_path: Path):
+def test_anything_with_run_can_be_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("hc_evaluation.accuracy.run.worker_pool", ThreadPoolExecutor)
     file = tmp_path / "mine.py"
     file.write_text(CANDIDATE)
     setup = Setup(candidate=f"{file}:make", parameters={"stiffness": 0.4})

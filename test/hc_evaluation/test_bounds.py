@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from hc_estimator.contact.arrays import separated
 from hc_evaluation.bounds import posterior_cramer_rao_bound
-from hc_evaluation.contact_law import separated
 
 PARAMETERS = np.array([0.4, 0.05, 1.7, 1.1])
 

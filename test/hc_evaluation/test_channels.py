@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.recordings import RECORDINGS, data_folder, load
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.separation import SEPARATIONS
-from hc_evaluation.channels import diagnose_channels, evenly_spaced
-from hc_evaluation.contact_law import hunt_crossley_force
+from hc_evaluation.channels import _Fit, diagnose_channels, evenly_spaced
 from hc_sim_rig import Rig, load_scenario
 
 needs_recordings = pytest.mark.skipif(
@@ -58,6 +58,24 @@ def test_finds_what_is_known_of_the_recordings(name, delay, contact):
         assert found.delay_s == pytest.approx(delay, abs=0.004)
     if contact is not None:
         assert found.contact_mm == pytest.approx(contact, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    "x", [(-1.5, -4.8, 1.8, 1.05, 0.004, 0.02, 0.3), (0, -2, 3, 0.7, -0.03, -1, 1)]
+)
+def test_the_slopes_of_the_fit_are_its_derivatives(x):
+    time_s = np.arange(0.0, 3.0, 0.002)
+    depth = 2.0 + 1.2 * np.sin(9.0 * time_s) + 0.6 * np.sin(23.0 * time_s)
+    fit = _Fit(time_s, depth, depth**1.8, 0.06)
+    x = np.array(x, dtype=float)
+    slopes = fit._slopes(x)
+    apart = fit._misfit(x) + fit._measured - x[5] <= 0.0  # at its edge the law has a corner
+    for i in range(7):
+        step = np.zeros(7)
+        step[i] = 1e-6
+        numerical = (fit._misfit(x + step) - fit._misfit(x - step)) / 2e-6
+        error = np.where(apart, 0.0, slopes[:, i] - numerical)
+        assert np.quantile(np.abs(error), 0.995) < 1e-4 * (1.0 + np.max(np.abs(numerical)))
 
 
 def test_too_little_is_refused_with_a_reason():

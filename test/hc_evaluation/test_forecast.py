@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from hc_estimator.contact.arrays import force_gradient
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_evaluation.contact_law import force_gradient
 from hc_evaluation.forecast import NAMES, WANTED, forecast, stroke
 
 TISSUE = np.array([0.5, 0.05, 1.5, 1.0])

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation import metrics
-from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import (
     Frozen,
     hold_forward_errors,

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hc_estimator.contact.arrays import adhesive_force, hunt_crossley_force
 from hc_evaluation.accuracy import catalogue, corners, rates, scan, separation, surface
 from hc_evaluation.accuracy.scenarios import Motion, SimulatedContact, Tissue, simulate
 from hc_evaluation.accuracy.varying_tissue import Inclusion, Surface, Way
-from hc_evaluation.contact_law import adhesive_force, hunt_crossley_force
 
 
 @pytest.mark.parametrize("scenario", catalogue.TISSUES, ids=lambda s: s.name)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +13,7 @@ import pytest
 
 from hc_evaluation.reproduction import ReproductionError, campaign
 from hc_evaluation.reproduction.campaign import run_campaign, run_seeds
+from hc_msgs_py.node_processes import Processes
 
 pytestmark = pytest.mark.slow  # whole campaigns: two minutes
 
@@ -130,8 +131,8 @@ def test_a_killed_command_leaves_no_process_and_is_resumed(
     script.write_text(SCRIPT, encoding="utf-8")
     output = tmp_path / "output"
     path = output / f"runs/{NAME}.jsonl"
-    command = subprocess.Popen([sys.executable, str(script), str(output)])
-    try:
+    with Processes(None) as processes:
+        command = processes.start(str(script), str(output), stdout=subprocess.DEVNULL)
         deadline = time.monotonic() + 80.0
         while not (path.is_file() and path.read_text(encoding="utf-8").count("\n") > 10):
             assert command.poll() is None
@@ -139,9 +140,7 @@ def test_a_killed_command_leaves_no_process_and_is_resumed(
             time.sleep(0.05)
         children = _children(command.pid)
         assert len(children) >= 2
-    finally:
-        command.kill()
-        command.wait()
+        processes.close(signal.SIGKILL)
     deadline = time.monotonic() + 20.0
     while any(Path(f"/proc/{child}").exists() for child in children):
         assert time.monotonic() < deadline

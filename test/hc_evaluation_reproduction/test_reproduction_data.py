@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from hc_estimator import parameter_specifications
-from hc_evaluation.contact_law import adhesive_force, hunt_crossley_force
+from hc_estimator.contact.arrays import adhesive_force, hunt_crossley_force
 from hc_evaluation.reproduction import (
     ExperimentError,
     available_experiments,

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 from scipy.stats import binom
 
 from hc_estimator import DEFAULT_FILTER, create_estimator
-from hc_evaluation.contact_law import hunt_crossley_force
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.reproduction import load_experiment
 from hc_evaluation.reproduction.campaign import ExperimentResult
 from hc_evaluation.reproduction.floor import first_guess, regression_error, regression_floor

@@ -92,10 +92,9 @@ def domain(ros_domain: int) -> int:
 
 
 @pytest.fixture
-def start_node(domain: int) -> Iterator[Callable[..., NodeProcess]]:
+def start_node(processes: Processes) -> Callable[..., NodeProcess]:
     """Start nodes, which end with the test."""
-    with Processes(domain) as processes:
-        yield lambda module, **parameters: NodeProcess(processes, module, **parameters)
+    return lambda module, **parameters: NodeProcess(processes, module, **parameters)
 
 
 @pytest.fixture
@@ -104,8 +103,8 @@ def graph(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     caller = Caller(domain, "test")
 
-    def call(kind: Any, name: str, request: Any = None, timeout: float = 10.0) -> Any:
-        return caller.call(kind, name, request, timeout, answer_s=timeout)
+    def call(kind: Any, name: str, request: Any = None, timeout: float = 30.0) -> Any:
+        return caller.call(kind, name, request, timeout, answer_s=min(timeout, 10.0))
 
     caller.node.spin_until = lambda done, timeout=15.0: caller.spin_until(done, timeout)
     caller.node.call = call

@@ -13,6 +13,7 @@ from hc_logger.definitions import installed_definition
 from hc_logger.player_node import PlayerNode
 from hc_logger.reader import BagReader
 from hc_logger.writer import BagWriter
+from hc_msgs_py.node_processes import Processes
 
 PLAYER = "hc_logger.player_node"
 Start = Callable[..., Any]
@@ -221,11 +222,10 @@ def test_clock_loop_and_new_names(start_node: Start, graph: Any, make_bag: MakeB
 
 
 @pytest.mark.slow
-def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
+def test_keys_of_a_terminal(processes: Processes, graph: Any, make_bag: MakeBag) -> None:
     """A player on a pseudo terminal: space, right, up; and the terminal is given back."""
     import os
     import pty
-    import subprocess
     import sys
     import termios
 
@@ -243,7 +243,6 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         "exit_when_done:=true",
     ):
         command += ["-p", parameter]
-    environment = os.environ | {"ROS_DOMAIN_ID": str(domain)}
 
     def take_terminal() -> None:
         import fcntl
@@ -251,14 +250,7 @@ def test_keys_of_a_terminal(domain: int, graph: Any, make_bag: MakeBag) -> None:
         os.setsid()
         fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
 
-    process = subprocess.Popen(
-        command,
-        stdin=terminal,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        preexec_fn=take_terminal,
-    )
+    process = processes.launch(command, stdin=terminal, stdout=None, preexec_fn=take_terminal)
     try:
         assert graph.spin_until(lambda: graph.call(Trigger, "/player/ready").success)
         assert graph.spin_until(lambda: not termios.tcgetattr(terminal)[3] & termios.ICANON)

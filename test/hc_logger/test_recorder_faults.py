@@ -24,6 +24,7 @@ from hc_logger.recorder_node import RecorderNode
 from hc_logger.recording import read_recording
 from hc_logger.recover import recover_bag
 from hc_logger.session import INCOMPLETE, TopicCount
+from hc_msgs_py.node_processes import Processes
 
 RECORDER = "hc_logger.recorder_node"
 SAMPLE = "hc_msgs/msg/IndenterSample"
@@ -156,16 +157,12 @@ def test_sessions_killed_at_random_moments_at_4_khz(tmp_path: Path) -> None:
     """What the recorder keeps, without ROS around it: twenty processes."""
     losses = []
     rng = random.Random(4)
-    parent = subprocess.Popen(
-        [sys.executable, "-c", SESSIONS],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        bufsize=1,
-    )
-    assert parent.stdin is not None
-    assert parent.stdout is not None
-    with parent:
+    with Processes(None) as processes:
+        parent = processes.launch(
+            [sys.executable, "-c", SESSIONS], stdin=subprocess.PIPE, stderr=None, bufsize=1
+        )
+        assert parent.stdin is not None
+        assert parent.stdout is not None
         for batch in range(5):
             children = {}
             for i in range(4):

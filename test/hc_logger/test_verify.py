@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 from hc_logger.verify import verify
 from hc_logger.writer import BagWriter
+from hc_msgs_py.node_processes import Processes
 
 pytestmark = pytest.mark.process
 
@@ -170,18 +170,14 @@ def test_a_live_run_is_recomputed_to_the_last_bit(
 
 @pytest.mark.slow
 def test_a_run_with_sensors_of_ones_own_is_recomputed_to_the_last_bit(
-    start_node: Callable[..., Any], domain: int, graph: Any, tmp_path: Path
+    start_node: Callable[..., Any], processes: Processes, graph: Any, tmp_path: Path
 ) -> None:
     """Tares, a reading that changes, a reset, a saved state and a node that is killed, besides."""
     from std_srvs.srv import Trigger
 
     bag = tmp_path / "bag"
     script = Path(__file__).parents[1] / "hc_estimator_node" / "stream_source.py"
-    environment = os.environ | {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-    source = subprocess.Popen([sys.executable, str(script), "0"], env=environment)
+    source = processes.launch([sys.executable, script, "0"], stdout=subprocess.DEVNULL)
 
     def estimator() -> Any:
         return start_node(

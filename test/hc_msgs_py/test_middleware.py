@@ -16,6 +16,7 @@ from hc_msgs_py.middleware import (
     built_without_security,
     set_defaults,
 )
+from hc_msgs_py.node_processes import Processes
 
 RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
@@ -106,16 +107,15 @@ def bound_addresses(process_id: int, namespace: str) -> list[tuple[str, int]]:
 
 
 @pytest.mark.process
-def test_nothing_answers_on_a_second_interface(join_hosts, ros_domain: int) -> None:
+def test_nothing_answers_on_a_second_interface(
+    join_hosts, ros_domain: int, processes: Processes
+) -> None:
     """A host with a network: every socket of a node is on 127.0.0.1, and its ports are deaf."""
     link = join_hosts(0.0)
     environment = {k: v for k, v in os.environ.items() if k not in VARIABLES}
-    process = subprocess.Popen(
+    process = processes.launch(
         ["ip", "netns", "exec", link.namespaces[0], sys.executable, "-c", NODE],
         env=environment | {"ROS_DOMAIN_ID": str(ros_domain)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
     )
     try:
         assert process.stdout.readline() == "up\n"
@@ -146,7 +146,9 @@ def test_nothing_answers_on_a_second_interface(join_hosts, ros_domain: int) -> N
 
 @pytest.mark.slow
 @pytest.mark.process
-def test_two_hosts_over_addresses_of_their_own(join_hosts, ros_domain: int, tmp_path: Path) -> None:
+def test_two_hosts_over_addresses_of_their_own(
+    join_hosts, ros_domain: int, processes: Processes, tmp_path: Path
+) -> None:
     """What docs/security.md offers for a tunnel: they see each other, and no other interface."""
     link = join_hosts(0.0)
     text = THIS_MACHINE.read_text(encoding="utf-8")
@@ -161,11 +163,9 @@ def test_two_hosts_over_addresses_of_their_own(join_hosts, ros_domain: int, tmp_
         kept = {k: v for k, v in os.environ.items() if k not in VARIABLES}
         chosen = {PROFILE: str(profile), RANGE: "SYSTEM_DEFAULT", "ROS_DOMAIN_ID": str(ros_domain)}
         environments.append(kept | chosen)
-    process = subprocess.Popen(
+    process = processes.launch(
         ["ip", "netns", "exec", link.namespaces[0], sys.executable, "-c", NODE],
         env=environments[0],
-        stdout=subprocess.PIPE,
-        text=True,
     )
     try:
         assert process.stdout.readline() == "up\n"
@@ -188,7 +188,7 @@ def test_two_hosts_over_addresses_of_their_own(join_hosts, ros_domain: int, tmp_
 
 @pytest.mark.process
 def test_a_node_of_others_is_heard_and_heard_by(
-    ros_domain: int, monkeypatch: pytest.MonkeyPatch
+    ros_domain: int, processes: Processes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A node with ROS's own defaults (any network, shared memory) and one of ours, both ways."""
     pair = """
@@ -215,16 +215,14 @@ print("both" in heard)
 """
     environment = {k: v for k, v in os.environ.items() if k not in VARIABLES}
     environment["ROS_DOMAIN_ID"] = str(ros_domain)
-    processes = [
-        subprocess.Popen(
+    both = [
+        processes.launch(
             [sys.executable, "-c", pair, *names],
             env=environment,
-            stdout=subprocess.PIPE,
-            text=True,
         )
         for names in (("ours", "others"), ("others", "ours"))
     ]
-    assert [p.communicate(timeout=40)[0].strip() for p in processes] == ["True", "True"]
+    assert [p.communicate(timeout=40)[0].strip() for p in both] == ["True", "True"]
 
 
 def test_security_that_is_not_there_is_refused_and_not_run_without(
@@ -249,7 +247,9 @@ def test_security_that_is_not_there_is_refused_and_not_run_without(
 
 
 @pytest.mark.process
-def test_a_run_in_a_network_of_its_own_is_out_of_reach_of_other_users(ros_domain: int) -> None:
+def test_a_run_in_a_network_of_its_own_is_out_of_reach_of_other_users(
+    ros_domain: int, processes: Processes
+) -> None:
     """What docs/security.md offers on one machine: nobody else has this loopback."""
     alone = ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh"]
     try:
@@ -259,12 +259,9 @@ def test_a_run_in_a_network_of_its_own_is_out_of_reach_of_other_users(ros_domain
     if allowed.returncode:
         pytest.skip(f"no network of its own is allowed here: {allowed.stderr.strip()}")
     environment = os.environ | {"ROS_DOMAIN_ID": str(ros_domain)}
-    process = subprocess.Popen(
+    process = processes.launch(
         [*alone, sys.executable, "-c", NODE],
         env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
     )
     try:
         assert process.stdout.readline() == "up\n"

@@ -1,9 +1,6 @@
 """How every node starts, declares parameters, tells how it is, and ends."""
 
-import os
 import signal
-import subprocess
-import sys
 import time
 
 import pytest
@@ -13,6 +10,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.node_processes import wait
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.services import add_ready_service
 
@@ -21,6 +19,7 @@ import sys
 import time
 from rclpy.node import Node
 from hc_msgs_py.node_main import NodeStartError, run_node
+from hc_msgs_py.node_processes import wait
 from hc_msgs_py.parameters import declare
 
 class Example(Node):
@@ -55,43 +54,28 @@ sys.exit(
 """
 
 
-@pytest.fixture
-def environment(ros_domain):
-    return os.environ | {
-        "ROS_DOMAIN_ID": str(ros_domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-
-
-def run(environment, *arguments, stop=()):
-    command = [sys.executable, "-c", SCRIPT, "--ros-args", *arguments]
-    process = subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+def run(processes, *arguments, stop=(), **environment):
+    process = processes.start("-c", SCRIPT, "--ros-args", *arguments, **environment)
     if stop:
         assert process.stdout.readline() == "up\n"
         time.sleep(0.2)
         for number in stop:
             process.send_signal(number)
             time.sleep(0.1)
-    try:
-        output, errors = process.communicate(timeout=30)
-    finally:
-        process.kill()
-    return process.returncode, output, errors
+    return wait(process, 30.0)
 
 
 @pytest.mark.process
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_node_cleanly(environment, number):
-    status, output, errors = run(environment, stop=[number])
+def test_a_signal_ends_a_node_cleanly(processes, number):
+    status, output, errors = run(processes, stop=[number])
     assert (status, output, errors) == (0, "closed\nclean\n", "")
 
 
 @pytest.mark.process
-def test_a_node_that_lost_its_runner_closes_and_does_not_take_it_for_a_clean_end(environment):
+def test_a_node_that_lost_its_runner_closes_and_does_not_take_it_for_a_clean_end(processes):
     """A runner that is killed sends a signal for each of its threads: the second ended the node."""
-    status, output, errors = run(environment, "-p", "count:=4", stop=3 * [signal.SIGHUP])
+    status, output, errors = run(processes, "-p", "count:=4", stop=3 * [signal.SIGHUP])
     assert (status, output, errors) == (0, "closed\nleft alone\n", "")
 
 
@@ -112,8 +96,8 @@ def test_a_node_that_lost_its_runner_closes_and_does_not_take_it_for_a_clean_end
         (("--nonsense",), 2, "", None),
     ],
 )
-def test_ways_to_end_have_their_status_and_one_line(environment, arguments, status, output, errors):
-    got_status, got_output, got_errors = run(environment, *arguments)
+def test_ways_to_end_have_their_status_and_one_line(processes, arguments, status, output, errors):
+    got_status, got_output, got_errors = run(processes, *arguments)
     assert (got_status, got_output) == (status, output)
     if errors is None:
         assert got_errors.count("\n") == 1
@@ -123,8 +107,8 @@ def test_ways_to_end_have_their_status_and_one_line(environment, arguments, stat
 
 
 @pytest.mark.process
-def test_a_callback_that_raises_is_one_line_a_file_and_no_clean_end(environment, tmp_path):
-    status, output, errors = run(environment | {"ROS_LOG_DIR": str(tmp_path)}, "-p", "count:=6")
+def test_a_callback_that_raises_is_one_line_a_file_and_no_clean_end(processes, tmp_path):
+    status, output, errors = run(processes, "-p", "count:=6", ROS_LOG_DIR=str(tmp_path))
     assert (status, output) == (1, "up\nclosed\n")
     assert "Traceback" not in errors
     last = errors.splitlines()[-1]

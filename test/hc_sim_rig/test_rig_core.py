@@ -197,11 +197,11 @@ def test_a_pause_brings_the_motion_to_rest_and_on_again() -> None:
 def test_settings_that_cannot_be_are_refused_and_change_nothing() -> None:
     rig = Rig("multisine")
     before = rig.settings()
-    with pytest.raises(ScenarioError, match=r"stiffness is -1.*from 0 to 1e\+06"):
+    with pytest.raises(ScenarioError, match=r"stiffness = -1.0 is not .*from 0 to 1e\+06"):
         rig.tune(amplitude=0.5, stiffness=-1.0)
     with pytest.raises(ScenarioError, match="feedback_gain"):
         rig.tune(feedback_gain=0.2)
-    with pytest.raises(ScenarioError, match="speed is nan"):
+    with pytest.raises(ScenarioError, match="speed = nan is not"):
         rig.tune(speed=float("nan"))
     assert rig.settings() == before
 

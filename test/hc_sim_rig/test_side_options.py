@@ -13,11 +13,11 @@ def test_a_status_says_what_is_refused_and_warns() -> None:
     link = SimpleNamespace(refused=0, why_refused="")
     watch = RefusalWatch(link)  # type: ignore[arg-type]
     good = Status(Level.OK, "follows", {"samples": 1})
-    assert watch.told(good) == good
+    assert watch.reported_in(good) == good
     link.refused, link.why_refused = 3, "comes from 10.0.0.9:1, not from 10.0.0.2:47111"
-    told = watch.told(good)
+    told = watch.reported_in(good)
     assert told.level == Level.WARN
     assert told.message == f"follows; 3 datagrams refused: {link.why_refused}"
-    assert watch.told(good) == good  # none since
+    assert watch.reported_in(good) == good  # none since
     link.refused = 4
-    assert watch.told(Status(Level.ERROR, "no force", {})).level == Level.ERROR
+    assert watch.reported_in(Status(Level.ERROR, "no force", {})).level == Level.ERROR

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from hc_evaluation.contact_law import hunt_crossley_force
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_sim_rig import Rig, ScenarioError, load_scenario
 from hc_sim_rig.taxels import TaxelPad
 

@@ -40,15 +40,7 @@ class Bench(Processes):
 
     def hc(self, *words, timeout=90.0):
         """Run hc to its end."""
-        return subprocess.run(
-            [sys.executable, "-m", "hc_bringup", *words],
-            cwd=self.folder,
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            check=False,
-        )
+        return self.run("-m", "hc_bringup", *words, timeout_s=timeout)
 
     def terminal(self, *words):
         """Run hc at a terminal; a context manager."""
@@ -82,9 +74,8 @@ class Terminal:
     def __init__(self, bench, *words):
         self._master, slave = pty.openpty()
         # A terminal of its own session, so that Ctrl-C reaches hc as it does for a user.
-        self.process = subprocess.Popen(
+        self.process = bench.launch(
             [sys.executable, "-m", "hc_bringup", *words],
-            cwd=bench.folder,
             env=bench.environment | {"COLUMNS": "110", "LINES": "40", "TERM": "xterm"},
             stdin=slave,
             stdout=slave,

@@ -1,9 +1,11 @@
 """The rule of docs/design.md: imports run one way, and the cores know nothing of ROS."""
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -41,9 +43,14 @@ def sources(package: str) -> list[Path]:
     return sorted((ROOT / "src" / package / package).rglob("*.py"))
 
 
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def imported(path: Path) -> Iterator[str]:
     """Top-level packages that a file imports, at its head or inside functions."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from (alias.name.split(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
@@ -85,7 +92,7 @@ def test_ros_is_in_the_files_of_nodes_and_in_the_folder_ros(package: str) -> Non
     """One way in all packages: `node.py` and `*_node.py` are nodes, their parts are in ros/."""
     for path in sources(package):
         if path.name.endswith("node.py") and path.parent.name != "ros":
-            names = [n.name for n in ast.parse(path.read_text()).body if hasattr(n, "name")]
+            names = [n.name for n in tree(path).body if hasattr(n, "name")]
             assert "main" in names, f"{path.relative_to(ROOT)} is no node: its place is ros/"
         elif path.parent.name != "ros":
             used = ROS & set(imported(path))
@@ -97,7 +104,7 @@ def test_nothing_at_the_bottom_speaks_of_the_estimators_results() -> None:
     likes = [
         f"{path.name}: {node.name}"
         for path in sources("hc_msgs_py")
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in tree(path).body
         if isinstance(node, ast.ClassDef) and node.name.endswith("Like")
     ]
     assert not likes
@@ -134,7 +141,7 @@ def test_every_file_says_in_its_first_lines_what_it_is(package: str) -> None:
     silent = [
         str(path.relative_to(ROOT))
         for path in sources(package)
-        if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+        if not ast.get_docstring(tree(path))
     ]
     assert not silent
 
@@ -165,3 +172,28 @@ def test_lock_file_has_hashes_and_no_addresses() -> None:
     assert len(pinned) > 50
     assert all(line.rstrip().endswith("\\") for line in pinned), "a package without a hash"
     assert not [line for line in lines if "://" in line or "index-url" in line]
+
+
+def names(path: Path) -> Iterator[str]:
+    """Every name that a file gives or uses."""
+    for node in ast.walk(tree(path)):
+        for field in ("name", "id", "arg", "attr"):
+            if isinstance(name := getattr(node, field, None), str):
+                yield name
+
+
+@pytest.mark.parametrize("package", ORDER[:-1])
+def test_names_are_the_fields_terms(package: str) -> None:
+    """A quantity is estimated, measured or reported; nobody in a program feels or tells."""
+    word = re.compile(r"(^|_)(told|felt|newcomers?|veterans?)(_|$)")
+    found = {
+        f"{p.name}: {name}" for p in sources(package) for name in names(p) if word.search(name)
+    }
+    assert not found
+
+
+def test_processes_of_tests_are_started_by_the_one_harness() -> None:
+    """`hc_msgs_py.node_processes.Processes` ends what it starts, whatever the test does."""
+    this = Path(__file__)
+    by_hand = [p for p in (ROOT / "test").rglob("*.py") if ".Popen(" in p.read_text("utf-8")]
+    assert [p for p in by_hand if p != this] == []

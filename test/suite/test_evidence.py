@@ -59,6 +59,40 @@ def test_every_table_says_command_and_commit_and_stands_as_csv(
         assert read_csv(csv_path(document, place.name, suffix)) == (place.said, rows)
 
 
+MEASURED = (
+    "performance.md",
+    "evidence/performance.md",
+    "reliability.md",
+    "reproduction.md",
+)
+COMMIT = re.compile(r"\bcommit [0-9a-f]{7,}\b")
+
+
+def tables_without_a_commit(text: str) -> list[str]:
+    """Headings above a table with figures, where neither they nor the page's head name a commit."""
+    head, *sections = re.split(r"^## ", text, flags=re.MULTILINE)
+    if COMMIT.search(head):
+        return []
+    figures = re.compile(r"^\|[ :|-]*---[ :|-]*\n(?:\|.*\n)*?\|.*\d", re.MULTILINE)
+    return [
+        part.partition("\n")[0]
+        for part in sections
+        if figures.search(part) and not COMMIT.search(part)
+    ]
+
+
+@pytest.mark.parametrize("page", MEASURED)
+def test_what_was_measured_by_hand_names_the_commit(page: str) -> None:
+    assert not tables_without_a_commit((DOCS / page).read_text(encoding="utf-8"))
+
+
+def test_a_table_without_a_commit_is_seen() -> None:
+    table = "| a | b |\n|---|---|\n| x | 1.2 |\n"
+    assert tables_without_a_commit(f"head\n## one\n{table}") == ["one"]
+    assert not tables_without_a_commit(f"head\n## one\n{table}(commit 0123abc)\n")
+    assert not tables_without_a_commit(f"by commit 0123abc\n## one\n{table}")
+
+
 def test_no_csv_is_left_of_a_table_that_is_gone() -> None:
     for document in (ACCURACY, TELEOPERATION):
         kept = {

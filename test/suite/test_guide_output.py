@@ -7,14 +7,21 @@ from pathlib import Path
 import pytest
 
 from hc_bringup.cli import main
+from hc_msgs_py.node_processes import Processes
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs/guide/recordings.md"
 SHARED_DATA = Path(os.environ.get("HC_SHARED_DATA", ROOT.parent / "shared" / "data"))
 SHOWN = "./hc estimate ../shared/data/palpation_scan.csv"
+PLAYED = """./hc bag convert ../shared/data/palpation_scan.csv scan_bag
+./hc replay scan_bag --estimator"""
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 TIME_OF_A_STEP = re.compile(r"; [\d.]+ us a step")
 """What a machine takes for a step is no matter of the page."""
+PROCESSOR_USE = re.compile(r"^processor use: .*\n", re.MULTILINE)
+needs_recordings = pytest.mark.skipif(
+    not SHARED_DATA.is_dir(), reason="the recordings in ../shared/data are absent"
+)
 CALM = 0.1  # relative: the last digits turn on the processor
 
 
@@ -35,10 +42,30 @@ def test_what_differs_is_found() -> None:
     assert differing("did not fit in 6 %", "fits in 6 %")
 
 
-@pytest.mark.skipif(not SHARED_DATA.is_dir(), reason="the recordings in ../shared/data are absent")
-def test_the_guide_shows_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
+def shown_below(commands: str) -> str:
+    """What the page shows as printed by a block of commands."""
     text = PAGE.read_text(encoding="utf-8")
-    shown = text[text.index(f"```sh\n{SHOWN}\n```") :].partition("```text\n")[2].partition("```")[0]
+    return (
+        text[text.index(f"```sh\n{commands}\n```") :].partition("```text\n")[2].partition("```")[0]
+    )
+
+
+@needs_recordings
+def test_the_guide_shows_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = shown_below(SHOWN)
     assert main(["estimate", str(SHARED_DATA / "palpation_scan.csv")]) == 0
     printed = TIME_OF_A_STEP.sub("", capsys.readouterr().out)
+    assert not differing(shown, printed), f"docs/guide/recordings.md is older; now:\n{printed}"
+
+
+@needs_recordings
+@pytest.mark.slow
+@pytest.mark.process
+def test_the_guide_shows_what_the_replay_prints(processes: Processes, tmp_path: Path) -> None:
+    bag = str(tmp_path / "scan_bag")
+    assert main(["bag", "convert", str(SHARED_DATA / "palpation_scan.csv"), bag]) == 0
+    words = ("-m", "hc_bringup", "replay", bag, "--estimator", "--headless")
+    done = processes.run(*words, timeout_s=100.0)
+    assert done.returncode == 0, done.stderr
+    shown, printed = (PROCESSOR_USE.sub("", text) for text in (shown_below(PLAYED), done.stdout))
     assert not differing(shown, printed), f"docs/guide/recordings.md is older; now:\n{printed}"

@@ -11,7 +11,6 @@ of hc_bringup do, once more; what the others here hold them to is that every wor
 import os
 import re
 import shlex
-import signal
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ from pathlib import Path
 import pytest
 
 from hc_bringup.cli import command_parser
+from hc_msgs_py.node_processes import Processes
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.process
@@ -88,7 +88,7 @@ def test_commands_of_readme_run(block: str, tmp_path: Path, ros_domain: int) -> 
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
     }
-    background: list[subprocess.Popen[bytes]] = []
+    background = Processes(ros_domain, tmp_path)
     ran = 0
     try:
         for line in commands(block):
@@ -104,7 +104,7 @@ def test_commands_of_readme_run(block: str, tmp_path: Path, ros_domain: int) -> 
             assert words[0] in ("./hc", "hc"), f"do not know how to run {line!r}"
             words[0] = "hc"
             if line.endswith("&"):
-                background.append(subprocess.Popen(words, cwd=tmp_path, env=environment))
+                background.launch(words, env=environment, stdout=None, stderr=None)
                 wait_until_estimates_flow(environment)
                 continue
             done = subprocess.run(
@@ -113,13 +113,7 @@ def test_commands_of_readme_run(block: str, tmp_path: Path, ros_domain: int) -> 
             assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
             ran += 1
     finally:
-        for process in background:
-            process.send_signal(signal.SIGINT)
-            try:
-                status = process.wait(15)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                raise
-            assert status == 0
-    if not ran and not background:
+        background.close()
+    assert [process.returncode for process in background.started] == [0] * len(background.started)
+    if not ran and not background.started:
         pytest.skip("nothing in this block is run here")

@@ -28,36 +28,36 @@ def apply(arguments: argparse.Namespace) -> None:
         return
     arguments.preset = None
     path = find_config(name)
-    told = _read(path)
+    content = _read(path)
     for key in ("columns", "units"):
-        if getattr(arguments, key) is None and key in told:
-            parts = _mapping(path, key, told[key])
+        if getattr(arguments, key) is None and key in content:
+            parts = _mapping(path, key, content[key])
             setattr(arguments, key, ",".join(f"{k}={v}" for k, v in parts.items()))
     for key in OF_THE_FILE:
         if getattr(arguments, key) is None:
-            setattr(arguments, key, told.get(key))
+            setattr(arguments, key, content.get(key))
     given = {name for name, _ in arguments.sensors}
-    sensors = _mapping(path, "input", told.get("input", {}))
+    sensors = _mapping(path, "input", content.get("input", {}))
     arguments.sensors = [
         *((name, value) for name, value in sensors.items() if name not in given),
         *arguments.sensors,
     ]
-    arguments.find_surface = bool(arguments.find_surface or told.get("find_surface", False))
+    arguments.find_surface = bool(arguments.find_surface or content.get("find_surface", False))
 
 
 def _read(path: Path) -> dict[str, Any]:
     from hc_bringup.parameter_file import read_yaml
 
-    told = read_yaml(path)
-    if isinstance(told, dict) and "nodes" in told:
+    content = read_yaml(path)
+    if isinstance(content, dict) and "nodes" in content:
         raise UserError(
             f"--preset {path} is of a robot, not of a file: start it with hc run", WRONG_USE
         )
-    for key in _mapping(path, "the file", told):
+    for key in _mapping(path, "the file", content):
         if key not in KEYS:
             known = hint(key, KEYS, "known")
             raise UserError(f"--preset {path}: no key {key!r}; {known}", WRONG_USE)
-    return dict(told)
+    return dict(content)
 
 
 def _mapping(path: Path, what: str, value: Any) -> dict[str, Any]:

@@ -133,12 +133,12 @@ class Display:
 
     def _tell_problems(self, state: RunState) -> None:
         """Write a line for each problem that is new."""
-        told = {name: f"{name}: {problem}" for name, problem in state.problems.items()}
-        for name, line in told.items():
+        problems = {name: f"{name}: {problem}" for name, problem in state.problems.items()}
+        for name, line in problems.items():
             if self._reported.get(name) != line:
                 sys.stderr.write(f"{line}\n")
                 sys.stderr.flush()
-        self._reported = told
+        self._reported = problems
         for name, sentence in state.suspicions.items():
             if name not in self._doubted:  # its numbers change with every look
                 self._doubted.add(name)

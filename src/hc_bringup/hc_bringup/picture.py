@@ -27,6 +27,7 @@ from hc_sim_rig.picture_style import (
     in_style,
     legend_below,
     new_figure,
+    say_cut,
 )
 
 _LABELS = ("K  [N/mmⁿ]", "B  [N (s/mm)ᵖ/mmⁿ]", "n", "p")
@@ -69,6 +70,7 @@ def draw(data: RunData) -> Figure:
     for index in range(4):
         _parameter(grid[index, 1], data, part, index)
     for axes in grid.flat:
+        say_cut(axes)
         axes.margins(x=0.0)
         for at in data.time_s[data.change_detected]:
             axes.axvline(at, color=ALARM, linewidth=THIN)
@@ -130,7 +132,7 @@ def _explain_colours(figure: Figure, data: RunData) -> None:
     handles = [
         Line2D([], [], color=MEASURED, linewidth=THICK, label="measured"),
         Line2D([], [], color=ESTIMATED, label="estimate; force: one step ahead"),
-        Patch(color=ESTIMATED, alpha=BAND, label="± 2 standard deviations"),
+        Patch(color=ESTIMATED, alpha=BAND, label="± 2 standard deviations, cut at the frame"),
         Line2D([], [], color=TRUE, linestyle="--", label="true; NIS: ideal"),
     ]
     if data.change_detected.any():

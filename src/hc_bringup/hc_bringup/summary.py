@@ -121,11 +121,11 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     delay, deviation = summary["channel_delay"], summary["channel_delay_std"]
     if not (math.isfinite(delay) and math.isfinite(deviation)):
         return []
-    told = f"{1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"
+    size = f"{1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"
     if abs(delay) <= 2.0 * deviation:
-        return [f"no delay between force and displacement is to be seen: {told}"]
+        return [f"no delay between force and displacement is to be seen: {size}"]
     late = "force" if delay >= 0.0 else "displacement"
-    return [f"the {late} is late by {told}"]
+    return [f"the {late} is late by {size}"]
 
 
 def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_evaluation.contact_law import force_gradient
+from hc_estimator.contact.arrays import force_gradient
 from hc_msgs_py.compilation import KernelCompiler
 
 FloatArray = NDArray[np.float64]

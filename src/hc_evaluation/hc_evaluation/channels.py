@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.optimize import OptimizeResult, least_squares
 
+from hc_estimator.contact.arrays import force_gradient, hunt_crossley_force
 from hc_estimator.stream.together import together
-from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import smooth_motion
 
 FloatArray = NDArray[np.float64]
@@ -185,6 +185,7 @@ class _Fit:
         # Not the spline's derivative: its noise is larger at the samples than between them, so that
         # a delay of half a sample more or less would always seem to fit better.
         self._velocity = CubicSpline(time_s, rate)
+        self._rates = self._motion.derivative(), self._velocity.derivative()
         self._prior_std = np.array(
             [
                 EXPONENT_PRIOR,
@@ -219,12 +220,11 @@ class _Fit:
         return self._solve(valley, 1, MOST_STEPS)
 
     def _solve(self, start: FloatArray, thin: int, most_steps: int) -> OptimizeResult:
-        def residual(x: FloatArray) -> FloatArray:
-            return self._residual(x, thin)
-
         return least_squares(
-            residual,
+            self._residual,
             np.clip(start, self._lower + 1e-6, self._upper - 1e-6),
+            self._jacobian,
+            args=(thin,),
             bounds=(self._lower, self._upper),
             x_scale=self._scale,
             max_nfev=most_steps,
@@ -240,6 +240,20 @@ class _Fit:
         deviation = (x[3:] - np.array([1.0, 0.0, 0.0, 0.0])) / self._prior_std
         result: FloatArray = np.concatenate((self._misfit(x, thin) / self.noise_n, deviation))
         return result
+
+    def _slopes(self, x: FloatArray, thin: int = 1) -> FloatArray:
+        """Derivatives of `_misfit` with respect to x, shape (N, 7)."""
+        at = self._times[::thin] - x[4]
+        by = force_gradient(self._motion(at) - x[6], self._velocity(at), parameters_of(x))
+        depth_rate, acceleration = (rate(at) for rate in self._rates)
+        by_delay = -by[:, 0] * depth_rate - by[:, 1] * acceleration
+        return np.column_stack([by[:, 2:], by_delay, np.ones(at.size), -by[:, 0]])
+
+    def _jacobian(self, x: FloatArray, thin: int) -> FloatArray:
+        slopes = self._slopes(x, thin) / self.noise_n
+        priors = np.zeros((4, 7))
+        priors[:, 3:] = np.diag(1.0 / self._prior_std)
+        return np.concatenate((slopes, priors))
 
     def rms(self, x: FloatArray) -> float:
         """Return what is left of the force [N]."""
@@ -259,13 +273,19 @@ class _Fit:
     def rms_without(self, start: FloatArray) -> float:
         """Return what the law alone leaves of the force [N]."""
 
+        def whole(x: FloatArray) -> FloatArray:
+            return np.concatenate((x, [0.0, 0.0, 0.0]))
+
         def residual(x: FloatArray) -> FloatArray:
-            whole: FloatArray = np.concatenate((x, [0.0, 0.0, 0.0]))
-            return self._misfit(whole) / self.noise_n
+            return self._misfit(whole(x)) / self.noise_n
+
+        def jacobian(x: FloatArray) -> FloatArray:
+            return self._slopes(whole(x))[:, :4] / self.noise_n
 
         alone = least_squares(
             residual,
             start,
+            jacobian,
             bounds=(self._lower[:4], self._upper[:4]),
             x_scale=self._scale[:4],
         )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_evaluation.contact_law import force_gradient
+from hc_estimator.contact.arrays import force_gradient
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from hc_estimator import EstimateSeries
-from hc_evaluation.contact_law import force_of
+from hc_estimator.contact.arrays import force_of
 
 FloatArray = NDArray[np.float64]
 

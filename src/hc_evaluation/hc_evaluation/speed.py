@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, available_filters, available_state_spaces, create_estimator
-from hc_evaluation.contact_law import hunt_crossley_force
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.rivals.packages import pykalman_runner, stone_soup_runner
 from hc_evaluation.rivals.plain_ukf import (
     DISPLACEMENT_NOISE_MM,

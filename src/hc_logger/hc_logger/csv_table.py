@@ -100,9 +100,9 @@ def _first_row(rows: list[list[str]], decimal: str, least: int) -> int | None:
 
 def _lacks_a_reading(row: list[str], usual: int, decimal: str) -> bool:
     """Whether a row that is no first row is one of numbers but for readings that are missing."""
-    told = [cell for cell in row if cell.strip().lower() not in MISSING]
-    numbers = sum(number(cell, decimal) is not None for cell in told)
-    return len(row) == usual and numbers == len(told) > 1
+    filled = [cell for cell in row if cell.strip().lower() not in MISSING]
+    numbers = sum(number(cell, decimal) is not None for cell in filled)
+    return len(row) == usual and numbers == len(filled) > 1
 
 
 def _named(row: list[str]) -> int:
@@ -144,8 +144,8 @@ def why_no_rows(lines: list[str]) -> str:
     if thousands is not None:
         return f"numbers have a sign between the thousands ({thousands[0]}): export them without it"
     for separator in SEPARATORS:
-        told = [_WITH_UNIT.match(cell) for cell in split_line(last, separator)]
-        units = [found["unit"] for found in told if found is not None]
+        matches = [_WITH_UNIT.match(cell) for cell in split_line(last, separator)]
+        units = [found["unit"] for found in matches if found is not None]
         if separator != " " and len(units) >= len(QUANTITIES) - 1:
             return (
                 f"numbers have their unit behind them ({', '.join(units)}): export them without "

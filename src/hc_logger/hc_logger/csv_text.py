@@ -124,8 +124,8 @@ def last_line(path: Path, encoding: str) -> str:
 
 def is_cut_off(line: str, separator: str, indices: Sequence[int]) -> bool:
     """Whether a line has no end and too few cells: the writing of the file ended within it."""
-    told = bool(line.strip()) and not line.endswith("\n")
-    return told and len(split_line(line, separator)) <= max(indices)
+    unfinished = bool(line.strip()) and not line.endswith("\n")
+    return unfinished and len(split_line(line, separator)) <= max(indices)
 
 
 def split_line(line: str, separator: str) -> list[str]:

@@ -22,14 +22,17 @@ ANSWER_TIMEOUT_S = 5.0
 """Discovery is one-sided: an answer may be lost, so after this time a service is asked again."""
 
 
-def domain_environment(domain: int, **more: str) -> dict[str, str]:
-    """Environment of a process that speaks in one domain, on this machine only."""
-    return {
-        **os.environ,
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        **more,
-    }
+def domain_environment(domain: int | None, **more: str) -> dict[str, str]:
+    """Environment of a process that speaks in one domain, on this machine only.
+
+    Without a domain that of this process, for what speaks with nobody.
+    """
+    spoken = (
+        {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        if domain is not None
+        else {}
+    )
+    return {**os.environ, **spoken, **more}
 
 
 def ros_arguments(parameters: Mapping[str, Any], *arguments: str) -> list[str]:
@@ -52,6 +55,8 @@ def end(
 
 def wait(process: subprocess.Popen[str], timeout_s: float = END_TIMEOUT_S) -> tuple[int, str, str]:
     """Wait for a process to end by itself, and kill it if it does not; as `end`."""
+    if process.stdin is not None and process.stdin.closed:
+        process.stdin = None  # or communicate() would flush it
     try:
         output, errors = process.communicate(timeout=timeout_s)
     except subprocess.TimeoutExpired:
@@ -68,7 +73,7 @@ class Processes:
         started: them.
     """
 
-    def __init__(self, domain: int, folder: Path | None = None, **environment: str) -> None:
+    def __init__(self, domain: int | None, folder: Path | None = None, **environment: str) -> None:
         """Begin; `folder` is where they run, `environment` what they get beside the domain's."""
         self.environment = domain_environment(domain, **environment)
         self.started: list[subprocess.Popen[str]] = []
@@ -83,16 +88,41 @@ class Processes:
         **environment: str,
     ) -> subprocess.Popen[str]:
         """Start Python with some words behind it, through another program if one is given."""
-        process = subprocess.Popen(
+        return self.launch(
             [*through, sys.executable, *words],
-            cwd=self._folder,
             env=self.environment | environment,
             stdout=stdout,
             stderr=stderr,
-            text=True,
         )
+
+    def launch(self, command: Sequence[str | Path], **options: Any) -> subprocess.Popen[str]:
+        """Start any program, with options of subprocess.Popen where they differ from ours.
+
+        Ours are the folder, the environment, pipes for output and errors, and text.
+        """
+        ours = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        place = {"cwd": self._folder, "env": self.environment}
+        process: subprocess.Popen[str] = subprocess.Popen(command, **ours | place | options)
         self.started.append(process)
         return process
+
+    def run(
+        self, *words: str, timeout_s: float = 60.0, through: Sequence[str] = ()
+    ) -> subprocess.CompletedProcess[str]:
+        """Run Python with some words behind it to its end.
+
+        Raises:
+            subprocess.TimeoutExpired: it went on for longer, and was killed.
+        """
+        return subprocess.run(
+            [*through, sys.executable, *words],
+            cwd=self._folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout_s,
+            check=False,
+        )
 
     def close(self, number: int = signal.SIGINT) -> None:
         """End all that still live: a killed one leaves shared memory behind."""

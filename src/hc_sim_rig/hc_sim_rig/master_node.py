@@ -123,7 +123,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         add_ready_service(self, list)
         refusals = RefusalWatch(self._link)
         self._diagnostics = DiagnosticsPublisher(
-            self, f"{self._device} device", lambda: refusals.told(self._status())
+            self, f"{self._device} device", lambda: refusals.reported_in(self._status())
         )
         if not start_paused:
             self._sampler.start()
@@ -244,12 +244,12 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if self._hand is None:
             refused = sum(poses.refused.values())
             new, self._refused_before = refused - self._refused_before, refused
-            told = f"poses of the haptic device are refused ({poses.why_refused})"
+            reason = f"poses of the haptic device are refused ({poses.why_refused})"
             if not poses.heard(time.monotonic()):
-                told = told if new else "the haptic device says nothing"
-                return Status(Level.ERROR, f"no force: {told}", values)
+                reason = reason if new else "the haptic device says nothing"
+                return Status(Level.ERROR, f"no force: {reason}", values)
             if new:
-                return Status(Level.WARN, f"{told}: no force meanwhile", values)
+                return Status(Level.WARN, f"{reason}: no force meanwhile", values)
         if self._link.silence_s(now_ns) > SILENCE_S:
             return Status(Level.WARN, "nothing comes from the slave", values)
         if newest is not None and not newest.sure:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from cycler import cycler
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -68,6 +69,17 @@ def legend_above(axes: Any, ncols: int) -> None:
 def legend_below(figure: Figure, *labelled: Any, ncols: int) -> None:
     """Put one legend below all frames; arguments as those of `Figure.legend`."""
     figure.legend(*labelled, loc="outside lower center", ncols=ncols)
+
+
+def say_cut(axes: Any) -> None:
+    """Say beside the frame if a curve leaves it: call it when limits and curves are there."""
+    low, high = axes.get_ylim()
+    drawn = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()]
+    if any(np.any((values < low) | (values > high)) for values in drawn):
+        axes.text(
+            1.008, 0.5, "cut curves go on", transform=axes.transAxes, rotation=90,
+            va="center", ha="left", fontsize=7.5, color=GREY,
+        )  # fmt: skip
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -116,6 +116,7 @@ def check_settings(scenario: Scenario, values: Mapping[str, float]) -> None:
     for name, value in values.items():
         if name not in known:
             raise ScenarioError(f"this scenario has no setting {name!r}; known: {', '.join(known)}")
-        specification = known[name].specification
-        if specification.accepted(value) is None:
-            raise ScenarioError(f"{name} is {value:g}, must be {specification.allowed}")
+        try:
+            known[name].specification.checked(value)
+        except ValueError as error:
+            raise ScenarioError(str(error)) from None

@@ -108,7 +108,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         add_ready_service(self, self._outputs.missing)
         refusals = RefusalWatch(self._link)
         self._diagnostics = DiagnosticsPublisher(
-            self, "slave arm", lambda: refusals.told(self._status())
+            self, "slave arm", lambda: refusals.reported_in(self._status())
         )
         if not start_paused:
             self._start()

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_sim_rig.records import Truth
 from hc_sim_rig.schema import Section, number, section
 
@@ -77,12 +78,8 @@ class TaxelPad:
 
         F = max(0, K d^n + B d^n sign(v)|v|^p), as the rig's own tissue.
         """
-        stiffness, damping, n, p = truth.parameters
-        depth, velocity = float(truth.displacement_mm), float(truth.velocity_mm_s)
-        forces = np.zeros(len(self._stiffness))
-        if depth > 0.0:
-            rate = np.sign(velocity) * abs(velocity) ** p
-            law = stiffness * self._stiffness + damping * self._damping * rate
-            np.maximum(0.0, depth**n * law, out=forces)
+        depth = float(truth.displacement_mm)
+        motion = np.array([[depth], [float(truth.velocity_mm_s)]])
+        forces = hunt_crossley_force(motion[0], motion[1], self.parameters(truth))
         noise = self._random.standard_normal((2, len(forces)))
         return depth + self._noise[0] * noise[0], forces + self._noise[1] * noise[1]

@@ -20,6 +20,7 @@ from hc_bringup.batch import engines
 from hc_bringup.batch.campaign import Campaign, has_pyarrow
 from hc_bringup.batch.work import Answer, Task
 from hc_bringup.cli import main
+from hc_msgs_py.node_processes import Processes
 
 pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(600)]
 HC = (sys.executable, "-m", "hc_bringup", "batch")
@@ -74,20 +75,9 @@ def children(parent: int) -> list[int]:
 @pytest.fixture
 def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Function (*words) -> a process; ended with the test."""
-    processes: list[subprocess.Popen[str]] = []
-
-    def start(*words: object) -> subprocess.Popen[str]:
-        process = subprocess.Popen(
-            [*map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        processes.append(process)
-        return process
-
-    yield start
-    for process in processes:
-        if process.poll() is None:
-            process.kill()
-        process.communicate()
+    processes = Processes(None)
+    yield lambda *words: processes.launch([*map(str, words)])
+    processes.close(signal.SIGKILL)
 
 
 def test_a_killed_process_of_this_machine_loses_nothing(

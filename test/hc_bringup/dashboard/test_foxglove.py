@@ -300,7 +300,7 @@ def test_foxglove_itself_sees_the_bag_that_is_replayed(
     script = str(NODE_FOLDER / "foxglove_client.mjs")
     output = command_line.folder / "client.jsonl"  # a pipe would be full after 31 messages
     with output.open("w") as file:
-        client = subprocess.Popen(
+        client = command_line.launch(
             [node, script, address, "foxglove.sdk.v1", "/hc/estimate"],
             stdin=subprocess.PIPE,
             stdout=file,

@@ -19,8 +19,9 @@ _CHECKS = (
 _MYPY = "mypy"
 _LOWEST_PRIORITY = "19"
 """Of mypy, which runs beside the tests: it takes what they leave while they wait for processes."""
-_PARALLEL = ("--numprocesses=2", "--dist=loadfile", "--no-loadscope-reorder")
-"""Two processes, as the machines of CI have two cores; a file's tests stay together."""
+_PARALLEL = ("--numprocesses=3", "--dist=loadfile", "--no-loadscope-reorder")
+"""Three processes for the two cores of CI: tests of processes wait for two fifths of their
+time. They come first (test/conftest.py); a file's tests stay together."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

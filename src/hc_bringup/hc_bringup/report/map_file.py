@@ -76,7 +76,7 @@ def _profile(figure: Figure, found: StiffnessMap) -> None:
         color=GREY,
         elinewidth=THIN,
         markersize=3,
-        label="felt there",
+        label="measured there",
         zorder=0,
     )
     axes.set_ylim(0.0, 1.15 * float(np.nanmax(np.append(stiffness, np.exp(at.log_stiffness)))))
@@ -127,7 +127,7 @@ def _plane(figure: Figure, found: StiffnessMap) -> None:
         axes.grid(visible=False)
         axes.set_facecolor("0.85")
     left.set_ylabel("y [mm]")
-    left.set_title("dots: felt there; grey: not known")
+    left.set_title("dots: measured there; grey: not known")
     if found.lump is not None:
         x, y = found.lump.x_mm, found.lump.y_mm
         left.plot(x, y, "o", markersize=14, markerfacecolor="none", color="white")

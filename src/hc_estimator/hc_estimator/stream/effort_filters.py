@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_estimator.stream.effort import DisturbanceObserver
 from hc_estimator.stream.force_filter import LONGEST_GAP_S, ForceFilter
 
@@ -307,10 +308,8 @@ class ParticleForceFilter(ForceFilter):
 
     def _law(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
         """Force of the tissue that it knows, shape of the arguments."""
-        stiffness, damping, exponent = self._settings.tissue
-        depth = np.maximum(position - self._settings.surface_mm, 0.0)
-        force: FloatArray = np.maximum(depth**exponent * (stiffness + damping * velocity), 0.0)
-        return force
+        depth = position - self._settings.surface_mm
+        return hunt_crossley_force(depth, velocity, np.array([*self._settings.tissue, 1.0]))
 
 
 def error_in_motion(settings: EffortSettings) -> float:

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import gaussian_filter1d
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.scenarios import Tissue, without_tension
-from hc_evaluation.contact_law import hunt_crossley_force
 
 FloatArray = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator import DEFAULT_FILTER, create_estimator
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.candidate import load_candidate
 from hc_evaluation.accuracy.scenarios import Scenario, SimulatedContact, simulate
 from hc_evaluation.bounds import posterior_cramer_rao_bound
-from hc_evaluation.contact_law import hunt_crossley_force
 
 FloatArray = NDArray[np.float64]
 Numbers = dict[str, float]

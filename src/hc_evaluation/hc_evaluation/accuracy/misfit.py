@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Setup
 from hc_evaluation.accuracy.recorded import FIRST_CONTACT_S
 from hc_evaluation.accuracy.recordings import batch_fit, contact_start, smoothed
 from hc_evaluation.accuracy.scenarios import without_tension
-from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import Frozen, hold_forward_rms
 
 FloatArray = NDArray[np.float64]

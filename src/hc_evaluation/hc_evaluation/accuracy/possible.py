@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import medfilt
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.contacts import CONTACTS
 from hc_evaluation.accuracy.measure import Numbers, Setup
-from hc_evaluation.contact_law import hunt_crossley_force
 from hc_evaluation.hold_forward import Frozen, smooth_motion
 
 FloatArray = NDArray[np.float64]

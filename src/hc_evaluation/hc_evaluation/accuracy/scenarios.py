@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy.varying_tissue import Inclusion, Surface, Way, along_the_way
-from hc_evaluation.contact_law import hunt_crossley_force
 
 FloatArray = NDArray[np.float64]
 

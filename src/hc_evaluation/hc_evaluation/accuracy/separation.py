@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from hc_estimator.contact.arrays import separated
 from hc_evaluation.accuracy import catalogue, measure
 from hc_evaluation.accuracy.bench import Bench, Result, target, worst
 from hc_evaluation.accuracy.measure import Task
 from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate
 from hc_evaluation.accuracy.simulated import quiet_rows
-from hc_evaluation.contact_law import separated
 
 SMALLEST_SHARE, LARGEST_SHARE = 0.05, 0.4  # of the samples in separation
 ATTEMPTS = 1000  # to draw a scenario within them

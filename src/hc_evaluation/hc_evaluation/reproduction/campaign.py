@@ -82,7 +82,7 @@ def fingerprint(name: str) -> str:
     here = evaluation / "reproduction"
     own = [here / f"{stem}.py" for stem in ("experiment", "signals", "trace", "scores")]
     own += [here / "position_filters.py", evaluation / "bounds.py"]
-    own += [evaluation / "contact_law.py", evaluation / "hold_forward.py"]
+    own += [evaluation / "hold_forward.py"]
     for path in own:
         digest.update(path.read_bytes())
     for package, leave in ((hc_estimator, ("ros", "stream")), (hc_sim_rig, ())):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from hc_estimator import DEFAULT_FILTER, parameter_specifications
-from hc_evaluation.contact_law import hunt_crossley_force
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.reproduction.signals import Signal
 
 FloatArray = NDArray[np.float64]

@@ -36,6 +36,7 @@ from hc_sim_rig.picture_style import (
     legend_above,
     new_figure,
     save,
+    say_cut,
 )
 
 FloatArray = NDArray[np.float64]
@@ -96,17 +97,6 @@ def _frame(axes: Axes, curves: list[FloatArray], low_zero: bool) -> None:
     axes.set_ylim(0.0 if low_zero else -top, top)
 
 
-def _say_cut(axes: Axes) -> None:
-    """Say beside the frame if a curve leaves it."""
-    low, high = axes.get_ylim()
-    drawn = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()]
-    if any(np.any((values < low) | (values > high)) for values in drawn):
-        axes.text(
-            1.008, 0.5, "cut curves go on", transform=axes.transAxes, rotation=90,
-            va="center", ha="left", fontsize=7.5, color=GREY,
-        )  # fmt: skip
-
-
 def _rows(figure: Figure, experiment: Experiment) -> list[tuple[Axes, list[Column], str]]:
     columns = list(experiment.columns)
     groups = [
@@ -125,7 +115,7 @@ def _finish(rows: list[tuple[Axes, list[Column], str]], xlabel: str, ylabel: str
     for panel, _, _ in rows:
         panel.set_ylabel(ylabel)
         legend_above(panel, 3)
-        _say_cut(panel)
+        say_cut(panel)
     rows[-1][0].set_xlabel(xlabel)
 
 

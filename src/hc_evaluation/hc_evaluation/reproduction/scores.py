@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.contact.arrays import force_gradient, force_of
 from hc_estimator.contact.registry import (
     LARGEST_DISPLACEMENT_EXPONENT,
     LARGEST_VELOCITY_EXPONENT,
@@ -24,7 +25,6 @@ from hc_estimator.contact.registry import (
     SMALLEST_VELOCITY_EXPONENT,
 )
 from hc_evaluation.bounds import posterior_cramer_rao_bound
-from hc_evaluation.contact_law import force_gradient, force_of
 from hc_evaluation.hold_forward import hold_forward_errors
 from hc_evaluation.reproduction.experiment import load_experiment
 from hc_evaluation.reproduction.floor import regression_floor

@@ -18,8 +18,8 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
+from hc_estimator.contact.arrays import force_of
 from hc_estimator.multiple_model.hypotheses import LOG_DAMPING, LOG_STIFFNESS
-from hc_evaluation.contact_law import force_of
 from hc_evaluation.reproduction import position_filters
 from hc_evaluation.reproduction.experiment import DEFAULT, Column
 from hc_evaluation.reproduction.signals import Signal

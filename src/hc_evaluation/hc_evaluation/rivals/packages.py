@@ -29,7 +29,10 @@ def move(x: Array) -> Array:
 
 
 def measure(x: Array) -> Array:
-    """Return displacement [mm] and force [N] of states (7,) or (7, points)."""
+    """Return displacement [mm] and force [N] of states (7,) or (7, points).
+
+    Written out, not `hunt_crossley_force`: what the package costs is measured, without our guards.
+    """
     damping = np.exp(x[4]) * np.sign(x[1]) * np.abs(x[1]) ** x[6]
     force = np.maximum(x[0], 0.0) ** x[5] * (np.exp(x[3]) + damping)
     return np.array([x[0], np.maximum(force, 0.0)], float)

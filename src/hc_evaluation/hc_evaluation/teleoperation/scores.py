@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from hc_evaluation.contact_law import hunt_crossley_force
+from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_sim_rig.bilateral import BilateralSeries, layout
 from hc_sim_rig.bilateral.task import LUMP_PLACE, PALPATION_HZ, Span
 

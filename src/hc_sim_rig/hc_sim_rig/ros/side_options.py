@@ -115,7 +115,7 @@ class RefusalWatch:
         """Watch a link."""
         self._link, self._before = link, 0
 
-    def told(self, status: Status) -> Status:
+    def reported_in(self, status: Status) -> Status:
         """Return a status with what there is to say of refusals, a warning at least."""
         new, self._before = self._link.refused - self._before, self._link.refused
         if not new:

@@ -1,8 +1,8 @@
-"""The contact law over arrays: one implementation for signals, metrics, bounds, floors and fits.
+"""The contact law over arrays: one implementation for rig, signals, metrics, bounds and fits.
 
 `hunt_crossley_force` is unilateral, F = max(0, ...), as a tissue is; `adhesive_force` is the
 papers' formula (paper A, Eq. 1; paper B, Eq. 1), which turns negative on a fast retreat. Both are
-those of hc_estimator.contact (a test holds them together), which are compiled for one sample and
+those of `hunt_crossley` (a test holds them together), which are compiled for one sample and
 limit what would overflow; here an estimate that diverged gives infinity or NaN, without a warning.
 """
 

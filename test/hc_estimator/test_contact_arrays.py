@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hc_estimator.contact import adhesive_force as one_adhesive
+from hc_estimator.contact import arrays as law
 from hc_estimator.contact import hunt_crossley_force as one
-from hc_evaluation import contact_law as law
 
 SAMPLES = st.tuples(st.floats(-2.0, 8.0), st.floats(-60.0, 60.0))
 TISSUES = st.tuples(
