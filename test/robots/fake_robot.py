@@ -63,8 +63,8 @@ DEFAULTS = {
         "jitter_s": 0.0,
         "step": 0.0,  # if not 0: resolution of the reading
     },
-    "organ": {  # its surface breathes along the normal, and the tool follows; told if there is a topic
-        "topic": "",
+    "organ": {  # the surface breathes along its normal, and the tool follows
+        "topic": "",  # empty: nothing is told of it
         "breath_mm": 0.0,
         "rate_hz": 60.0,
         "delay_s": 0.0,

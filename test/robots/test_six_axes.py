@@ -112,7 +112,7 @@ def test_a_surface_that_moves_counts_where_it_was_at_the_stamps(bench):
     # The surface falls silent: estimates go on, and it is said.
     told = "no pose on organ for [0-9.]+ s: the surface is taken to stay where it was"
     for _ in range(20):
-        done = bench.hc("topic", "echo", "/diagnostics", "-n", "3")
+        done = bench.hc("topic", "echo", "/diagnostics", "--once")
         if re.search(told, done.stdout):
             break
     assert re.search(told, done.stdout), done.stdout + done.stderr
