@@ -138,7 +138,7 @@ def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
 
 
 def millinewton(force_n: float) -> str:
-    """Return a force in mN with its unit; small ones keep two digits, those beyond 10 N are in N."""
+    """Return a force in mN with its unit; small ones keep two digits, large ones are in N."""
     if math.isnan(force_n):
         return "-"
     if abs(force_n) >= 10.0:
