@@ -153,6 +153,12 @@ def test_estimate_writes_the_columns_of_the_design_and_never_overwrites(
     assert lines[0] == COLUMNS
     assert len(lines) == 1001
     assert all(line.count(",") == COLUMNS.count(",") for line in lines)
+    for name in ("stiffness [N/mm^n]", "damping_std [N(s/mm)^p/mm^n]"):
+        assert name in lines[0].split(",")
+    # It is a recording, too: what was estimated from the one is estimated from the other.
+    again = json.loads(run(capsys, "estimate", str(target), "--json")[1])
+    first = json.loads(run(capsys, "estimate", str(recording), "--json")[1])
+    assert again["parameters"] == first["parameters"]
     before = target.read_bytes()
     status, _, err = run(capsys, "estimate", str(recording), "-o", str(target))
     assert status == 2

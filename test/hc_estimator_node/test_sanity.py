@@ -9,7 +9,7 @@ import pytest
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.stream.readings import Check
-from hc_estimator.stream.sanity import check_samples
+from hc_estimator.stream.sanity import _short, check_samples
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
 
 SHARED = Path(os.environ.get("HC_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -291,3 +291,8 @@ def test_a_look_that_fails_says_so_and_the_next_one_works(monkeypatch):
             time.sleep(0.001)
         assert watch.failure == failure
         monkeypatch.setattr(suspicion_watch, "check_channels", check)
+
+
+@pytest.mark.parametrize(("value", "text"), [(6.54, "6.5"), (-200.4, "-200"), (0.052, "0.052")])
+def test_numbers_of_a_sentence_are_written_without_an_exponent(value, text):
+    assert _short(value) == text

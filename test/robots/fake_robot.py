@@ -63,6 +63,15 @@ DEFAULTS = {
         "jitter_s": 0.0,
         "step": 0.0,  # if not 0: resolution of the reading
     },
+    "organ": {  # the surface breathes along its normal, and the tool follows
+        "topic": "",  # empty: nothing is told of it
+        "breath_mm": 0.0,
+        "rate_hz": 60.0,
+        "delay_s": 0.0,
+        "late_s": 0.0,
+        "jitter_s": 0.0,
+        "ends_s": 1e9,  # then nothing more is told of it
+    },
     "payload": {"mass": 0.0, "center": [0.0, 0.0, 0.0]},
     "position": {
         "type": "pose",
@@ -158,9 +167,20 @@ class Robot:
             force = tuple(step * round(f / step) for f in force)
         return tuple(scale * f for f in force), tuple(scale * t for t in torque)
 
+    def lifted(self, time_s):
+        """How far the surface has moved along its normal [mm]."""
+        return self.s["organ"]["breath_mm"] * math.sin(2.0 * math.pi * 0.25 * time_s)
+
+    def organ(self, time_s):
+        """Where the surface is [m], and the attitude whose z axis is its normal."""
+        lifted = 1e-3 * self.lifted(time_s)
+        place = [p + lifted * n for p, n in zip(self.s["surface"], self.normal, strict=True)]
+        x, y, z = self.normal
+        return place, unit_quaternion((-y, x, 0.0, 1.0 + z))
+
     def pose(self, time_s):
         """Where the frame of the pose is [m], and its attitude."""
-        depth, _rate = self.depth(time_s)
+        depth = self.depth(time_s)[0] - self.lifted(time_s)
         turned = self.turned(time_s)
         offset = rotated(turned, tuple(self.s["tip"]))
         noise = 1e-3 * self.s["position"]["noise_mm"]
@@ -189,6 +209,8 @@ class Publisher:
             "force": node.create_publisher(WrenchStamped, s["force"]["topic"], qos),
             "position": node.create_publisher(kind, s["position"]["topic"], qos),
         }
+        if s["organ"]["topic"]:
+            self.publishers["organ"] = node.create_publisher(PoseStamped, s["organ"]["topic"], qos)
         if kind is TFMessage:
             self.tell_fixed_frames(node, s["position"])
 
@@ -228,6 +250,15 @@ class Publisher:
             w = message.wrench
             w.force.x, w.force.y, w.force.z = map(float, force)
             w.torque.x, w.torque.y, w.torque.z = map(float, torque)
+        elif stream == "organ":
+            message = PoseStamped()
+            place, turned = self.robot.organ(time_s)
+            message.header.frame_id = self.robot.s["position"]["frame"]
+            point, q = message.pose.position, message.pose.orientation
+            point.x, point.y, point.z = place
+            q.x, q.y, q.z, q.w = turned
+            set_stamp(message.header.stamp, stamp_ns)
+            return message
         elif told["type"] == "joint":
             depth, _rate = self.robot.depth(time_s)
             wander = {
@@ -266,7 +297,7 @@ class Publisher:
         signal.signal(signal.SIGUSR1, ask)
         signal.signal(signal.SIGUSR2, die)
         due = []
-        counts = {"force": 0, "position": 0}
+        counts = dict.fromkeys(self.publishers, 0)
         for stream in counts:
             heapq.heappush(due, (0.0, 0.0, stream))
         while not stopped:
@@ -275,9 +306,10 @@ class Publisher:
             if delay > 0.0:
                 time.sleep(delay)
             stamp_ns = begin_ns + round((time_s + self.robot.s["clock_s"]) * 1e9)
-            if not (stream == "force" and self.robot.force_is_dead):
-                self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
             told = self.robot.s[stream]
+            silent = time_s > told.get("ends_s", math.inf)
+            if not (silent or (stream == "force" and self.robot.force_is_dead)):
+                self.publishers[stream].publish(self.message(stream, time_s, stamp_ns))
             counts[stream] += 1
             time_s = counts[stream] / told["rate_hz"]
             late = told["delay_s"] + told["jitter_s"] * self.robot.random.random()

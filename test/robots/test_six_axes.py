@@ -1,6 +1,8 @@
 """A tool askew over a slanted surface, with a weight at its sensor, read along the normal."""
 
 import json
+import re
+import time
 
 import numpy as np
 import pytest
@@ -95,3 +97,24 @@ def test_attitudes_that_are_none_are_told_in_one_line(bench):
     assert "waits for the first sample: " in done.stdout
     assert " attitudes whose quaternion has no length: let the driver fill it" in done.stdout
     assert not done.stderr
+
+
+@pytest.mark.slow
+def test_a_surface_that_moves_counts_where_it_was_at_the_stamps(bench):
+    organ = {"topic": "organ", "breath_mm": 8.0, "rate_hz": 30.0, "delay_s": 0.03, "ends_s": 60.0}
+    bench.robot(**ROBOT, organ=organ)
+    payload = {"mass": 0.7, "force_bias": ROBOT["force"]["bias"]}
+    contact = {"normal_from": "topic", "topic": "organ", "point": [9.0, 9.0, 9.0]}
+    estimator(bench, payload=payload, contact=contact, pairing={"maximum_wait": 0.12})
+    verdict = json.loads(bench.patiently("doctor", "--seconds", "8", "--json").stdout)
+    assert not any(f["settings"] for f in verdict["findings"]), verdict
+    assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.02)
+    assert verdict["parameters"]["displacement_exponent"] == pytest.approx(1.5, rel=0.02)
+    # The surface falls silent: estimates go on, and it is said.
+    told = "no pose on organ for [0-9.]+ s: the surface is taken to stay where it was"
+    for _ in range(40):
+        time.sleep(1.0)
+        done = bench.hc("topic", "echo", "/diagnostics", "--once")
+        if re.search(told, done.stdout):
+            break
+    assert re.search(told, done.stdout), done.stdout + done.stderr

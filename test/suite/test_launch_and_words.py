@@ -21,6 +21,7 @@ SOURCES = (
     "hc_logger/hc_logger/sensors.py",
     "hc_estimator/hc_estimator/ros/zero_setting.py",
     "hc_estimator/hc_estimator/stream/stamp_watch.py",
+    "hc_estimator/hc_estimator/ros/moving_surface.py",
     "hc_estimator/hc_estimator/ros/status.py",
 )
 WARNERS = tuple(s for s in SOURCES if not s.endswith(("hc_logger/sensors.py", "zero_setting.py")))

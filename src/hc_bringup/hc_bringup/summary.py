@@ -138,9 +138,11 @@ def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
 
 
 def millinewton(force_n: float) -> str:
-    """Return a force in mN with its unit; small ones keep two digits."""
+    """Return a force in mN with its unit; small ones keep two digits, large ones are in N."""
     if math.isnan(force_n):
         return "-"
+    if abs(force_n) >= 10.0:
+        return f"{force_n:.1f} N" if abs(force_n) < 1e4 else f"{force_n:.3g} N"
     return f"{1e3 * force_n:.1f} mN" if abs(force_n) >= 1e-3 else f"{1e3 * force_n:.2g} mN"
 
 

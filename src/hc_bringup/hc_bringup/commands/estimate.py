@@ -22,8 +22,9 @@ LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
-    "time_s,displacement_mm,force_N,stiffness,damping,displacement_exponent,velocity_exponent,"
-    "stiffness_std,damping_std,displacement_exponent_std,velocity_exponent_std,"
+    "time_s,displacement_mm,force_N,stiffness [N/mm^n],damping [N(s/mm)^p/mm^n],"
+    "displacement_exponent,velocity_exponent,stiffness_std [N/mm^n],"
+    "damping_std [N(s/mm)^p/mm^n],displacement_exponent_std,velocity_exponent_std,"
     "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected,"
     "stiffness_identifiability,damping_identifiability,displacement_exponent_identifiability,"
     "velocity_exponent_identifiability,model_mismatch,channel_delay_s"

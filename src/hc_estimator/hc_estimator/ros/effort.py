@@ -38,6 +38,7 @@ class EffortInput:
         self.position: tuple[tuple[float, float, float], str] | None = None
         self.undecodable = 0
         self.normal_finder: NormalFinder | None = None
+        self.problems: tuple[str, ...] = ()
         self._receiver = receiver
         self._missing_joint = self._unused = self._sequence = 0
         self._origin_ns = 0

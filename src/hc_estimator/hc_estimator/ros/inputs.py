@@ -48,6 +48,7 @@ class Input(Protocol):
         undecodable: messages that were none.
         normal_finder: gets the force vectors while it is there; None if nobody looks for a normal,
             or the input has no such vectors.
+        problems: what is wrong with it although samples come, a sentence each.
     """
 
     position: tuple[tuple[float, float, float], str] | None
@@ -57,6 +58,10 @@ class Input(Protocol):
     @property
     def channels(self) -> Sequence[Channel]:
         """The topics that it listens to."""
+
+    @property
+    def problems(self) -> Sequence[str]:
+        """See above: as it is now."""
 
     @property
     def counters(self) -> Mapping[str, int]:
@@ -84,6 +89,7 @@ class SampleInput:
         self.position: tuple[tuple[float, float, float], str] | None = None
         self.undecodable = 0
         self.normal_finder: NormalFinder | None = None
+        self.problems: tuple[str, ...] = ()
         self._receiver = receiver
         self._decoder = SampleDecoder()
         self._frame_id = ""

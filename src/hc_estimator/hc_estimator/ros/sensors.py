@@ -8,7 +8,7 @@ the other sensor does not have at that stamp.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
@@ -19,16 +19,19 @@ from sensor_msgs.msg import JointState
 from hc_estimator.ros.channel import Channel, SubscriptionError
 from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
+from hc_estimator.ros.moving_surface import MovingSurface
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_estimator.stream.contact_frame import (
+    ContactFrame,
     NormalFinder,
     Quaternion,
-    rotated,
+    Vector,
     unit_quaternion,
 )
 from hc_estimator.stream.frames import FrameTree
 from hc_estimator.stream.merger import Merged, Merger
+from hc_estimator.stream.surface_track import HeldReading, SurfacePose
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
@@ -152,21 +155,17 @@ class SensorInput:
                 raise
             self._fixed_frames = fixed
         self._surface = values["input.contact.frame"] == "surface"
+        self._moving: MovingSurface | None = None
         if self._surface and values["input.contact.normal_from"] == "topic":
             try:
-                surface = Channel(
-                    node,
-                    PoseStamped,
-                    values["input.contact.topic"],
-                    self._take_surface,
-                    skip=lambda _number: None,
-                    fail=receiver.on_failure,
+                self._moving = MovingSurface(
+                    node, values["input.contact.topic"], self._take_held, receiver.on_failure
                 )
             except SubscriptionError:
                 self._forces.close()
                 self._positions.close()
                 raise
-            self.channels.append(surface)
+            self.channels.append(self._moving.channel)
         self._samples = SampleOutput(node, values)
         self._reading: tuple[Any, ...] = ()
         self._attitude: Quaternion | None = None
@@ -192,6 +191,8 @@ class SensorInput:
         self._merger.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
         self._merger.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
         self._merger.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
+        if self._moving is not None:
+            self._moving.configure(values)
         for channel in self.channels:
             channel.maximum_backlog = values["input.maximum_backlog"]
         reading = (
@@ -208,6 +209,8 @@ class SensorInput:
         )
         if self._reading and reading != self._reading:
             self._merger.clear()  # readings of before and after do not belong together
+            if self._moving is not None:
+                self._merger.counters.unpaired += self._moving.clear()
         self._reading = reading
 
     @property
@@ -222,8 +225,15 @@ class SensorInput:
             "joint_missing": self._missing_joint,
             "frame_missing": self._missing_frame,
             "attitude_missing": self._without_attitude,
-            "attitude_unusable": self._unusable_attitudes,
+            "attitude_unusable": self._unusable_attitudes
+            + (0 if self._moving is None else self._moving.unusable),
+            **({} if self._moving is None else self._moving.counters),
         }
+
+    @property
+    def problems(self) -> Sequence[str]:
+        """What is wrong with the input although samples come."""
+        return () if self._moving is None else self._moving.problems
 
     def close(self) -> None:
         """Stop listening."""
@@ -246,19 +256,40 @@ class SensorInput:
             self._samples.set_frame(self._frame_id)
             self._receiver.on_frame(self._frame_id)
         force = message.wrench.force
+        stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
         if self._surface:
             if self._attitude is None:
                 self._without_attitude += 1
                 return
             push = self._frame.contact_force((force.x, force.y, force.z), self._attitude)
-            value = self._force_factor * self._frame.along_normal(push)
-            if self.normal_finder is not None:
-                self.normal_finder.add(push, value - self._force_zero)
+            if self._moving is not None:
+                self._moving.hold(HeldReading(stamp_ns, self._forces.received_ns, True, push))
+                return
+            value = self._along_normal(push, self._frame)
         else:
             value = self._force_mapping.of_vector(force.x, force.y, force.z)
-        stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
         arrival_ns = self._forces.received_ns
         self._hand_on(self._merger.add_force(stamp_ns, value, arrival_ns, self._complete_ns()))
+
+    def _along_normal(self, push: Vector, frame: ContactFrame) -> float:
+        """Return the reading of a force in the base frame, its zero not taken off [N]."""
+        value: float = self._force_factor * frame.along_normal(push)
+        if self.normal_finder is not None:
+            self.normal_finder.add(push, value - self._force_zero)
+        return value
+
+    def _take_held(self, reading: HeldReading, surface: SurfacePose) -> None:
+        """Take a reading and where the moving surface was at its stamp."""
+        frame = self._frame._replace(point=surface.point, normal=surface.normal)
+        stamp_ns, arrival_ns, is_force, vector = reading
+        complete_ns = self._complete_ns()
+        if is_force:
+            value = self._along_normal(vector, frame)
+            samples = self._merger.add_force(stamp_ns, value, arrival_ns, complete_ns)
+        else:
+            depth_mm = self._position_factor * frame.depth_mm(vector)
+            samples = self._merger.add_displacement(stamp_ns, depth_mm, arrival_ns, complete_ns)
+        self._hand_on(samples)
 
     def _take_joints(self, message: Any) -> None:
         index = joint_index(message, self._joint, "position")
@@ -337,16 +368,6 @@ class SensorInput:
             stamps[child] = transform.header.stamp
         return stamps
 
-    def _take_surface(self, message: Any) -> None:
-        """Take point and normal of the surface from now on."""
-        q, point = message.pose.orientation, message.pose.position
-        try:
-            normal = rotated(unit_quaternion((q.x, q.y, q.z, q.w)), (0.0, 0.0, 1.0))
-        except ValueError:
-            self._unusable_attitudes += 1
-            return
-        self._frame = self._frame._replace(point=(point.x, point.y, point.z), normal=normal)
-
     def _add_point(self, header: Any, point: Any, attitude: Any) -> None:
         if self._surface:
             try:
@@ -357,6 +378,10 @@ class SensorInput:
             self._attitude = turned
             tip = self._frame.tip_at((point.x, point.y, point.z), turned)
             self.position = (tip, header.frame_id)
+            if self._moving is not None:
+                stamp_ns = nanoseconds_from_stamp(header.stamp) + self._position_offset_ns
+                self._moving.hold(HeldReading(stamp_ns, self._positions.received_ns, False, tip))
+                return
             depth_mm = self._position_factor * self._frame.depth_mm(tip)
             self._add_position(header.stamp, depth_mm)
             return
@@ -376,10 +401,10 @@ class SensorInput:
 
     def _complete_ns(self) -> int | None:
         """Return when the oldest message that waits came; None if none waits."""
-        force_ns, position_ns = self._forces.next_ns(), self._positions.next_ns()
-        if force_ns is None or position_ns is None:
-            return position_ns if force_ns is None else force_ns
-        return min(force_ns, position_ns)
+        waiting = [self._forces.next_ns(), self._positions.next_ns()]
+        if self._moving is not None:
+            waiting.append(self._moving.oldest_arrival_ns)
+        return min((came_ns for came_ns in waiting if came_ns is not None), default=None)
 
     def _hand_on(self, samples: list[Merged]) -> None:
         for stamp_ns, sequence, reading_mm, reading_n in samples:

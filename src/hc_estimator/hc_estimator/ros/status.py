@@ -33,6 +33,7 @@ _UNUSABLE = {
     "joint_missing": "messages without the joint, or what is read of it (input.position.joint)",
     "frame_missing": "messages of frames that do not connect input.position.base_frame and "
     "child_frame",
+    "surface_missing": "readings before the first pose of the surface (input.contact.topic)",
 }
 """What an input counts of messages that it cannot use."""
 
@@ -119,7 +120,11 @@ class StatusReporter:
             "repeated_stamps": session.guard.faults.repeated_stamps,
             "stamp_jumps": session.guard.faults.stamp_jumps,
             **{channel.topic: channel.received for channel in source.channels},
-            **{name: source.counters[name] for name in _UNUSABLE if name in source.counters},
+            **{
+                name: source.counters[name]
+                for name in (*_UNUSABLE, "surface_late")
+                if name in source.counters
+            },
             **{reason.name: counters.rejected[reason] for reason in Rejection},
         }
 
@@ -172,7 +177,13 @@ class StatusReporter:
         problems += [suspicion.sentence for suspicion in suspicions]
         if not session.guard.counted:
             problems.append("the numbers of the samples are no count: losses cannot be told")
-        problems += _refusals(since)
+        problems += [*source.problems, *_refusals(since)]
+        late = since.get("surface_late", 0)
+        if late > SHARE_REFUSED * since["received"] and not source.problems:
+            problems.append(
+                f"{late:.0f} readings without a pose of the surface at their stamp: raise "
+                "input.pairing.maximum_wait, or give its publisher the clock of the tool's pose"
+            )
         problems += [
             f"cannot keep up: {channel.most_waiting} messages waited on {channel.topic}"
             for channel in source.channels

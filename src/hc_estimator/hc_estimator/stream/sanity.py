@@ -287,8 +287,8 @@ def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
                 Suspicion(
                     Check.POSITION_ZERO,
                     "displacement",
-                    f"contact begins near {surface:.2g} mm, not at 0: tare at the surface, or find "
-                    "the surface in an approach (position.zero)",
+                    f"contact begins near {_short(surface)} mm, not at 0: tare at the surface, "
+                    "or find the surface in an approach (position.zero)",
                     surface,
                 )
             )
@@ -353,3 +353,8 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] |
     if flat < _FLAT_BINS or flat == _BINS or last - level < _RISE_SHARE * (most - least):
         return None
     return level, float(edges[flat])
+
+
+def _short(value: float) -> str:
+    """Return a number with two digits, one with more before the point whole: -200, not -2e+02."""
+    return f"{value:.2g}" if abs(value) < 10.0 else f"{value:.0f}"
