@@ -115,8 +115,7 @@ def test_every_page_has_a_place_in_the_site() -> None:
 def build_the_site(config: Path, site: Path) -> subprocess.CompletedProcess[str]:
     """`mkdocs build --strict` into `site`; `--quiet` would count no warnings, and so never fail."""
     return subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict"]
-        + ["--config-file", str(config), "--site-dir", str(site)],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", config, "--site-dir", site],
         env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
