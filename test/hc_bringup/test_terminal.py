@@ -10,7 +10,7 @@ import sys
 import time
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -26,6 +26,7 @@ from hc_bringup.runner import RunState
 from hc_bringup.statistics import EstimateStatistics
 from hc_bringup.terminal.ending import (
     Profile,
+    _sentence_of_press,
     _sentence_of_scan,
     draw_depth,
     draw_profile,
@@ -316,6 +317,24 @@ def test_one_stray_estimate_is_no_lump() -> None:
     profile = scan(1.0)
     profile.stiffness[20] = 5.0
     assert find_lump(profile) is None
+
+
+@pytest.mark.parametrize(("std", "known"), [(0.01, True), (0.2, False), (math.nan, False)])
+def test_an_answer_that_is_not_known_is_not_given(std: float, known: bool) -> None:
+    """Regression: robots that were not tared, and "answers with 4.9 ± 7.7 N" at the end."""
+    covariance = np.zeros((3, 4, 4))
+    covariance[:, 0, 0] = std**2
+    felt = SimpleNamespace(
+        contact=np.ones(3, bool),
+        used=np.ones(3, bool),
+        parameters=np.tile([0.5, 0.02, 1.5, 1.0], (3, 1)),
+        covariance=covariance,
+        force_n=np.ones(3),
+        force_predicted_n=np.ones(3),
+    )
+    said = _sentence_of_press(cast("Any", felt))
+    assert ("answers with 1.41" in said) == known, said
+    assert ("hc doctor" in said) != known, said
 
 
 def test_samples_of_two_publishers_make_no_picture(

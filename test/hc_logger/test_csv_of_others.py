@@ -12,8 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hc_logger.csv_file import read_csv
-from hc_logger.csv_layout import CsvOptions, find_layout, parse_assignments
-from hc_logger.csv_vocabulary import split_name, unit_of
+from hc_logger.csv_layout import CsvOptions, find_layout
 from hc_logger.errors import BagError
 from hc_logger.recording import read_recording
 
@@ -319,46 +318,6 @@ def test_wrong_options_are_one_line(tmp_path: Path, options: CsvOptions, expecte
     assert expected in str(caught.value)
 
 
-def test_an_assignment_may_hold_commas() -> None:
-    assert parse_assignments("time=Time, s,displacement=z, mm,force=3") == {
-        "time": "Time, s",
-        "displacement": "z, mm",
-        "force": "3",
-    }
-    for text in ("", "time", "x=1", "time=", "time=1,time=2"):
-        with pytest.raises(ValueError, match=r"form|given"):
-            parse_assignments(text)
-
-
-@pytest.mark.parametrize(
-    ("cell", "name", "unit"),
-    [
-        ("force_N", "force", "N"),
-        ("Force [mN]", "force", "mN"),
-        ("Kraft in N", "kraft", "N"),
-        ("Time(ms)", "time", "ms"),
-        ("Position / µm", "position", "um"),
-        ("Position \u03bcm", "position", "um"),
-        ("Normal force", "normal force", None),
-        ("Force (Compression)", "force", None),
-        ("DISTANCE MM", "distance", "mm"),
-        ("Load kN", "load", "kN"),
-        ("Extension in", "extension", "in"),
-        ("Load (lb)", "load", "lbf"),
-        ("F", "f", None),
-    ],
-)
-def test_names_and_units(cell: str, name: str, unit: str | None) -> None:
-    assert split_name(cell) == (name, unit)
-
-
-def test_units_that_differ_by_a_capital_are_not_guessed() -> None:
-    assert unit_of("MN") is None
-    assert unit_of("M") is None
-    assert unit_of("mn") is None
-    assert unit_of("MM") == "mm"
-
-
 @st.composite
 def machine(draw: st.DrawFn) -> tuple[bytes, tuple[float, float, float]]:
     """A file as some machine might write it, and how precise its numbers are."""
@@ -406,31 +365,3 @@ def test_any_way_of_writing_gives_the_same_numbers(
     path.write_bytes(drawn[0])
     table = np.concatenate(list(read_csv(path, find_layout(path))))
     np.testing.assert_allclose(table, np.column_stack([TIME, DEPTH, FORCE]), rtol=1e-9, atol=1e-12)
-
-
-def test_a_line_without_end_is_refused_before_it_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "endless.csv"
-    with open(path, "wb") as file:
-        file.write(b"time_s,displacement_mm,force_N\n0,1,2\n")
-        file.write(b"9" * 3_000_000)
-        file.truncate(10**11)  # a sparse file of 100 GB
-    with pytest.raises(BagError, match=r"has more than 1048576 characters|is not a text file"):
-        read_recording(path)
-
-
-def test_a_cell_that_is_too_long_for_the_csv_module(tmp_path: Path) -> None:
-    text = 'time_s,displacement_mm,force_N\n0,1,2\n0.1,"' + "9" * 200_000 + '",3\n'
-    with pytest.raises(BagError, match="line 3 cannot be read: field larger than field limit"):
-        read_recording(write(tmp_path / "long.csv", text))
-
-
-def test_the_limit_of_memory_is_a_setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "rows.csv"
-    path.write_text("time_s,displacement_mm,force_N\n" + "0,1,2\n" * 50_000)
-    assert len(read_recording(path).time_s) == 50_000
-    monkeypatch.setenv("HC_LARGEST_RECORDING_MIB", "1")
-    with pytest.raises(BagError, match="more than 1 MiB: set HC_LARGEST_RECORDING_MIB"):
-        read_recording(path)
-    monkeypatch.setenv("HC_LARGEST_RECORDING_MIB", "much")
-    with pytest.raises(BagError, match="is no size"):
-        read_recording(path)

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from hc_msgs_py.node_processes import Caller, Processes, ros_arguments
+from hc_sim_rig.bilateral.datagrams import MASTER, SLAVE
+from hc_sim_rig.bilateral.udp_link import Added, UdpLink
 
 TIMEOUT_S = 40.0
 
@@ -76,3 +78,16 @@ def start_rig(
         yield start
         for listener in listeners:
             listener.close()
+
+
+@pytest.fixture
+def links() -> Iterator[tuple[UdpLink, UdpLink]]:
+    """Master's and slave's end, on ports that are free."""
+    first = UdpLink(MASTER, "127.0.0.1", 0, "127.0.0.1", 1, Added(), 1)
+    port = first.port
+    second = UdpLink(SLAVE, "127.0.0.1", 0, "127.0.0.1", port, Added(), 1)
+    first.close()
+    first = UdpLink(MASTER, "127.0.0.1", port, "127.0.0.1", second.port, Added(), 1)
+    yield first, second
+    first.close()
+    second.close()

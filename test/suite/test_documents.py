@@ -2,12 +2,13 @@
 
 import os
 import re
-import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import yaml
 
 from hc_bringup.cli import COMMANDS
 from hc_msgs_py import topics
@@ -25,6 +26,7 @@ ELSEWHERE = {
     "../../reproduction.md",  # of DIR, too
     "docs/spec.md",
     "data/README.md",
+    "nowhere.md",
 }
 """Pages that a user or a test makes, of others' projects, and of the recordings (not ours)."""
 
@@ -110,23 +112,57 @@ def test_every_page_has_a_place_in_the_site() -> None:
     assert set(names) == places
 
 
-@pytest.mark.slow
-def test_the_site_is_built_strictly(tmp_path: Path) -> None:
-    """With the extra `docs`, in whichever environment of PATH has it."""
-    mkdocs = shutil.which("mkdocs")
-    if mkdocs is None:
-        pytest.skip("needs mkdocs: pip install 'hc-suite[docs]' in an environment of PATH")
-    done = subprocess.run(
-        [mkdocs, "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
-        cwd=ROOT,
+def build_the_site(config: Path, site: Path) -> subprocess.CompletedProcess[str]:
+    """`mkdocs build --strict` into `site`; `--quiet` would count no warnings, and so never fail."""
+    return subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-f", config, "--site-dir", site],
         env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=110,
     )
+
+
+def test_the_site_is_built_strictly(tmp_path: Path) -> None:
+    done = build_the_site(ROOT / "mkdocs.yml", tmp_path / "site")
     assert done.returncode == 0, done.stderr
     python = (tmp_path / "site" / "reference" / "python" / "index.html").read_text("utf-8")
     assert "create_estimator" in python
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[words](nowhere.md)", "nowhere.md"),
+        ("[words](#no-such-heading)", "#no-such-heading"),
+        ("![set-up](pictures/none.png)", "pictures/none.png"),
+        ("[settings](../config)", "../config"),
+    ],
+)
+def test_the_site_is_refused_with_a_dead_link(tmp_path: Path, text: str, says: str) -> None:
+    """The configuration of the site itself, over one page."""
+    config = yaml.load((ROOT / "mkdocs.yml").read_text("utf-8"), Loader=yaml.BaseLoader)
+    config["nav"] = ["index.md"]
+    config.pop("not_in_nav")
+    (tmp_path / "mkdocs.yml").write_text(yaml.safe_dump(config), encoding="utf-8")
+    (tmp_path / "docs").mkdir()
+    page = tmp_path / "docs" / "index.md"
+    page.write_text("# Page\n\n[heading](#page)\n", encoding="utf-8")
+    assert build_the_site(tmp_path / "mkdocs.yml", tmp_path / "site").returncode == 0
+    page.write_text(f"# Page\n\n{text}\n", encoding="utf-8")
+    done = build_the_site(tmp_path / "mkdocs.yml", tmp_path / "site")
+    assert done.returncode != 0
+    assert says in done.stderr
+
+
+def test_settings_that_pages_name_exist() -> None:
+    named = {
+        name
+        for page in PAGES
+        for name in re.findall(r"`(config/[\w/.-]+)`", page.read_text(encoding="utf-8"))
+    }
+    assert "config/layouts/foxglove.json" in named
+    assert not [name for name in sorted(named) if not (ROOT / name).exists()]
 
 
 def test_the_design_names_every_topic_and_node() -> None:

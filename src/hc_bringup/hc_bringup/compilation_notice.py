@@ -33,13 +33,13 @@ class CompilationNotice(event.Listener):  # type: ignore[misc]  # numba ships no
         self._after_s = after_s
         self._depth = 0  # kernels compile the kernels that they call
         self._timer: threading.Timer | None = None
-        self._is_told = False
+        self._is_shown = False
         event.register(_COMPILES, self)
 
     def on_start(self, _event: Any) -> None:
         """Set the clock at the outermost kernel."""
         self._depth += 1
-        if self._depth == 1 and not self._is_told:
+        if self._depth == 1 and not self._is_shown:
             self._timer = threading.Timer(self._after_s, self._tell)
             self._timer.daemon = True
             self._timer.start()
@@ -56,5 +56,5 @@ class CompilationNotice(event.Listener):  # type: ignore[misc]  # numba ships no
         event.unregister(_COMPILES, self)
 
     def _tell(self) -> None:
-        self._is_told = True
+        self._is_shown = True
         print(NOTICE, file=sys.stderr, flush=True)

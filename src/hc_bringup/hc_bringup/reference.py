@@ -140,7 +140,7 @@ def parameters_page() -> str:
     lines = ["# Parameters", "", _WRITTEN, ""]
     lines += [
         "What `hc param list NODE` names and `hc param set NODE NAME VALUE` changes. A parameter",
-        "file sets them at the start ([config/](../../config)). What those of the filters do to an",
+        "file sets them at the start (folder `config/`). What those of the filters do to an",
         "estimate stands in [estimators.md](../estimators.md), the node's own in",
         "[node.md](../node.md). The rig's settings are those of scenario `multisine`: each",
         "scenario brings those of its own tissue ([rig.md](../rig.md)).",

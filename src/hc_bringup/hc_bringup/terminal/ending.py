@@ -24,6 +24,7 @@ from hc_bringup.terminal.numbers import decimals_of, engineering
 Array = NDArray[np.float64]
 
 DEPTH_MM: Final = 2.0
+LARGEST_SPREAD: Final = 0.5  # of the force, up to which it is an answer
 HEIGHT: Final = 7
 WIDEST: Final = 76
 LEAST_CELLS: Final = 8
@@ -174,7 +175,9 @@ def _sentence_of_press(data: RunData) -> str:
     relative = np.array([1.0 / stiffness, math.log(DEPTH_MM)])
     covariance = data.covariance[last][np.ix_([0, 2], [0, 2])]
     force = float(stiffness * DEPTH_MM**exponent)
-    spread = 2.0 * force * math.sqrt(max(0.0, float(relative @ covariance @ relative)))
+    spread = 2.0 * force * math.sqrt(max(float(relative @ covariance @ relative), 0.0))
+    if not spread < LARGEST_SPREAD * force:
+        return "How the tissue answers is not known from this run; hc doctor says why."
     places = decimals_of(force, spread)
     error = (data.force_n - data.force_predicted_n)[data.contact & data.used]
     usual = float(np.nanmedian(np.abs(error))) if np.isfinite(error).any() else math.nan

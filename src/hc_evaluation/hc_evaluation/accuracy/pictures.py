@@ -43,6 +43,28 @@ from hc_sim_rig.picture_style import (
 LABELS = ("K  N/mmⁿ", "B", "n", "p")
 
 
+def _dots(axis: Axes, values: Any, places: Any, limits: tuple[float, float], **look: Any) -> None:
+    """Draw dots; one beyond the limits is an arrow at the edge, with its value beside it."""
+    low, high = limits
+    for value, place in zip(np.asarray(values, dtype=np.float64), places, strict=True):
+        if low <= value <= high:
+            continue
+        right = value > high
+        axis.plot(high if right else low, place, ">" if right else "<", clip_on=False, **look)
+        axis.annotate(
+            f"{value:.3g}",
+            (high if right else low, place),
+            xytext=(-6 if right else 6, 0),
+            textcoords="offset points",
+            ha="right" if right else "left",
+            va="center",
+            fontsize=7.5,
+        )
+    inside = np.clip(values, low, high) == values
+    axis.plot(np.where(inside, values, np.nan), places, "o", **look)
+    axis.set_xlim(low, high)
+
+
 @in_style
 def picture_consistency(result: Mapping[str, Any], folder: Path) -> Path:
     """Errors over the bound, NEES and NIS of every simulated tissue, with the ranges asked for."""
@@ -55,23 +77,22 @@ def picture_consistency(result: Mapping[str, Any], folder: Path) -> Path:
         zip(("K", "B", "n", "p"), (BLUE, ORANGE, GREEN, PURPLE), strict=True)
     ):
         values = [row["ratio"][i] for row in rows]
-        axes[0].plot(values, places + 0.16 * (i - 1.5), "o", color=colour, label=letter)
+        axes[0].plot([], [], "o", color=colour, label=letter)
+        _dots(axes[0], values, places + 0.16 * (i - 1.5), (0.0, 2.0), color=colour)
     axes[0].axvspan(0.0, 1.5, color=GREEN, alpha=0.1)
     axes[0].axvline(1.0, color=GREY, lw=THIN)
-    axes[0].set(xlabel="RMS error / Cramér-Rao bound", xlim=(0, 2), yticks=places)
+    axes[0].set(xlabel="RMS error / Cramér-Rao bound", yticks=places)
     axes[0].set_yticklabels(names)
     axes[0].invert_yaxis()
     legend_above(axes[0], 4)
-    for axis, key, low, ideal, high in (
-        (axes[1], "nees", 2.5, 4.0, 6.0),
-        (axes[2], "nis", 1.6, 2.0, 2.4),
+    for axis, key, low, ideal, high, limits in (
+        (axes[1], "nees", 2.5, 4.0, 6.0, (0.0, 8.0)),
+        (axes[2], "nis", 1.6, 2.0, 2.4, (1.2, 2.8)),
     ):
         axis.axvspan(low, high, color=GREEN, alpha=0.1)
         axis.axvline(ideal, color=GREY, lw=THIN)
-        axis.plot([row[key] for row in rows], places, "o", color=BLUE)
+        _dots(axis, [row[key] for row in rows], places, limits, color=BLUE)
         axis.set(xlabel=f"mean {key.upper()}")
-    axes[1].set_xlim(0, 8)
-    axes[2].set_xlim(1.2, 2.8)
     return save(figure, folder / "accuracy_consistency.png")
 
 

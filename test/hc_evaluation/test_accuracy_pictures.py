@@ -1,0 +1,26 @@
+"""Pictures of the accuracy experiments leave nothing out unsaid."""
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from hc_evaluation.accuracy import pictures
+
+
+@pytest.mark.parametrize(("value", "marker"), [(31.4, ">"), (0.5, "<")])
+def test_a_dot_beyond_the_frame_is_an_arrow_with_its_value(value: float, marker: str) -> None:
+    axis = Figure().subplots()
+    pictures._dots(axis, [2.0, value], np.arange(2), (1.2, 2.8))
+    arrow, dots = axis.get_lines()
+    assert (arrow.get_marker(), arrow.get_ydata()[0]) == (marker, 1)
+    assert [text.get_text() for text in axis.texts] == [f"{value:.3g}"]
+    np.testing.assert_array_equal(dots.get_xdata(), [2.0, np.nan])
+    assert axis.get_xlim() == (1.2, 2.8)
+
+
+def test_without_one_there_are_only_dots() -> None:
+    axis = Figure().subplots()
+    pictures._dots(axis, [2.0, 2.8], np.arange(2), (1.2, 2.8))
+    (dots,) = axis.get_lines()
+    np.testing.assert_array_equal(dots.get_xdata(), [2.0, 2.8])
+    assert not axis.texts
