@@ -8,7 +8,8 @@ row takes mean, covariance and, where the law does not fit, model error from the
 until the next one. Whether it is given out is for the judge to say.
 
 Levenberg-Marquardt from the last fit; K, B / K and the exponents keep their prior, so that what the
-samples do not show stays where it was.
+samples do not show stays where it was. A fit beside the recursive rows is ours (`hc bench accuracy
+ablation`, least squares over remembered points).
 """
 
 from __future__ import annotations

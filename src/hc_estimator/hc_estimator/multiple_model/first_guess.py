@@ -1,4 +1,7 @@
-"""The first guess of K and B: from the first clear contact, and from what was felt before."""
+"""The first guess of K and B: from the first clear contact, and from what was felt before.
+
+Ours: an order of magnitude, not a fit; the prior around it stays as wide as it was.
+"""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 The covariance is that of the linearised law, made wide enough for what the linearisation leaves
 out: with K and B only known as K + B v^p the cost is a curved valley, in which a plain Gauss-Newton
 covariance is far too certain. And velocities that are nothing but noise seem to show what the force
-does at other velocities: that much information is taken off again (errors in variables).
+does at other velocities: that much information is taken off again (errors in variables; Fuller,
+Measurement Error Models, 1987). The widening is ours.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Displacement, velocity, acceleration and force of a point are the same whatever the hypotheses say,
 and the parabolas are as wide for both channels, so that smoothing shifts neither against the other.
-The finder of the channel delay and the batch fit take their points from here.
+The finder of the channel delay and the batch fit take their points from here (local polynomial
+regression: Savitzky and Golay, Anal. Chem. 36, 1964, for uneven times).
 """
 
 from __future__ import annotations

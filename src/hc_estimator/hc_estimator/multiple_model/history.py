@@ -4,7 +4,7 @@ A recursive filter has no means to see what its new parameters make of the sampl
 used up; least squares over remembered ones has (`batch_fit`). What is remembered are the points of
 the grid of `delay`: local parabolas through the raw readings of both channels, which no hypothesis
 has bent. Whenever the memory is full, every second one is forgotten and the spacing doubles, up to
-`LONGEST`; from then on the latest are kept.
+`LONGEST`; from then on the latest are kept. (Ours; it serves `batch_fit`, whose worth is measured.)
 """
 
 from __future__ import annotations

@@ -6,7 +6,9 @@ moves. To add one, add a row here, before the last; nothing else names
 the rows by number. What it is reported as is one of `estimate.Hypothesis`, or a new one there.
 
 Every row has the states [d, v, ln K, ln B, n, p, a] and up to two of its own. A state of its own
-drives others at a constant rate; the first may also be the contact position.
+drives others at a constant rate; the first may also be the contact position. (A static bank: Bar-
+Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 11.6; the
+rows are ours, each a line of `hc bench accuracy ablation`.)
 """
 
 from __future__ import annotations

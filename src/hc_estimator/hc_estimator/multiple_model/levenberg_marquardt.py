@@ -1,4 +1,7 @@
-"""Levenberg-Marquardt steps down the cost of `normal_equations`, without allocating."""
+"""Levenberg-Marquardt steps down the cost of `normal_equations`, without allocating.
+
+Marquardt, SIAM J. 11, 1963.
+"""
 
 from __future__ import annotations
 

@@ -3,7 +3,8 @@
 A recursive filter whose linearisation broke down, or that learnt from a wrong motion, can stand at
 parameters whose law explodes a moment later. Such a row is no hypothesis any more: it begins anew
 from a row that is possible, or, if there is none, from its own stiffness brought down to what was
-felt, with parameters let go.
+felt, with parameters let go. (Ours;
+`hc bench accuracy ablation`, no force beyond what was felt.)
 """
 
 from __future__ import annotations

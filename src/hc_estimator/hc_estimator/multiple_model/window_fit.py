@@ -1,6 +1,7 @@
 """The contact law fitted to half a second, for a delay that is given or with the delay.
 
-Corrected least squares on the points of the grid; for `delay`, which says what for.
+Corrected least squares (Fuller, Measurement Error Models, 1987) on the points of the grid; for
+`delay`, which says what for.
 """
 
 from __future__ import annotations
