@@ -99,6 +99,23 @@ def test_an_early_interrupt_is_quiet() -> None:
             assert status in (-signal.SIGINT, 130), after_ms
 
 
+def test_an_interrupt_noticed_while_its_error_is_told_is_quiet(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: rclpy had made an error of the signal before Python's handler ran."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    def broken(*_: object) -> None:
+        raise RuntimeError
+
+    monkeypatch.setattr("hc_bringup.cli._run", broken)
+    monkeypatch.setattr("hc_bringup.cli.explain", interrupted)
+    assert cli.main(["node", "list"]) == 130
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.process
 def test_without_a_home_the_graph_can_be_looked_at(ros_domain: int, tmp_path: Path) -> None:
     environment = {"PATH": os.environ["PATH"], "ROS_DOMAIN_ID": str(ros_domain)}

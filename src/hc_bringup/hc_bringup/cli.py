@@ -185,6 +185,13 @@ def main(arguments: Sequence[str] | None = None, *, tell_compilation: bool = Fal
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
+        return _run_guarded(words, tell_compilation)
+    except KeyboardInterrupt:  # also one that is noticed only while the error it made is told
+        return 130
+
+
+def _run_guarded(words: list[str], tell_compilation: bool) -> int:
+    try:
         try:
             return _run(words, tell_compilation)
         finally:
@@ -193,8 +200,6 @@ def main(arguments: Sequence[str] | None = None, *, tell_compilation: bool = Fal
         return _tell(words, error)
     except UnknownInterfaceError as error:
         return _tell(words, UserError(str(error), WRONG_USE if error.misnamed else FAILURE))
-    except KeyboardInterrupt:
-        return 130
     except BrokenPipeError:  # the reader of our output has seen enough: hc topic echo | head
         return 0
     except Exception as error:  # noqa: BLE001 - no traceback reaches a user, whatever it is

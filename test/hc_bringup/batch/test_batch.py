@@ -203,7 +203,7 @@ def test_parquet_holds_what_csv_holds(make_recordings: MakeRecordings, tmp_path:
     texts = rows(single)
     assert len(table) == len(texts) == 800
     for one, other in zip(table, texts, strict=True):
-        assert one["stiffness"] == float(other["stiffness"])
+        assert one["stiffness [N/mm^n]"] == float(other["stiffness [N/mm^n]"])
         assert one["contact"] == (other["contact"] == "1")
         assert one["rejected"] == other["rejected"]
 
