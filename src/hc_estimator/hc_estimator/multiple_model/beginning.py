@@ -29,7 +29,6 @@ from hc_estimator.multiple_model.hypotheses import (
     WAITS,
     is_tried,
 )
-from hc_estimator.multiple_model.kalman import predict
 from hc_estimator.multiple_model.rows import (
     free_parameters,
     is_sound,
@@ -157,12 +156,9 @@ def _go_on_moving(settings: Any, bank: Any) -> None:
     if not (near and motion_density.is_settled(bank.motion)):
         bank.motion_anew = 1
         return
-    density = motion_density.jerk_density(settings, bank.motion)
     for m in range(FRESH):
-        row = bank.rows[m]
-        if row.active != 0:
-            take_motion(row, bank.motion, bank.sensor_noise[0])
-            predict(row, ahead, density, False, True)
+        if bank.rows[m].active != 0:
+            take_motion(settings, bank.rows[m], bank.motion, bank.sensor_noise[0], ahead)
 
 
 @compiled

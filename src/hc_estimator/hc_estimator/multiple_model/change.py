@@ -29,7 +29,6 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_STIFFNESS,
     is_tried,
 )
-from hc_estimator.multiple_model.kalman import predict
 from hc_estimator.multiple_model.model_error import raise_model_error
 from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
 
@@ -114,9 +113,7 @@ def start_fresh_motion(settings: Any, rows: Any, motion: Any, noise: float, ahea
         ahead: time of the sample since the last displacement [s].
     """
     if motion_density.is_settled(motion):
-        take_motion(rows[FRESH], motion, noise)
-        density = motion_density.jerk_density(settings, motion)
-        predict(rows[FRESH], max(ahead, 0.0), density, False, True)
+        take_motion(settings, rows[FRESH], motion, noise, ahead)
 
 
 @compiled

@@ -27,6 +27,7 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
     VELOCITY_EXPONENT,
 )
+from hc_estimator.multiple_model.kalman import predict
 from hc_estimator.multiple_model.records import ALARM_DELAY
 
 MOTION = (DEPTH, VELOCITY, ACCELERATION)
@@ -187,19 +188,23 @@ def free_parameters(settings: Any, row: Any, deviations: tuple[float, float, flo
 
 
 @compiled
-def take_motion(row: Any, motion: Any, noise: float) -> None:
+def take_motion(settings: Any, row: Any, motion: Any, noise: float, ahead: float) -> None:
     """Replace the motion by what the displacement alone says.
 
     Args:
+        settings: settings record.
         row: row that is changed; ties between motion and parameters are cut.
-        motion: record of `motion_density`.
+        motion: record of `motion_density`, settled.
         noise: variance of the displacement's noise [mm^2].
+        ahead: time of the row's state since the last displacement [s].
     """
     clear_motion(row)
     for a in range(3):
         row.state[MOTION[a]] = motion_density.motion_of(motion, a)
         for b in range(3):
             row.covariance[MOTION[a], MOTION[b]] = motion_density.covariance_of(motion, a, b, noise)
+    density = motion_density.jerk_density(settings, motion)
+    predict(row, max(ahead, 0.0), density, False, True)
 
 
 @compiled
