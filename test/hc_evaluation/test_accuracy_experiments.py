@@ -151,6 +151,17 @@ def test_tables_hold_every_row_and_target(small_result, tmp_path: Path):
         write_tables(small_result, document)
 
 
+def test_the_table_of_all_experiments_keeps_its_origin_beside_an_ablation(tmp_path, small_result):
+    document = tmp_path / "page.md"
+    places = ("summary", "ablation", "excitation")
+    document.write_text("".join(f"<!-- accuracy {p} -->\nold\n<!-- end -->\n" for p in places))
+    ablation = {"names": ["tissues"], "rows": [], "targets": []}
+    write_tables({**small_result, "experiments": {"ablation": ablation}}, document, "by one")
+    assert document.read_text().startswith("<!-- accuracy summary -->\nold\n")
+    write_tables(small_result, document, "by another")
+    assert document.read_text().startswith("<!-- accuracy summary -->\nby another\n")
+
+
 def test_every_experiment_has_its_columns():
     assert set(COLUMNS) == set(EXPERIMENTS)
 

@@ -106,7 +106,7 @@ def write_tables(result: Mapping[str, Any], document: Path, origin: str = "") ->
         said = _said(result, experiment, origin)
         write_place(document, f"accuracy {name}", said, markdown_tables(name, experiment))
         replaced.append(name)
-    if SUMMARY in wanted and replaced:
+    if SUMMARY in wanted and any(result["experiments"][name]["targets"] for name in replaced):
         write_place(document, SUMMARY, origin, {"": summary(document)})
     return tuple(replaced)
 
