@@ -118,7 +118,8 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     if onset.decided != 0 or onset.in_air != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay of many milliseconds must have been found before, or ruled out.
-    if math.isnan(settings.channel_delay) and finder.windows < FEWEST_WINDOWS:
+    looked = finder.windows >= FEWEST_WINDOWS or finder.exponent_chosen != 0
+    if math.isnan(settings.channel_delay) and not looked:
         return False
     # Of the middle of a parabola: 9/4 of a reading's variance over their number.
     expected = 2.25 * finder.grid_step * history.every / finder.grid_width

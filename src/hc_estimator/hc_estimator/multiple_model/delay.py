@@ -8,7 +8,9 @@ The logarithm of what a fit leaves is a log likelihood with an unknown noise per
 windows' sum chooses, and their scatter says whether the answer is clear. A Gauss-Newton fit gives
 the fine value. One window says too little of p, and with another p it would say another delay: each
 keeps its information on both, and both are found from the sum, with the prior of p. (The p of the
-filters would not do: next to a wrong delay they find the p that goes with it.)
+filters would not do: next to a wrong delay they find the p that goes with it.) Where p is so wrong
+that no window has a fine value near the likeliest candidate, as a quick tool's may be, a few others
+are tried.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import numpy as np
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
+from hc_estimator.multiple_model.delay_exponent import FEWEST_WINDOWS, LEAD, find_exponent
 from hc_estimator.multiple_model.records import (
     CANDIDATES,
     WINDOWS,
@@ -31,7 +34,6 @@ from hc_estimator.multiple_model.rows import (
     prior_deviation,
 )
 from hc_estimator.multiple_model.window_fit import (
-    INDEPENDENT,
     NEAR,
     SMALLEST_DEVIATION,
     find_contact,
@@ -40,17 +42,16 @@ from hc_estimator.multiple_model.window_fit import (
     linear_fit,
     noise_left,
     refine_exponent,
+    take_profile,
 )
 
 LEAST_SHARE = 0.3  # of a window that must be in contact
 FEWEST_POINTS = 12  # of a window: three for each unknown
 EXPONENTS = np.arange(0.8, 3.3, 0.4)
 # When the answer is clear:
-FEWEST_WINDOWS = 4
 FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
 DECISIVE = 4.0  # log likelihood ratio of a window that does
 LEAST_NEAR = 0.4  # share of the windows that must have a fine value near the candidate
-LEAD = 8.0  # log likelihood ratio to the delay in use
 CONSISTENT = 4.0  # mean over standard error of the windows' ratios
 CONTRADICTED = 0.75  # of a step, between the fine value and the likeliest candidate
 INFLUENCE = 4.0  # of a window's log likelihood ratio in that mean, at most
@@ -76,6 +77,8 @@ def reset(finder: Any) -> None:
     finder.doubt = 0.0
     finder.windows = 0
     finder.velocity_exponent = 1.0
+    finder.exponent_windows = 0
+    finder.exponent_chosen = 0
     grids.restart(finder)
 
 
@@ -96,17 +99,13 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
         finder.velocity_variance = smoothing.velocity_variance(finder, noise, readings)
     else:
         finder.velocity_variance = grids.velocity_variance(finder, noise)
-    if finder.windows == 0:
+    if finder.windows == 0 and finder.exponent_chosen == 0:
         finder.velocity_exponent = settings.initial_velocity_exponent
     if find_contact(finder) < max(LEAST_SHARE * finder.points, FEWEST_POINTS):
         return False
     smoothing.smooth(finder)
     slot = finder.windows % WINDOWS
-    reach = finder.reach
-    profile = finder.profile[slot]
     centre = CANDIDATES // 2
-    for j in range(CANDIDATES):
-        profile[j] = math.inf
     count = gather(finder, 0.0)
     best = math.inf
     finder.noise_left = 0.0
@@ -116,14 +115,7 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
             best = left
             finder.guess[2] = exponent
             finder.noise_left = noise_left(finder, count)
-    for side in (1, -1):
-        finder.fit[2] = finder.guess[2]
-        for j in range(reach + 1):
-            count = gather(finder, side * j * finder.grid_step)
-            left = refine_exponent(finder, count)
-            profile[centre + side * j] = 0.5 * INDEPENDENT * math.log(left)
-            if j == 0:
-                finder.guess[2] = finder.fit[2]
+    take_profile(finder, finder.profile[slot])
     finder.windows += 1
     chosen = _choose(finder)
     start = (chosen - centre) * finder.grid_step
@@ -131,6 +123,13 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
     finder.fit[2] = finder.guess[2]
     refine_exponent(finder, count)
     finder.fine_valid[slot] = 1 if fine_delay(finder, start, slot) else 0
+    windows = min(finder.windows, WINDOWS)
+    lost = _used_windows(finder, chosen, windows) <= LEAST_NEAR * windows
+    if not lost or finder.delay != 0.0 or finder.exponent_chosen != 0:
+        finder.exponent_windows = 0
+    elif windows >= FEWEST_WINDOWS and find_exponent(settings, finder, finder.profile[slot]):
+        finder.windows = 0
+        return False
     return _decide(settings, finder, chosen, constant)
 
 

@@ -16,6 +16,7 @@ from hc_estimator.screening import CLOCK_FIELDS
 
 ROW_COUNT = len(ROWS)
 ALARM_DELAY = 8  # samples by which the cumulative sum of `model_error` lags
+OTHER_EXPONENTS = 3  # p besides the prior's that `delay` tries
 
 # One hypothesis.
 ROW = record_type(
@@ -271,12 +272,17 @@ DELAY = record_type(
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("velocity_exponent", np.float64, (), 0.1),  # p of the fits
+        # Other p, where no window has a fine value: half squares by the candidates, and windows.
+        Field("by_exponent", np.float64, (OTHER_EXPONENTS + 1, CANDIDATES), finite=False),
+        Field("exponent_windows", np.int64, (), 0),
+        Field("exponent_chosen", np.int64, (), 0, 1),  # 1 if one of them is in use
         Field("velocity_variance", np.float64, (), 0.0),  # noise of its points [mm^2/s^2]
         Field("noise_left", np.float64, (), 0.0),  # squares that it leaves [N^2]
         Field("points_of", np.float64, (GRID, 6)),  # see `delay`
         Field("parabola", np.float64, (5,)),  # the last: mean square left
         Field("guess", np.float64, (3,)),
         Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
+        Field("other", np.float64, (CANDIDATES,), finite=False),
         Field("normal", np.float64, (5, 5)),
         Field("slope", np.float64, (5,)),
         Field("column", np.float64, (5,)),

@@ -11,7 +11,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.records import GRID
+from hc_estimator.multiple_model.records import CANDIDATES, GRID
 
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed at which |v|^p is taken at least [mm/s]
@@ -151,6 +151,22 @@ def refine_exponent(finder: Any, count: int) -> float:
             exponent, best = trial, left
         width = max(0.3 * width, 0.002)
     return linear_fit(finder, count, exponent)
+
+
+@compiled
+def take_profile(finder: Any, profile: Any) -> None:
+    """Negative log likelihood of each candidate delay, with the p in use; infinite out of reach."""
+    centre = CANDIDATES // 2
+    for j in range(CANDIDATES):
+        profile[j] = math.inf
+    for side in (1, -1):
+        finder.fit[2] = finder.guess[2]
+        for j in range(finder.reach + 1):
+            count = gather(finder, side * j * finder.grid_step)
+            left = refine_exponent(finder, count)
+            profile[centre + side * j] = 0.5 * INDEPENDENT * math.log(left)
+            if j == 0:
+                finder.guess[2] = finder.fit[2]
 
 
 @compiled
