@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import time
@@ -24,6 +25,9 @@ from hc_sim_rig import Rig
 from hc_sim_rig.scenario import SCENARIO_FOLDER
 
 pytestmark = pytest.mark.process
+
+WHOLE_STREAM = qos.SAMPLE_PUBLISHER_QOS
+"""As a recorder subscribes: what a busy machine delays is sent again (best effort loses it)."""
 
 
 def nanoseconds(message: Any) -> int:
@@ -48,7 +52,7 @@ def test_all_topics_carry_the_rig_sample_by_sample(start_rig: Any) -> None:
     assert "indenter/sample has 0 of 1 subscribers" in answer.message
     assert "indenter/truth has 0 of 1 subscribers" in answer.message
     keep = lambda message: message  # noqa: E731
-    profile = qos.SAMPLE_QOS
+    profile = WHOLE_STREAM
     samples = listener.collect(IndenterSample, "indenter/sample", profile, keep)
     truths = listener.collect(IndenterTruth, "indenter/truth", profile, keep)
     wrenches = listener.collect(WrenchStamped, "indenter/wrench", profile, keep)
@@ -103,7 +107,7 @@ def test_a_stopped_process_catches_up_without_a_gap(start_rig: Any) -> None:
     found = listener.collect(
         IndenterSample,
         "indenter/sample",
-        qos.SAMPLE_QOS,
+        WHOLE_STREAM,
         lambda m: (m.sequence, nanoseconds(m)),
     )
     listener.call(SetBool, "indenter/run", SetBool.Request(data=True))
@@ -123,7 +127,7 @@ def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path)
     found = listener.collect(
         IndenterTruth,
         "indenter/truth",
-        qos.SAMPLE_QOS,
+        WHOLE_STREAM,
         lambda m: (m.sequence, nanoseconds(m), m.displacement_exponent),
     )
     assert listener.spin(until=lambda: len(found) > 100)
@@ -151,9 +155,8 @@ def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path)
         assert not refused.successful
         assert says in refused.reason
     assert rig.stop() == 0
-    sequences, stamps, _ = zip(*found, strict=True)
-    assert np.all(np.diff(sequences) == 1)
-    assert np.all(np.diff(stamps) == 1_000_000)
+    pairs = itertools.pairwise(found)
+    assert [(a, b) for a, b in pairs if (b[0] - a[0], b[1] - a[1]) != (1, 1_000_000)] == []
 
 
 @pytest.mark.slow
@@ -162,7 +165,7 @@ def test_parameters_steer_and_are_checked(start_rig: Any) -> None:
     found = listener.collect(
         IndenterTruth,
         "indenter/truth",
-        qos.SAMPLE_QOS,
+        WHOLE_STREAM,
         lambda m: (m.displacement * 1000, m.velocity * 1000, m.stiffness),
     )
     request = DescribeParameters.Request(names=["stiffness", "seed"])
@@ -198,9 +201,7 @@ def test_it_stops_publishing_at_the_end_and_may_end_itself(start_rig: Any, tmp_p
     short = (SCENARIO_FOLDER / "multisine.yaml").read_text().replace("60.0", "0.3")
     (tmp_path / "short.yaml").write_text(short)
     rig, listener = start_rig(scenario=tmp_path / "short.yaml", start_paused=True, exit_at_end=True)
-    found = listener.collect(
-        IndenterSample, "indenter/sample", qos.SAMPLE_QOS, lambda m: m.sequence
-    )
+    found = listener.collect(IndenterSample, "indenter/sample", WHOLE_STREAM, lambda m: m.sequence)
     listener.call(SetBool, "indenter/run", SetBool.Request(data=True))
     assert listener.spin(until=lambda: len(found) == 300)
     assert rig.wait() == 0
@@ -216,7 +217,7 @@ def test_simulated_time_runs_at_its_pace(start_rig: Any) -> None:
     found = listener.collect(
         IndenterSample,
         "indenter/sample",
-        qos.SAMPLE_QOS,
+        WHOLE_STREAM,
         lambda m: (nanoseconds(m), time.monotonic()),
     )
     clock = listener.collect(Clock, "/clock", 100, lambda m: m.clock.sec * 10**9 + m.clock.nanosec)
@@ -251,7 +252,7 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
             return  # keep this one back
         publisher.publish(HuntCrossleyEstimate(sequence=message.sequence))
 
-    listener.node.create_subscription(IndenterSample, "indenter/sample", on_sample, qos.SAMPLE_QOS)
+    listener.node.create_subscription(IndenterSample, "indenter/sample", on_sample, WHOLE_STREAM)
 
     def ready() -> bool:
         request = Trigger.Request()
