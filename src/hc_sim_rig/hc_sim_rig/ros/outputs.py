@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 
 from hc_msgs_py.conversion import fill_force
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.qos import SAMPLE_PUBLISHER_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import (
     FRAME_INDENTER_TIP,
     JOINT_STATES,
@@ -87,7 +87,7 @@ class Outputs:
         self._with_truth = with_sensors if with_truth is None else with_truth
         self._together = together
         kind = IndenterSample if together == 1 else IndenterSamples
-        self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_QOS)
+        self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_PUBLISHER_QOS)
         self._samples_encoder = SamplesEncoder()
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
@@ -134,7 +134,9 @@ class Outputs:
             return
         sensors = scenario.sensors
         if self._tactile is None:
-            self._tactile = self._node.create_publisher(TactileSample, TACTILE_SAMPLE, SAMPLE_QOS)
+            self._tactile = self._node.create_publisher(
+                TactileSample, TACTILE_SAMPLE, SAMPLE_PUBLISHER_QOS
+            )
         self._pad = TaxelPad(
             scenario.taxels, sensors.displacement.noise_std_mm, sensors.force.noise_std_n, seed
         )
