@@ -24,8 +24,8 @@ RELIABLY = {
     f"qos_overrides./{topic}.subscription.{name}": value
     for topic in ("wrist", "arm")
     for name, value in (("reliability", "reliable"), ("depth", SAMPLE_PUBLISHER_QOS.depth))
-} | {"input.maximum_backlog": 8000}
-"""No reading is lost on the way or left out, however busy the machine: counts are exact."""
+}
+"""No reading is lost on the way: counts are exact, but for a stall of two seconds (the backlog)."""
 
 
 def wrench(stamp_ns, force):
@@ -155,7 +155,8 @@ def test_two_sensors_of_other_rates_with_jitter_give_the_tissue(
     assert values["pairing_late"] == "0"
     unpaired = int(values["pairing_unpaired"])  # before the first position
     assert unpaired < 10
-    assert len(probe.estimates) == 3000 + 750 - unpaired
+    waiting = 7 + 2  # forces and positions later than the last position by its stamp - 5 ms
+    assert len(probe.estimates) == 3000 + 750 - unpaired - waiting
     for estimate in probe.estimates[:200]:
         stamp_ns = estimate.header.stamp.sec * 10**9 + estimate.header.stamp.nanosec
         if stamp_ns in readings:
