@@ -84,9 +84,7 @@ def each(
                 yield place, _alone(function, left.pop(place), died)
 
 
-def _over(
-    function: Callable[[T], R], left: dict[int, T], begun: list[int], workers: int
-) -> Iterator[tuple[int, R]]:
+def _over(function: Callable[[T], R], left: dict[int, T], begun: list[int], workers: int) -> Any:
     from joblib import Parallel, delayed
 
     def calls() -> Iterator[Any]:
@@ -94,7 +92,7 @@ def _over(
             begun.append(place)
             yield delayed(_placed)(function, place, task)
 
-    return Parallel(  # type: ignore[no-any-return]  # joblib ships no types
+    return Parallel(
         n_jobs=workers,
         return_as="generator_unordered",
         batch_size=1,
@@ -112,7 +110,8 @@ def _alone(function: Callable[[T], R], task: T, died: Callable[[T], R]) -> R:
     """Do a task in processes that nothing else depends on."""
     for _ in range(DEATHS - 1):
         try:
-            return next(iter(_over(function, {0: task}, [], 2)))[1]  # 1 would be this process
+            result: R = next(iter(_over(function, {0: task}, [], 2)))[1]  # 1 would be this process
+            return result
         except BrokenProcessPool:
             continue
     return died(task)
