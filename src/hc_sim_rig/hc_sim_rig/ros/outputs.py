@@ -12,7 +12,6 @@ from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth, TactileS
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from hc_msgs_py.conversion import fill_force
@@ -33,7 +32,7 @@ from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder, publish_bytes
 from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
 from hc_sim_rig.records import RigSample, RigSeries, Truth
-from hc_sim_rig.ros.ahead import Block, Message, SeriesEncoder
+from hc_sim_rig.ros.ahead import FRAME_STAGE, Block, Message, SeriesEncoder
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.taxels import TaxelPad
 
@@ -42,7 +41,6 @@ LISTENERS_PERIOD_S = 0.05
 JOINT_NAMES = ("master", "slave")
 TIP_EVERY = 10
 """Samples between two positions of the tip: sideways it is slow."""
-FRAME_STAGE = "stage"
 FRAME_PAD = "tactile_pad"
 
 
@@ -248,11 +246,14 @@ class Outputs:
     def _place_tips(
         self, due: list[list[Message]], stamps: NDArray[np.int64], series: RigSeries
     ) -> None:
-        for i in range(len(stamps)):
-            if series.sequence[i] % TIP_EVERY == 0:
-                self._fill_tip(int(stamps[i]), series.lateral_mm[i], series.slave.position_mm[i])
-                data = serialize_message(self._tip_message)
-                due[i // self._together].append((self._tip, data))
+        at = np.flatnonzero(series.sequence % TIP_EVERY == 0)
+        if len(at) == 0:
+            return
+        tips = self._series_encoder.tips(
+            stamps[at], series.lateral_mm[at], series.slave.position_mm[at]
+        )
+        for i, data in zip(at.tolist(), tips, strict=True):
+            due[i // self._together].append((self._tip, data))
 
     def publish_due(self, block: Block) -> None:
         """Publish what is due at the next deadline, and what comes after the last of them."""
