@@ -13,7 +13,7 @@ from hc_estimator.ros import sample_output
 from hc_estimator.ros.effort import EffortInput
 from hc_estimator.ros.node_settings import NODE_SETTINGS
 from hc_estimator.ros.sensors import SensorInput
-from hc_msgs_py.qos import ESTIMATE_QOS, SAMPLE_QOS
+from hc_msgs_py.qos import ESTIMATE_QOS, SAMPLE_PUBLISHER_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import ESTIMATE, SAMPLE
 from hc_msgs_py.units import set_stamp
 
@@ -58,7 +58,7 @@ class Robot:
             self.recorded.append(message.sequence)
 
         self.node.create_subscription(HuntCrossleyEstimate, ESTIMATE, print, ESTIMATE_QOS)
-        self.node.create_subscription(IndenterSample, SAMPLE, keep, SAMPLE_QOS)
+        self.node.create_subscription(IndenterSample, SAMPLE, keep, SAMPLE_PUBLISHER_QOS)
 
     def press(self, enough):
         """Publish readings until it is enough, at most for 5 s."""

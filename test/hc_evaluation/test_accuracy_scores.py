@@ -1,6 +1,5 @@
 """The scores of the experiments: an estimator that tells the truth is met, one that errs is not."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -140,8 +139,7 @@ def make(stiffness=1.0):
 """
 
 
-def test_anything_with_run_can_be_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("hc_evaluation.accuracy.run.worker_pool", ThreadPoolExecutor)
+def test_anything_with_run_can_be_measured(tmp_path: Path):
     file = tmp_path / "mine.py"
     file.write_text(CANDIDATE)
     setup = Setup(candidate=f"{file}:make", parameters={"stiffness": 0.4})
@@ -150,7 +148,7 @@ def test_anything_with_run_can_be_measured(tmp_path: Path, monkeypatch: pytest.M
     assert np.all(np.isnan(series.nis))
     assert not np.any(series.change_detected)
     assert np.all(series.channel_delay == 0.0)
-    result = run_accuracy(["surface"], seeds=1, setup=setup)
+    result = run_accuracy(["surface"], seeds=1, setup=setup, workers=1)
     assert result["filter"] == setup.candidate
     assert not any(t["met"] for t in result["experiments"]["surface"]["targets"][:4])
     with pytest.raises(ValueError, match=r"no_such\.py:make"):
@@ -170,7 +168,7 @@ def test_an_estimator_without_missing_readings_is_skipped_with_a_reason():
         def create(self):
             raise ValueError("missing_readings is unknown here")
 
-    result = rates.rates(Bench(None, Refuses(), 1))
+    result = rates.rates(Bench(Refuses(), 1))
     assert "missing_readings is unknown here" in result["skipped"]
     assert result["targets"] == []
 
@@ -188,8 +186,7 @@ def test_an_ablation_says_what_each_mechanism_is_worth(monkeypatch):
 
     mechanisms = (("nothing", {}), ("turns", {"find_turns": False}))
     monkeypatch.setattr(ablation, "MECHANISMS", mechanisms)
-    with ThreadPoolExecutor(1) as pool:
-        found = ablation.ablation(Bench(pool, Setup(), 24), {"one": experiment, "two": skipped})
+    found = ablation.ablation(Bench(Setup(), 24), {"one": experiment, "two": skipped})
     assert found["seeds"] == 2
     assert [row["one"] for row in found["rows"]] == ["2/2, 0.5", "1/2, 1.5"]
     assert [row["two"] for row in found["rows"]] == ["skipped", "skipped"]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hc_bringup.cli import main
-from hc_evaluation.rivals import packages, plain_ukf
+from hc_evaluation.rivals import packages, plain_particles, plain_ukf
 from hc_evaluation.speed import contact_samples
 
 SAMPLES = 150
@@ -86,6 +86,23 @@ def test_the_vector_form_is_the_plain_one() -> None:
         np.testing.assert_allclose(run(points), np.array([expected(x) for x in points.T]).T)
 
 
+def test_many_numpy_particles_are_a_kalman_filter_where_all_is_linear(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A force that says nothing leaves displacement and velocity, and those are linear."""
+    first, spread, process, _ = plain_ukf.start()
+    process = process + np.diag([1e-5, 1e-1, 1.0, 0.0, 0.0, 0.0, 0.0])
+    noise = np.diag([0.01**2, 1e6**2])
+    for module in (plain_ukf, plain_particles):
+        monkeypatch.setattr(module, "start", lambda: (first, spread, process, noise))
+    expected = plain_ukf.numba_runner()(samples()[:60])
+    states = plain_particles.numpy_particles(10_000)(samples()[:60])
+    np.testing.assert_allclose(states[:, 0], expected[:, 0], atol=1e-3)  # the sensor: 1e-2 mm
+    np.testing.assert_allclose(states[:, 1], expected[:, 1], atol=0.6)  # 10 mm/s at first
+    few = plain_particles.numpy_particles(50)
+    np.testing.assert_array_equal(few(samples()), few(samples()))
+
+
 @pytest.mark.parametrize("module", ["stonesoup", "pykalman"])
 def test_a_package_that_is_missing_is_named(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.split(".")[0] == module]:
@@ -109,7 +126,8 @@ def test_bench_speed_has_its_figures(
     assert main(["bench", "speed", "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)
     steps = [f"{name}_step_us" for name in speed.KALMAN_FILTERS]
-    for name in ("filterpy_us", "numba_us", "ukf_run_us", "ekf_run_us", *steps):
+    particles = [f"{n}_{c}_ns" for n in ("sir_pf", "numpy_particles") for c in speed.PARTICLES]
+    for name in ("filterpy_us", "numba_us", "ukf_run_us", "ekf_run_us", *steps, *particles):
         assert figures[name] > 0.0
     assert figures["run_ratio"] < 0.1
     assert (figures["cpp_us"] is None) == (figures["ukf_to_cpp"] is None)

@@ -352,6 +352,36 @@ def test_a_recorder_that_stands_still_for_five_seconds_loses_nothing(
     }
 
 
+@pytest.mark.slow
+def test_it_gets_every_sample_of_the_rig_after_it_stood_still(
+    start_node: Start, graph: Any, tmp_path: Path
+) -> None:
+    """Regression: the rig offered its samples without a guarantee, and what was missed was lost."""
+    from hc_msgs.msg import IndenterSample
+
+    from hc_msgs_py.qos import SAMPLE_QOS
+
+    recorder = start_node(RECORDER, output=tmp_path / "bag")  # of all topics
+    assert graph.spin_until(lambda: (tmp_path / "bag").is_dir())
+    newest: list[int] = []
+    graph.create_subscription(
+        IndenterSample, "indenter/sample", lambda m: newest.append(m.sequence), SAMPLE_QOS
+    )
+    rig = start_node("hc_sim_rig.node", scenario="multisine", expected_sample_subscribers=1)
+    assert graph.spin_until(lambda: newest and newest[-1] > 1000, timeout=60.0)
+    os.kill(recorder.process.pid, signal.SIGSTOP)
+    stopped_at = newest[-1]
+    assert graph.spin_until(lambda: newest[-1] > stopped_at + 4000, timeout=60.0)
+    os.kill(recorder.process.pid, signal.SIGCONT)
+    caught_up = newest[-1]
+    assert graph.spin_until(lambda: newest[-1] > caught_up + 2000, timeout=60.0)
+    assert rig.end() == 0, rig.error
+    assert recorder.end() == 0, recorder.error
+    sequence = read_recording(tmp_path / "bag").sequence.astype(np.int64)
+    assert sequence[-1] > stopped_at + 4000
+    assert (np.diff(sequence) == 1).all()
+
+
 def resident_mb(pid: int) -> float:
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import signal
 import time
@@ -24,6 +25,9 @@ from hc_sim_rig import Rig
 from hc_sim_rig.scenario import SCENARIO_FOLDER
 
 pytestmark = pytest.mark.process
+
+WHOLE_STREAM = qos.SAMPLE_PUBLISHER_QOS
+"""As a recorder subscribes: what a busy machine delays is sent again (best effort loses it)."""
 
 
 def nanoseconds(message: Any) -> int:
@@ -48,8 +52,8 @@ def test_all_topics_carry_the_rig_sample_by_sample(start_rig: Any) -> None:
     assert "indenter/sample has 0 of 1 subscribers" in answer.message
     assert "indenter/truth has 0 of 1 subscribers" in answer.message
     keep = lambda message: message  # noqa: E731
+    samples = listener.collect(IndenterSample, "indenter/sample", WHOLE_STREAM, keep)
     profile = qos.SAMPLE_QOS
-    samples = listener.collect(IndenterSample, "indenter/sample", profile, keep)
     truths = listener.collect(IndenterTruth, "indenter/truth", profile, keep)
     wrenches = listener.collect(WrenchStamped, "indenter/wrench", profile, keep)
     joints = listener.collect(JointState, "indenter/joint_states", profile, keep)
@@ -67,30 +71,35 @@ def test_all_topics_carry_the_rig_sample_by_sample(start_rig: Any) -> None:
     assert listener.spin(until=lambda: len(samples) >= 1500 and len(status) >= 2)
     assert rig.stop() == 0
     listener.spin(0.3)
-    count = min(len(samples), len(truths), len(wrenches), len(joints))
     stamps = np.array([nanoseconds(m) for m in samples])
     assert np.all(np.diff(stamps) == 1_000_000)
-    assert [m.sequence for m in samples[:count]] == list(range(count))
+    assert [m.sequence for m in samples] == list(range(len(samples)))
     assert abs(stamps[0] - time.time_ns()) < 60e9
-    series = Rig("teleoperation", seed=9).run(count / 1000.0)
-    take = samples[:count]
-    np.testing.assert_array_equal([m.displacement for m in take], series.displacement_mm / 1000)
-    np.testing.assert_array_equal([m.force for m in take], series.force_n)
-    assert [nanoseconds(m) for m in truths[:count]] == stamps[:count].tolist()
-    np.testing.assert_array_equal(
-        [m.velocity for m in truths[:count]], series.truth.velocity_mm_s / 1000
-    )
-    np.testing.assert_array_equal(
-        [m.stiffness for m in truths[:count]], series.truth.parameters[:, 0]
-    )
-    np.testing.assert_array_equal([m.wrench.force.z for m in wrenches[:count]], series.force_n)
+    series = Rig("teleoperation", seed=9).run(len(samples) / 1000.0)
+    np.testing.assert_array_equal([m.displacement for m in samples], series.displacement_mm / 1000)
+    np.testing.assert_array_equal([m.force for m in samples], series.force_n)
     assert wrenches[0].header.frame_id == samples[0].header.frame_id == "indenter_tip"
     assert list(joints[0].name) == ["master", "slave"]
-    np.testing.assert_array_equal(
-        [list(m.position) for m in joints[:count]],
-        np.c_[series.master.position_mm, series.slave.position_mm] / 1000,
-    )
-    assert len(samples) == len(truths) == len(joints)  # none was lost on the way, nor at the end
+    # What goes out without a guarantee: whatever came belongs to the sample of its stamp.
+    for messages in (truths, wrenches, joints):
+        found = [(nanoseconds(m) - int(stamps[0])) // 1_000_000 for m in messages]
+        assert found == sorted(set(found))
+        assert [nanoseconds(m) for m in messages] == stamps[found].tolist()
+        if messages is truths:
+            assert [m.sequence for m in messages] == found
+            np.testing.assert_array_equal(
+                [(m.velocity, m.stiffness) for m in messages],
+                np.c_[series.truth.velocity_mm_s / 1000, series.truth.parameters[:, 0]][found],
+            )
+        elif messages is wrenches:
+            np.testing.assert_array_equal(
+                [m.wrench.force.z for m in messages], series.force_n[found]
+            )
+        else:
+            np.testing.assert_array_equal(
+                [list(m.position) for m in messages],
+                np.c_[series.master.position_mm, series.slave.position_mm][found] / 1000,
+            )
     values = {pair.key: pair.value for pair in status[-1].status[0].values}
     assert int(values["samples"]) > 0
     assert values["nominal_rate_hz"] == "1000"
@@ -103,7 +112,7 @@ def test_a_stopped_process_catches_up_without_a_gap(start_rig: Any) -> None:
     found = listener.collect(
         IndenterSample,
         "indenter/sample",
-        qos.SAMPLE_QOS,
+        WHOLE_STREAM,
         lambda m: (m.sequence, nanoseconds(m)),
     )
     listener.call(SetBool, "indenter/run", SetBool.Request(data=True))
@@ -120,11 +129,11 @@ def test_a_stopped_process_catches_up_without_a_gap(start_rig: Any) -> None:
 
 def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path) -> None:
     rig, listener = start_rig(scenario="multisine")
+    samples = listener.collect(
+        IndenterSample, "indenter/sample", WHOLE_STREAM, lambda m: (m.sequence, nanoseconds(m))
+    )
     found = listener.collect(
-        IndenterTruth,
-        "indenter/truth",
-        qos.SAMPLE_QOS,
-        lambda m: (m.sequence, nanoseconds(m), m.displacement_exponent),
+        IndenterTruth, "indenter/truth", qos.SAMPLE_QOS, lambda m: m.displacement_exponent
     )
     assert listener.spin(until=lambda: len(found) > 100)
 
@@ -134,13 +143,13 @@ def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path)
 
     assert "damping" in names()
     assert set_parameter(listener, "scenario", "lump").successful
-    assert listener.spin(until=lambda: found[-1][2] == 1.6)
+    assert listener.spin(until=lambda: found[-1] == 1.6)
     assert set_parameter(listener, "stiffness", 0.7).successful
     assert set_parameter(listener, "scenario", "relaxation").successful
-    assert listener.spin(until=lambda: np.isnan(found[-1][2]))
+    assert listener.spin(until=lambda: np.isnan(found[-1]))
     assert listener.spin(until=lambda: "damping" not in names())
     assert set_parameter(listener, "scenario", "multisine").successful
-    assert listener.spin(until=lambda: found[-1][2] == 1.8)
+    assert listener.spin(until=lambda: found[-1] == 1.8)
     assert listener.spin(until=lambda: "damping" in names())
     slow = tmp_path / "slow.yaml"
     slow.write_text(
@@ -151,9 +160,8 @@ def test_the_scenario_changes_while_the_rig_runs(start_rig: Any, tmp_path: Path)
         assert not refused.successful
         assert says in refused.reason
     assert rig.stop() == 0
-    sequences, stamps, _ = zip(*found, strict=True)
-    assert np.all(np.diff(sequences) == 1)
-    assert np.all(np.diff(stamps) == 1_000_000)
+    pairs = itertools.pairwise(samples)
+    assert [(a, b) for a, b in pairs if (b[0] - a[0], b[1] - a[1]) != (1, 1_000_000)] == []
 
 
 @pytest.mark.slow
@@ -198,9 +206,7 @@ def test_it_stops_publishing_at_the_end_and_may_end_itself(start_rig: Any, tmp_p
     short = (SCENARIO_FOLDER / "multisine.yaml").read_text().replace("60.0", "0.3")
     (tmp_path / "short.yaml").write_text(short)
     rig, listener = start_rig(scenario=tmp_path / "short.yaml", start_paused=True, exit_at_end=True)
-    found = listener.collect(
-        IndenterSample, "indenter/sample", qos.SAMPLE_QOS, lambda m: m.sequence
-    )
+    found = listener.collect(IndenterSample, "indenter/sample", WHOLE_STREAM, lambda m: m.sequence)
     listener.call(SetBool, "indenter/run", SetBool.Request(data=True))
     assert listener.spin(until=lambda: len(found) == 300)
     assert rig.wait() == 0
@@ -216,7 +222,7 @@ def test_simulated_time_runs_at_its_pace(start_rig: Any) -> None:
     found = listener.collect(
         IndenterSample,
         "indenter/sample",
-        qos.SAMPLE_QOS,
+        WHOLE_STREAM,
         lambda m: (nanoseconds(m), time.monotonic()),
     )
     clock = listener.collect(Clock, "/clock", 100, lambda m: m.clock.sec * 10**9 + m.clock.nanosec)
@@ -251,7 +257,7 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
             return  # keep this one back
         publisher.publish(HuntCrossleyEstimate(sequence=message.sequence))
 
-    listener.node.create_subscription(IndenterSample, "indenter/sample", on_sample, qos.SAMPLE_QOS)
+    listener.node.create_subscription(IndenterSample, "indenter/sample", on_sample, WHOLE_STREAM)
 
     def ready() -> bool:
         request = Trigger.Request()

@@ -66,7 +66,7 @@ def test_a_robot_that_is_read_wrongly_is_told_while_it_runs_and_in_the_end(bench
     bench.robot(force={"scale": 1000.0})
     run = Run(bench, "--duration", "20", "--param", "input.position.zero=-200.0")
     line, _told_at = run.line_with("turn its sign|is no soft tissue")
-    assert "docs/robots.md#what-a-warning-means" in line
+    assert "docs/guide/warnings.md" in line
     out, err = run.process.communicate(timeout=90)
     assert run.process.returncode == 1, err
     assert "what cannot be right: the force falls to " in out

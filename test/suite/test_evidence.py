@@ -60,11 +60,19 @@ def test_every_table_says_command_and_commit_and_stands_as_csv(
 
 
 MEASURED = (
-    "performance.md",
+    "batch.md",
+    "estimators.md",
     "evidence/performance.md",
+    "guide/looking.md",
+    "performance.md",
     "reliability.md",
     "reproduction.md",
 )
+SETTINGS = {
+    "estimators.md": ["Which filter", "Parameters"],
+    "guide/looking.md": ["Foxglove, Lichtblick, PlotJuggler"],
+}
+"""Their tables of what there is, with numbers that nobody measured."""
 COMMIT = re.compile(r"\bcommit [0-9a-f]{7,}\b")
 
 
@@ -83,7 +91,8 @@ def tables_without_a_commit(text: str) -> list[str]:
 
 @pytest.mark.parametrize("page", MEASURED)
 def test_what_was_measured_by_hand_names_the_commit(page: str) -> None:
-    assert not tables_without_a_commit((DOCS / page).read_text(encoding="utf-8"))
+    text = (DOCS / page).read_text(encoding="utf-8")
+    assert tables_without_a_commit(text) == SETTINGS.get(page, [])
 
 
 def test_a_table_without_a_commit_is_seen() -> None:

@@ -1,4 +1,4 @@
-"""The launch file with stand-ins of launch; the warnings and words that docs/robots.md explains."""
+"""The launch file with stand-ins of launch; the warnings and words that docs/guide explains."""
 
 import ast
 import re
@@ -12,7 +12,8 @@ import pytest
 from hc_bringup.cli import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
+ROBOT = (ROOT / "docs/guide/own_robot.md").read_text(encoding="utf-8")
+WARNINGS = (ROOT / "docs/guide/warnings.md").read_text(encoding="utf-8")
 SOURCES = (
     "hc_estimator/hc_estimator/stream/sanity.py",
     "hc_estimator/hc_estimator/stream/channel_checks.py",
@@ -102,11 +103,10 @@ def sentences(sources) -> list[str]:
 
 
 def phrases() -> list[tuple[str, list[str]]]:
-    """What the table's rows name: each phrase, and its pieces around what is filled in."""
-    table = PAGE.split("## What a warning means")[1].split("## Your own law")[0]
-    rows = [line.split("|")[1].strip() for line in table.splitlines() if line.startswith("| ")]
+    """What the rows of the tables name: each phrase, and its pieces around what is filled in."""
+    rows = [line.split("|")[1].strip() for line in WARNINGS.splitlines() if line.startswith("| ")]
     found = []
-    for phrase in (phrase.strip() for row in rows[1:] for phrase in row.split(";")):
+    for phrase in (p.strip() for row in rows if row != "it says" for p in row.split(";")):
         # Numbers and units stand for what is filled in.
         pieces = re.split(r"\.\.\.|\b[0-9.]+(?: [a-zA-Z]+| %)?|largest|metres|seconds", phrase)
         found.append((phrase, [p.strip(" ,") for p in pieces if len(p.strip(" ,")) >= 8]))
@@ -132,7 +132,7 @@ def test_what_the_programs_say_is_explained_on_the_page():
 def test_the_words_of_ros2_that_the_page_promises_exist(capsys):
     from hc_bringup.cli import main
 
-    table = PAGE.split("| ros2 | hc |")[1]
+    table = ROBOT.split("| ros2 | hc |")[1]
     table = table.split("\n\n")[0]
     for line in table.splitlines()[2:]:
         ours = line.split("|")[2]

@@ -23,7 +23,7 @@ is in N/mm^n, B (`damping`) in N (s/mm)^p / mm^n.
 ## Recording (CSV)
 
 Read by `hc estimate`, `hc report`, `hc doctor` and others, in many layouts
-([your own robot](../robots.md)); written by `hc simulate` and `hc bag convert`:
+([your own robot](../guide/own_robot.md)); written by `hc simulate` and `hc bag convert`:
 
 {recording}
 

@@ -36,7 +36,7 @@ _UNUSABLE = {
     "geometry_msgs/msg/PointStamped": f"{_OTHER_TYPE}PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped": f"{_OTHER_TYPE}PoseStamped",
     "nav_msgs/msg/Odometry": f"{_OTHER_TYPE}PoseStamped",
-    "tf2_msgs/msg/TFMessage": "frames are read, but not proposed: docs/robots.md, type tf",
+    "tf2_msgs/msg/TFMessage": "frames are read, but not proposed: docs/guide/own_robot.md, type tf",
 }
 """Types of topics that somebody may take for a sensor, and what is in the way."""
 _XYZ = ("x", "y", "z")

@@ -3,7 +3,8 @@
 Absolute times mean nothing on somebody else's machine; the ratio of two times taken in turns in
 one process does. The others are filterpy, Stone Soup and pykalman, which most people would reach
 for, and the same plain filter written in numba and in C++ with Eigen, which is what one would write
-for speed (rivals/plain_ukf.py, rivals/packages.py). Processor time is counted, not time on the
+for speed (rivals/plain_ukf.py, rivals/packages.py); particle filters stand beside one in numpy
+(rivals/plain_particles.py). Processor time is counted, not time on the
 clock: what else runs on the machine enters only by what it leaves of caches and memory.
 """
 
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from hc_estimator import DEFAULT_FILTER, available_filters, available_state_spaces, create_estimator
 from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.rivals.packages import pykalman_runner, stone_soup_runner
+from hc_evaluation.rivals.plain_particles import numpy_particles
 from hc_evaluation.rivals.plain_ukf import (
     DISPLACEMENT_NOISE_MM,
     RATE_HZ,
@@ -36,7 +38,8 @@ from hc_evaluation.rivals.plain_ukf import (
 SAMPLES = 2000
 BATCH_REPEATS = 20
 ROUNDS = 5
-PARTICLES = 50
+PARTICLES = (50, 1000)
+"""The default's number, and one with which numpy has its overhead behind it."""
 KALMAN_FILTERS = ("ukf", "ekf", "rwstukf", "aukf", "raukf")
 FORCE_NOISE_N = 0.01
 
@@ -69,8 +72,10 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         rivals says why), ukf_run_us, ekf_run_us, FILTER_step_us of every Kalman filter (medians
         over rounds), run_ratio and step_ratio (of `ukf` to filterpy), ukf_to_numba, ukf_to_cpp,
         ekf_to_cpp (by run; medians of the rounds' ratios), default_run_us, default_step_us,
-        default_to_ukf and default_to_ukf_by_step (the same), sir_pf_step_us, and filters_us
-        (microseconds a sample of run() by filter and state space).
+        default_to_ukf and default_to_ukf_by_step (the same), sir_pf_step_us (50 particles), for 50
+        and 1000 particles sir_pf_N_ns and numpy_particles_N_ns (nanoseconds a sample and particle,
+        by run) and sir_pf_N_to_numpy (their ratio), and filters_us (microseconds a sample of run()
+        by filter and state space).
 
     Raises:
         ImportError: if filterpy is not installed.
@@ -79,8 +84,8 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
     reference = filterpy_filter()
     kalman = {name: create_estimator(name) for name in KALMAN_FILTERS}
     ukf, ekf, default = kalman["ukf"], kalman["ekf"], create_estimator(DEFAULT_FILTER)
-    particles = create_estimator("sir_pf", particle_count=PARTICLES)
-    for estimator in (*kalman.values(), default, particles):
+    particles = {n: create_estimator("sir_pf", particle_count=n) for n in PARTICLES}
+    for estimator in (*kalman.values(), default, *particles.values()):
         estimator.warm_up()
     with tempfile.TemporaryDirectory() as folder:
         compiled, interpreted, rivals = _runners(Path(folder))
@@ -99,7 +104,8 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
             },
             "default_run_us": lambda: _run_us(default, data, repeats=BATCH_REPEATS // 5),
             "default_step_us": lambda: _step_us(default, data),
-            "sir_pf_step_us": lambda: _step_us(particles, data),
+            "sir_pf_step_us": lambda: _step_us(particles[PARTICLES[0]], data),
+            **_by_particle(particles, data),
         }
         rounds: dict[str, list[float]] = {name: [] for name in measures}
         for number in range(ROUNDS):
@@ -131,6 +137,10 @@ def run_speed(progress: Callable[[float], None] = lambda _share: None) -> dict[s
         "ekf_to_cpp": ratio("ekf_run_us", "cpp_us"),
         "default_to_ukf": ratio("default_run_us", "ukf_run_us"),
         "default_to_ukf_by_step": ratio("default_step_us", "ukf_step_us"),
+        **{
+            f"sir_pf_{n}_to_numpy": ratio(f"sir_pf_{n}_ns", f"numpy_particles_{n}_ns")
+            for n in PARTICLES
+        },
         "filters_us": filters,
     }
 
@@ -152,6 +162,25 @@ def _runners(folder: Path) -> tuple[dict[str, Runner], dict[str, Runner], dict[s
         except NotAvailableError as error:
             rivals[name] = str(error)
     return compiled, interpreted, rivals
+
+
+def _by_particle(
+    estimators: dict[int, Any], data: NDArray[np.float64]
+) -> dict[str, Callable[[], float]]:
+    """Return what measures nanoseconds a sample and particle, ours and in numpy, by number."""
+    few = data[:, : SAMPLES // 10]
+
+    def ours(count: int) -> float:
+        return 1e3 * _run_us(estimators[count], few, repeats=1) / count
+
+    def numpys(count: int) -> float:
+        return 1e3 * _plain_us(numpy_particles(count), few, repeats=1) / count
+
+    return {
+        f"{name}_{count}_ns": functools.partial(measure, count)
+        for count in estimators
+        for name, measure in (("sir_pf", ours), ("numpy_particles", numpys))
+    }
 
 
 def _plain_us(run: Runner, data: NDArray[np.float64], repeats: int = BATCH_REPEATS) -> float:

@@ -5,7 +5,9 @@ to 120 ms at 1 kHz, with 2000 none was lost.
 
 A process that stands still (stopped, swapped out) receives nothing, however deep its own queue is:
 what it misses can only come from the publisher, if that keeps it and is asked to send it again.
-So streams are offered RELIABLE and deep; who does not want old samples subscribes BEST_EFFORT.
+So samples and estimates are offered RELIABLE and deep; who does not want old ones subscribes
+BEST_EFFORT. What the rig publishes beside them (truth, wrench, joints, tip) is not: all of it
+RELIABLE took 4 % of a core more, samples alone 1 to 2.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ SAMPLE_QOS: Final = QoSProfile(
     reliability=ReliabilityPolicy.BEST_EFFORT,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""To subscribe to sensor streams: a late sample is worth less than the next one."""
+"""To subscribe to sensor streams: a late sample is worth less than the next one. Also to publish
+what stands beside the samples."""
 
 SAMPLE_PUBLISHER_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
@@ -39,7 +42,7 @@ SAMPLE_PUBLISHER_QOS: Final = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.VOLATILE,
 )
-"""To publish sensor streams: SAMPLE_QOS matches it, and a recorder gets every sample."""
+"""To publish samples: SAMPLE_QOS matches it, and a recorder gets every one."""
 
 SERVO_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,

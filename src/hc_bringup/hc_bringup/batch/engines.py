@@ -1,7 +1,7 @@
 """Who does the work of a batch: this process, processes of this machine, or those of a cluster.
 
-joblib on one machine, Dask distributed beyond. Both give tasks out again when a process dies; a
-task that ends every process that tries it becomes a result that says so.
+joblib on one machine (hc_evaluation/workers.py), Dask distributed beyond. Both give tasks out again
+when a process dies; a task that ends every process that tries it becomes a result that says so.
 """
 
 from __future__ import annotations
@@ -10,18 +10,15 @@ import asyncio
 import concurrent.futures
 import contextlib
 import logging
-import os
 from collections.abc import Iterable, Iterator
-from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Final
 
 from hc_bringup.batch.work import Answer, ResultError, Task, WrongSoftwareError, analyse, died
 from hc_bringup.errors import UserError
+from hc_evaluation.workers import DEATHS, each
 
 PATIENCE_S: Final = 30.0
 """For a scheduler to answer, and for its first worker."""
-DEATHS: Final = 3
-"""Processes that a task may end."""
 
 
 def here(tasks: Iterable[Task], workers: int) -> Iterator[Answer]:
@@ -31,54 +28,8 @@ def here(tasks: Iterable[Task], workers: int) -> Iterator[Answer]:
         tasks: what is to be done.
         workers: processes; with 1 it is this one.
     """
-    if workers == 1:
-        for task in tasks:
-            yield analyse(task)
-        return
-    left = {(task.number, task.variants[0][0]): task for task in tasks}
-    while left:
-        started: list[tuple[int, int]] = []
-        try:
-            with contextlib.closing(_joblib(left, started, workers)) as answers:
-                for answer in answers:
-                    del left[answer.number, min(answer.keys)]
-                    yield answer
-        except BrokenProcessPool:
-            # One of those that were begun ended its process: each of them gets one of its own.
-            for key in [key for key in started if key in left]:
-                yield _alone(left.pop(key))
-
-
-def _joblib(left: dict[tuple[int, int], Task], started: list[tuple[int, int]], workers: int) -> Any:
-    from joblib import Parallel, delayed
-
-    from hc_evaluation.workers import prepare_worker
-
-    def begun() -> Iterator[Any]:
-        for key, task in list(left.items()):
-            started.append(key)
-            yield delayed(analyse)(task)
-
-    return Parallel(
-        n_jobs=workers,
-        return_as="generator_unordered",
-        batch_size=1,
-        max_nbytes=None,
-        initializer=prepare_worker,
-        initargs=(os.getpid(),),
-    )(begun())
-
-
-def _alone(task: Task) -> Answer:
-    """Do a task in processes that nothing else depends on."""
-    for _ in range(DEATHS - 1):
-        try:
-            key = (task.number, task.variants[0][0])
-            answer: Answer = next(iter(_joblib({key: task}, [], 2)))  # 1 would be this process
-            return answer
-        except BrokenProcessPool:
-            continue
-    return died(task)
+    for _place, answer in each(analyse, tasks, workers, died):
+        yield answer
 
 
 class SchedulerGoneError(Exception):

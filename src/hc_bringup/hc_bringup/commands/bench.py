@@ -211,6 +211,7 @@ def _accuracy(arguments: argparse.Namespace) -> int:
     from hc_evaluation.accuracy.pictures import write_pictures
     from hc_evaluation.accuracy.run import EXPERIMENTS, run_accuracy
     from hc_evaluation.accuracy.table import markdown_tables, text_table, write_tables
+    from hc_evaluation.workers import WorkerDiedError
 
     document = Path(arguments.document) if arguments.document is not None else None
     if document is not None and not document.is_file():
@@ -224,6 +225,8 @@ def _accuracy(arguments: argparse.Namespace) -> int:
             once = run_accuracy(short, 1, progress=progress) if document and short else None
     except ValueError as error:
         raise UserError(str(error), WRONG_USE) from error
+    except WorkerDiedError as error:
+        raise UserError(str(error)) from error
     if document is not None:
         write_tables(result, document, origin_line())
         for name, experiment in once["experiments"].items() if once else ():

@@ -14,7 +14,7 @@ from typing import Any, Final
 from hc_msgs.msg import IndenterSample
 from rclpy.node import Node
 
-from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.qos import SAMPLE_PUBLISHER_QOS
 from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE
 from hc_msgs_py.wire import SampleEncoder
 
@@ -33,7 +33,7 @@ class SampleOutput:
         self._estimate = ESTIMATES if values["output.estimates"] == "arrays" else ESTIMATE
         self._publisher = None
         if values["input.publish_samples"]:
-            self._publisher = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_QOS)
+            self._publisher = node.create_publisher(IndenterSample, SAMPLE, SAMPLE_PUBLISHER_QOS)
         self._begun = self._publisher is None or self._expected == 0
         self._first_s: float | None = None
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 LEAST_SAMPLES = 100
-MEANINGS = "docs/robots.md#what-a-warning-means"
+MEANINGS = "docs/guide/warnings.md"
 """Where every warning is explained."""
 SUSPECT = "suspect: "
 """Before check and channel in the name of a diagnostic value that says what cannot be right."""

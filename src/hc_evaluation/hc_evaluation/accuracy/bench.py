@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from hc_evaluation.accuracy.measure import Numbers, Setup, Task
 from hc_evaluation.accuracy.scenarios import Scenario
+from hc_evaluation.workers import each
 
 REPORT_SEED = 100_000  # first of the seeds that are reported; no setting is chosen with them
 CHOOSING_SEED = 1_000  # first of the seeds to choose settings with
@@ -29,31 +29,30 @@ class Bench:
     """Where an experiment's runs are done.
 
     Attributes:
-        pool: Processes.
         setup: Estimator under test.
         seeds: Noise seeds per scenario.
         first_seed: The first of them.
         report: Called with runs done and runs in all.
+        workers: Processes.
     """
 
-    pool: Executor
     setup: Setup
     seeds: int
     report: Callable[[int, int], None] = _no_report
     first_seed: int = REPORT_SEED
+    workers: int = WORKERS
 
     def part(self, setup: Setup, seeds: int) -> Bench:
         """The same processes for another estimator and number of seeds, without reports."""
-        return Bench(self.pool, setup, seeds, first_seed=self.first_seed)
+        return Bench(setup, seeds, first_seed=self.first_seed, workers=self.workers)
 
     def spread(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
         """Results of the function for all tasks, in their order."""
-        results = []
-        chunk = max(1, min(8, len(tasks) // (4 * WORKERS)))
-        for done, numbers in enumerate(self.pool.map(function, tasks, chunksize=chunk), start=1):
-            results.append(numbers)
-            self.report(done, len(tasks))
-        return results
+        results: dict[int, Any] = {}
+        for place, result in each(function, tasks, self.workers):
+            results[place] = result
+            self.report(len(results), len(tasks))
+        return [results[place] for place in range(len(tasks))]
 
     def runs(
         self, function: Callable[[Task], Numbers], scenarios: Sequence[Scenario]

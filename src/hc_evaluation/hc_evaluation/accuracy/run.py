@@ -25,7 +25,6 @@ from hc_evaluation.accuracy import (
 )
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
-from hc_evaluation.workers import worker_pool
 
 SEEDS = 50
 QUICK_SEEDS = 6
@@ -131,6 +130,7 @@ def run_accuracy(
     progress: Progress | None = None,
     setup: Setup | None = None,
     first_seed: int = REPORT_SEED,
+    workers: int = WORKERS,
 ) -> Result:
     """Run experiments and compare with their targets.
 
@@ -141,6 +141,7 @@ def run_accuracy(
         progress: called with the experiment's name, runs done and runs in all.
         setup: estimator under test; the recommended filter with its defaults if None.
         first_seed: of the noise; another one than the default to choose settings with.
+        workers: processes; with 1 this one.
 
     Returns:
         Plain data: per experiment its rows (one per scenario or recording) and targets (name,
@@ -162,14 +163,13 @@ def run_accuracy(
         "first_seed": first_seed,
         "experiments": {},
     }
-    with worker_pool(WORKERS) as pool:
-        for name in chosen:
+    for name in chosen:
 
-            def report(done: int, total: int, name: str = name) -> None:
-                if progress is not None:
-                    progress(name, done, total)
+        def report(done: int, total: int, name: str = name) -> None:
+            if progress is not None:
+                progress(name, done, total)
 
-            experiment = EXPERIMENTS[name].run(Bench(pool, estimator, count, report, first_seed))
-            result["experiments"][name] = {"summary": EXPERIMENTS[name].summary, **experiment}
+        experiment = EXPERIMENTS[name].run(Bench(estimator, count, report, first_seed, workers))
+        result["experiments"][name] = {"summary": EXPERIMENTS[name].summary, **experiment}
     result["seconds"] = time.perf_counter() - started
     return result

@@ -10,9 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import hc_estimator
 import hc_evaluation
@@ -26,7 +26,7 @@ from hc_evaluation.reproduction.pictures import draw
 from hc_evaluation.reproduction.scores import Scores, floors, identifiable, score
 from hc_evaluation.reproduction.signals import make_signal
 from hc_evaluation.reproduction.trace import run_column
-from hc_evaluation.workers import worker_pool
+from hc_evaluation.workers import WorkerDiedError, each
 
 QUICK_SEEDS = 3
 CHUNK = 2  # seeds of an experiment in one task
@@ -159,6 +159,12 @@ def _tasks(missing: Mapping[str, Sequence[int]]) -> list[tuple[str, list[int]]]:
     return [(name, c[i]) for i in range(longest) for name, c in chunks.items() if i < len(c)]
 
 
+def _do(piece: tuple[str, list[int] | None, Path]) -> Any:
+    """Run some seeds of an experiment, or draw its pictures if none are named."""
+    name, seeds, folder = piece
+    return draw(name, folder) if seeds is None else run_seeds(name, seeds)
+
+
 def _compute(
     tasks: Sequence[tuple[str, list[int]]],
     drawings: Sequence[str],
@@ -166,23 +172,23 @@ def _compute(
     workers: int,
     finished: Callable[[str, dict[int, dict[str, Scores]]], None],
 ) -> list[Path]:
-    """Run the tasks and draw the pictures, in this process or in several."""
-    if workers == 1:
-        for name, seeds in tasks:
-            finished(name, run_seeds(name, seeds))
-        return [path for name in drawings for path in draw(name, folder)]
-    with worker_pool(workers) as executor:
-        running: dict[Future[dict[int, dict[str, Scores]]], str] = {
-            executor.submit(run_seeds, name, seeds): name for name, seeds in tasks
-        }
-        drawn = [executor.submit(draw, name, folder) for name in drawings]
-        try:
-            for future in as_completed(running):
-                finished(running[future], future.result())
-            return [path for future in drawn for path in future.result()]
-        except BaseException:
-            executor.shutdown(wait=False, cancel_futures=True)
-            raise
+    """Run the tasks and draw the pictures, in this process or in several.
+
+    Raises:
+        ReproductionError: a task ended every process that tried it.
+    """
+    pieces = [*((*task, folder) for task in tasks), *((name, None, folder) for name in drawings)]
+    drawn: dict[int, list[Path]] = {}
+    try:
+        for place, result in each(_do, pieces, workers):
+            name, seeds, _ = pieces[place]
+            if seeds is None:
+                drawn[place] = result
+            else:
+                finished(name, result)
+    except WorkerDiedError as error:
+        raise ReproductionError(str(error)) from None
+    return [path for place in sorted(drawn) for path in drawn[place]]
 
 
 def _columns(runs: Mapping[int, Mapping[str, Scores]]) -> dict[str, dict[str, list[float]]]:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import PointStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample, IndenterTruth
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
@@ -26,6 +26,9 @@ AHEAD_S = 0.005
 """A setting that is changed takes so long to hold, at the most."""
 MOST_AHEAD = 8
 """Messages of samples; the others go out in one piece, which must not delay the next sample."""
+
+FRAME_STAGE = "stage"
+"""Of the tip's position: x sideways, z up."""
 
 Message = tuple[Any, bytes]
 """A publisher and what it is to send."""
@@ -55,6 +58,7 @@ class SeriesEncoder:
         self._samples = StampedMessages(IndenterSample)
         self._truths = StampedMessages(IndenterTruth)
         self._wrenches = PatternMessages(1, _wrench)
+        self._tips = PatternMessages(2, _tip)
         self._joints = PatternMessages(6, lambda numbers: _joints(joint_names, numbers))
 
     def samples(
@@ -95,6 +99,15 @@ class SeriesEncoder:
         """Return a WrenchStamped of each."""
         return self._wrenches.encode(stamps_ns, (series.force_n,))
 
+    def tips(
+        self,
+        stamps_ns: NDArray[np.int64],
+        lateral_mm: NDArray[np.float64],
+        depth_mm: NDArray[np.float64],
+    ) -> list[bytes]:
+        """Return a PointStamped of each: penetration is negative."""
+        return self._tips.encode(stamps_ns, (lateral_mm / METRE_IN_MM, -depth_mm / METRE_IN_MM))
+
     def joints(self, stamps_ns: NDArray[np.int64], series: RigSeries) -> list[bytes]:
         """Return a JointState of each."""
         both = (series.master, series.slave)
@@ -112,6 +125,13 @@ def _wrench(numbers: Sequence[float]) -> WrenchStamped:
     message = WrenchStamped()
     message.header.frame_id = FRAME_INDENTER_TIP
     (message.wrench.force.z,) = numbers
+    return message
+
+
+def _tip(numbers: Sequence[float]) -> PointStamped:
+    message = PointStamped()
+    message.header.frame_id = FRAME_STAGE
+    message.point.x, message.point.z = numbers
     return message
 
 

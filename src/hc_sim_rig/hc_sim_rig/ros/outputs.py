@@ -12,12 +12,11 @@ from hc_msgs.msg import IndenterSample, IndenterSamples, IndenterTruth, TactileS
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 
 from hc_msgs_py.conversion import fill_force
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import SAMPLE_QOS
+from hc_msgs_py.qos import SAMPLE_PUBLISHER_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import (
     FRAME_INDENTER_TIP,
     JOINT_STATES,
@@ -33,7 +32,7 @@ from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder, publish_bytes
 from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
 from hc_sim_rig.records import RigSample, RigSeries, Truth
-from hc_sim_rig.ros.ahead import Block, Message, SeriesEncoder
+from hc_sim_rig.ros.ahead import FRAME_STAGE, Block, Message, SeriesEncoder
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.taxels import TaxelPad
 
@@ -42,7 +41,6 @@ LISTENERS_PERIOD_S = 0.05
 JOINT_NAMES = ("master", "slave")
 TIP_EVERY = 10
 """Samples between two positions of the tip: sideways it is slow."""
-FRAME_STAGE = "stage"
 FRAME_PAD = "tactile_pad"
 
 
@@ -87,7 +85,7 @@ class Outputs:
         self._with_truth = with_sensors if with_truth is None else with_truth
         self._together = together
         kind = IndenterSample if together == 1 else IndenterSamples
-        self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_QOS)
+        self._sample = node.create_publisher(kind, self.sample_topic, SAMPLE_PUBLISHER_QOS)
         self._samples_encoder = SamplesEncoder()
         self._truth = node.create_publisher(IndenterTruth, TRUTH, SAMPLE_QOS)
         self._wrench = node.create_publisher(WrenchStamped, WRENCH, SAMPLE_QOS)
@@ -134,7 +132,9 @@ class Outputs:
             return
         sensors = scenario.sensors
         if self._tactile is None:
-            self._tactile = self._node.create_publisher(TactileSample, TACTILE_SAMPLE, SAMPLE_QOS)
+            self._tactile = self._node.create_publisher(
+                TactileSample, TACTILE_SAMPLE, SAMPLE_PUBLISHER_QOS
+            )
         self._pad = TaxelPad(
             scenario.taxels, sensors.displacement.noise_std_mm, sensors.force.noise_std_n, seed
         )
@@ -246,11 +246,14 @@ class Outputs:
     def _place_tips(
         self, due: list[list[Message]], stamps: NDArray[np.int64], series: RigSeries
     ) -> None:
-        for i in range(len(stamps)):
-            if series.sequence[i] % TIP_EVERY == 0:
-                self._fill_tip(int(stamps[i]), series.lateral_mm[i], series.slave.position_mm[i])
-                data = serialize_message(self._tip_message)
-                due[i // self._together].append((self._tip, data))
+        at = np.flatnonzero(series.sequence % TIP_EVERY == 0)
+        if len(at) == 0:
+            return
+        tips = self._series_encoder.tips(
+            stamps[at], series.lateral_mm[at], series.slave.position_mm[at]
+        )
+        for i, data in zip(at.tolist(), tips, strict=True):
+            due[i // self._together].append((self._tip, data))
 
     def publish_due(self, block: Block) -> None:
         """Publish what is due at the next deadline, and what comes after the last of them."""
