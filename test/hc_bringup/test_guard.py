@@ -99,6 +99,28 @@ def test_an_early_interrupt_is_quiet() -> None:
             assert status in (-signal.SIGINT, 130), after_ms
 
 
+@pytest.mark.process
+@pytest.mark.parametrize(
+    "module", ["hc_sim_rig.node", "hc_estimator.node", "hc_logger.recorder_node"]
+)
+def test_a_node_that_still_imports_ends_by_an_interrupt_without_a_word(
+    ros_domain: int, module: str
+) -> None:
+    with Processes(ros_domain) as processes:
+        for after_ms in (0, 100, 300, 600):
+            # Python tells what it has imported: before that module it answers in its own way.
+            process = processes.launch([sys.executable, "-X", "importtime", "-m", module])
+            assert process.stderr is not None
+            while "hc_msgs_py.starting" not in process.stderr.readline():
+                assert process.poll() is None
+            time.sleep(after_ms * 1e-3)
+            process.send_signal(signal.SIGINT)
+            status, _, err = end(process)
+            assert "Traceback" not in err, (after_ms, err)
+            # The recorder needs a folder, and says so if it comes that far.
+            assert status in (0, -signal.SIGINT) or "output is empty" in err, after_ms
+
+
 def test_an_interrupt_noticed_while_its_error_is_told_is_quiet(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

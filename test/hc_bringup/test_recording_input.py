@@ -283,9 +283,15 @@ def test_the_surface_of_a_recording_is_found(tmp_path: Path, capsys) -> None:
     captured = capsys.readouterr()
     assert "surface found at 5" in captured.err or "surface found at 4.9" in captured.err
     assert "force zero -1" in captured.err or "force zero -0.99" in captured.err
-    assert json.loads(captured.out)["parameters"]["displacement_exponent"] == pytest.approx(
-        N, rel=0.1
-    )
+    found = json.loads(captured.out)
+    assert found["parameters"]["displacement_exponent"] == pytest.approx(N, rel=0.1)
+
+    # How well the surface is known belongs to how well the tissue is.
+    words = ["estimate", str(path), "--find-surface", "--json"]
+    assert main([*words, "--param", "contact_position_std=0"]) == 0
+    exact = json.loads(capsys.readouterr().out)
+    assert exact["parameters"] == found["parameters"]
+    assert exact["parameters_std"]["stiffness"] < 0.9 * found["parameters_std"]["stiffness"]
 
 
 def test_a_recording_without_an_approach_says_so(tmp_path: Path, capsys) -> None:

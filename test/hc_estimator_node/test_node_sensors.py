@@ -351,4 +351,15 @@ def test_a_tare_with_sensors_applies_to_whole_samples_and_is_refused_in_mid_pres
     probe.wait(
         lambda: "tare given up: a reset came between" in reasons(18), what="the end of the tare"
     )
+
+    probe.set(filter="self_tuning_ukf")  # which considers how well the surface is known
+    assert probe.get("contact_position_std")[0] == 0.0
+    move(lambda t: 1.0 - 12.0 * t, 0.25)
+    assert probe.call("find_surface").success
+    move(lambda t: 10.0 * t - 2.0, 0.5)
+    probe.wait(lambda: probe.kinds().count(15) == 3, what="the surface")
+    zero, deviation = probe.get("input.position.zero", "contact_position_std")
+    assert zero == pytest.approx(-SURFACE, abs=0.1)
+    assert abs(zero + SURFACE) < 5.0 * deviation < 0.5
+    assert f"(deviation {deviation:.2g} mm)" in reasons(15)[-1]
     assert end_process(process)[0] == 0

@@ -276,7 +276,11 @@ def _from_surface(recording: Any) -> Any:
         recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
     )
     findings = recording.findings
-    return dataclasses.replace(zeroed, findings=findings._replace(notes=(*findings.notes, note)))
+    return dataclasses.replace(
+        zeroed,
+        findings=findings._replace(notes=(*findings.notes, note)),
+        contact_position_std_mm=found.displacement_std_mm,
+    )
 
 
 def _is(value: Any, kind: str) -> bool:

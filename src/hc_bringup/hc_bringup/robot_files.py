@@ -98,6 +98,7 @@ def _parameters(
         "estimator:",
         "  ros__parameters:",
         "    # force_limit: 60.0        # N; set it just below your sensor's range",
+        *_deviation(found.position.zero_std),
         "    input:",
         "      source: sensors",
         "      force:",
@@ -108,6 +109,12 @@ def _parameters(
     ]
     lines += [f"# {note}" for note in found.notes]
     return "\n".join(lines) + "\n"
+
+
+def _deviation(zero_std: float) -> list[str]:
+    if not math.isfinite(zero_std):
+        return []
+    return [f"    contact_position_std: {zero_std:.2g}   # mm; how well position.zero is known"]
 
 
 def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -> list[str]:

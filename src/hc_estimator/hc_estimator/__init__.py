@@ -1,5 +1,8 @@
 """Online estimators of the Hunt-Crossley contact parameters, and their node."""
 
+from hc_msgs_py import starting  # noqa: F401
+
+# isort: split
 from hc_estimator.array import EstimatesOfChannels, EstimatorArray
 from hc_estimator.estimate import PARAMETER_NAMES, Estimate, EstimateSeries, Hypothesis, Rejection
 from hc_estimator.estimator import Estimator, create_estimator

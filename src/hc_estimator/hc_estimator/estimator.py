@@ -34,7 +34,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 14  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 15  # of Estimator.state(); raised when its meaning changes
 
 
 def _all_specifications() -> dict[str, ParameterSpecification]:
@@ -133,6 +133,16 @@ class Estimator:
         self._row = np.zeros((1, COLUMNS))
         self._write_settings(values)
         self.reset()
+
+    def __repr__(self) -> str:
+        kind = f"{self._filter!r}, state_space={self._state_space!r}"
+        values = [
+            f"{s.name}={self._values[s.name]!r}"
+            for s in self._specifications
+            if self._values[s.name] != s.default
+        ]
+        given = ", ".join((f"contact_model={self._contact_model!r}", *values))
+        return f"create_estimator({kind}, {given})"
 
     @property
     def filter(self) -> str:

@@ -11,6 +11,9 @@ recorder keeps), playback (what the player does). bench starts nodes as processe
 With rclpy: recorder_node, player_node, and the folder ros.
 """
 
+from hc_msgs_py import starting  # noqa: F401
+
+# isort: split
 from hc_msgs_py.version import VERSION
 
 __version__ = VERSION

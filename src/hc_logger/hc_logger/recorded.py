@@ -128,6 +128,8 @@ class Recording:
         displacement_mm: (n,) mm.
         force_n: (n,) N.
         findings: bad rows and unreadable parts.
+        contact_position_std_mm: standard deviation of the position that displacements count from,
+            where it was looked for; else 0.
     """
 
     path: Path
@@ -138,6 +140,7 @@ class Recording:
     displacement_mm: NDArray[np.float64]
     force_n: NDArray[np.float64]
     findings: Findings
+    contact_position_std_mm: float = 0.0
 
     @cached_property
     def estimates(self) -> NDArray[Any]:

@@ -257,7 +257,7 @@ def _estimate(task: Task, variant: Variant, recording: Any, name: Path) -> dict[
 
 def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict[str, Any]:
     """Estimate; the full estimates go to a file of this name in the batch's folder, if asked."""
-    estimator = make_estimator(variant.arguments)
+    estimator = make_estimator(variant.arguments, recording)
     times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
     series = estimator.run(times, displacements, forces)
     summary = summarise(estimator, recording, series, math.nan)

@@ -120,7 +120,7 @@ def run(arguments: argparse.Namespace) -> int:
     tip = tip_source(arguments)
     data = None if estimate.is_asked_for(arguments) else recorded(recording, tip)
     if data is None:
-        data = estimated(recording, estimate.make_estimator(arguments), tip)
+        data = estimated(recording, estimate.make_estimator(arguments, recording), tip)
     contacts = find_contacts(data, contact_rules(arguments))
     written = []
     if arguments.output is not None:

@@ -30,6 +30,8 @@ COLUMNS = (
     "velocity_exponent_identifiability,model_mismatch,channel_delay_s"
 )
 
+_CONTACT_POSITION = "contact_position_std"
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
@@ -55,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.verify:
         return _verify(arguments)
     recording = recording_input.load(arguments)
-    estimator = make_estimator(arguments)
+    estimator = make_estimator(arguments, recording)
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
     suspicions = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
@@ -138,8 +140,13 @@ def is_asked_for(arguments: argparse.Namespace) -> bool:
     )
 
 
-def make_estimator(arguments: argparse.Namespace) -> Any:
+def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     """Make the estimator that the options describe.
+
+    Args:
+        arguments: parsed options.
+        recording: what it is for; how well its contact position was found, a filter that considers
+            it is told.
 
     Raises:
         UserError: if a name or value is wrong; the message says what is allowed.
@@ -156,7 +163,11 @@ def make_estimator(arguments: argparse.Namespace) -> Any:
         raise UserError(f"give {clash[0]} as an option of its own, not with --param", WRONG_USE)
     parameters.setdefault("missing_readings", True)
     try:
-        return create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
+        estimator = create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
+        deviation = 0.0 if recording is None else recording.contact_position_std_mm
+        if _CONTACT_POSITION in estimator.configuration.keys() - parameters.keys():
+            estimator.reconfigure(**{_CONTACT_POSITION: deviation})
+        return estimator
     except ValueError as error:
         reason = str(error)
         if because := PROBLEMS.get(arguments.filter, ""):

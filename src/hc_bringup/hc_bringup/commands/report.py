@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     recording = recording_input.load(arguments)
     data = None if estimate.is_asked_for(arguments) else recorded(recording)
     if data is None:
-        data = estimated(recording, estimate.make_estimator(arguments))
+        data = estimated(recording, estimate.make_estimator(arguments, recording))
     content = _content(data, target.suffix.lower(), command_line(arguments))
     try:
         with new_file(target) as file:

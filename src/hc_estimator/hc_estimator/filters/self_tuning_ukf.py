@@ -23,6 +23,7 @@ from hc_estimator.multiple_model import (
     plausible,
     surface_search,
     tempering,
+    zero_doubt,
 )
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
@@ -39,6 +40,7 @@ SPECIFICATIONS = (
     *plausible.SPECIFICATIONS,
     *surface_search.SPECIFICATIONS,
     *alignment.SPECIFICATIONS,
+    *zero_doubt.SPECIFICATIONS,
 )
 # For experiments: nobody tunes these, and the accuracy pages say what each is worth.
 INTERNAL = (

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from hc_estimator import estimate as columns
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import levels
+from hc_estimator.multiple_model import levels, zero_doubt
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
-    EXPONENT,
     FITTED,
     FRESH,
     LOG_STIFFNESS,
@@ -27,7 +26,6 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.kalman import depth_of, log_speed_of
 from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.multiple_model.sample import given_row
-from hc_estimator.multiple_model.zero_fit import OF_FORCE
 from hc_estimator.report import clear_row, write_fixed_parameters
 from hc_estimator.screening import ACCEPTED, OUTLIER
 
@@ -45,8 +43,6 @@ CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTA
 FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
 CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
 HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
-SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
-SMALLEST_FORCE = 1e-9  # [N]
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 
 
@@ -82,10 +78,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     since_varying = bank.tool.contact_clock - bank.judge.varied_at
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
         _add_spread(row, bank.rows[bank.judge.varying], out)
-    if bank.onset.zero[0] != 0.0 and not SURFACE[row.index]:
-        _add_position(bank, state[EXPONENT], out)
-    if bank.zeros.unknown & OF_FORCE != 0:
-        _add_force_zero(bank, state[EXPONENT], out)
+    zero_doubt.add(settings, bank, row, out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
         out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
@@ -105,7 +98,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     out[PROCESS_NOISE_SCALE] = density / settings.jerk_density
     out[CHANNEL_DELAY] = bank.delay.delay
     out[CHANNEL_DELAY_STD] = bank.delay.deviation
-    _write_zeros(bank, row, out)
+    _write_zeros(settings, bank, row, out)
     out[HYPOTHESIS] = float(CODES[row.index])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
@@ -156,57 +149,11 @@ def _add_spread(row: Any, other: Any, out: NDArray[np.float64]) -> None:
 
 
 @compiled
-def _add_position(bank: Any, exponent: float, out: NDArray[np.float64]) -> None:
-    """Add what is not known of a contact position that was found, where a row takes it for exact.
-
-    A position that is off by s changes ln F at the depth x by -n s / x.
-    """
-    surface = bank.rows[SURFACE_ROW]
-    variance = surface.covariance[OWN, OWN] + surface.state[OWN] ** 2
-    depth = max(bank.tool.deepest, SHALLOWEST)
-    slope = -exponent / depth
-    _add_bent(variance, slope, 2.0 * slope, depth, out)
-
-
-@compiled
-def _add_force_zero(bank: Any, exponent: float, out: NDArray[np.float64]) -> None:
-    """Add what is not known of a force zero that was found; no row knows that.
-
-    A zero that is off by s changes ln F by -s / F.
-    """
-    depth = max(bank.tool.deepest, SHALLOWEST)
-    force = max(out[PARAMETERS] * depth**exponent, SMALLEST_FORCE)
-    slope = -1.0 / force
-    _add_bent(bank.onset.force_deviation**2, slope, 2.0**exponent * slope, depth, out)
-
-
-@compiled
-def _add_bent(
-    variance: float, deep: float, half: float, depth: float, out: NDArray[np.float64]
-) -> None:
-    """Add to the covariance what passes for ln K + n ln x of an error of ln F.
-
-    Args:
-        variance: of what is off.
-        deep: what it changes in ln F at the largest depth, per unit.
-        half: the same at half of it.
-        depth: the largest [mm].
-        out: its covariance is changed.
-    """
-    by_exponent = (deep - half) / math.log(2.0)
-    by_stiffness = deep - by_exponent * math.log(depth)
-    slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
-    for i in range(3):
-        for j in range(3):
-            out[COVARIANCE + 4 * i + j] += variance * (slopes[i] * slopes[j])
-
-
-@compiled
-def _write_zeros(bank: Any, row: Any, out: NDArray[np.float64]) -> None:
+def _write_zeros(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     """Where the contact begins and what the force reads in the air, and how well that is known."""
     out[CONTACT_POSITION] = bank.onset.zero[0]
     out[FORCE_ZERO] = bank.onset.zero[1]
-    out[FORCE_ZERO_STD] = bank.onset.force_deviation
+    out[FORCE_ZERO_STD] = zero_doubt.force_deviation(settings, bank)
     surface = bank.rows[SURFACE_ROW]
     if SURFACE[row.index]:
         surface = row

@@ -11,13 +11,15 @@ from rclpy.parameter import Parameter
 from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.settings import Settings
 from hc_estimator.ros.settings_meaning import contact_frame, effort_settings
-from hc_estimator.ros.zeroing import ZEROS, Refusal, Zeroing
+from hc_estimator.ros.zeroing import FIND_SURFACE, ZEROS, Refusal, Zeroing
 from hc_estimator.stream.contact_frame import NormalFinder, raised
 from hc_estimator.stream.effort_filters import error_in_motion
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.tare import TareResult
 from hc_estimator.stream.together import Together
 from hc_estimator.stream.vocabulary import EventKind
+
+CONTACT_POSITION_STD = "contact_position_std"
 
 
 class ZeroSetting:
@@ -136,11 +138,19 @@ class ZeroSetting:
         also = self._surface(found, displacement_mm - found.displacement_mm)
         if also:  # the surface's point takes the place of the zero
             zeros = [zeros[0], Parameter(ZEROS[1], value=0.0)]
-        answer = self._node.set_parameters_atomically([*zeros, *also])
+        known = self._contact_position_std(found)
+        answer = self._node.set_parameters_atomically([*zeros, *also, *known])
         if answer.successful:
             self._report(EventKind.TARED, self._zeroing.describe(found, zeros))
         else:
             self._report(EventKind.TARE_REFUSED, answer.reason)
+
+    def _contact_position_std(self, found: TareResult) -> list[Parameter]:
+        """Return how well the surface was found, for a filter that considers it."""
+        considered = CONTACT_POSITION_STD in self._settings.estimator_values()
+        if self._zeroing.latest != FIND_SURFACE or not considered:
+            return []
+        return [Parameter(CONTACT_POSITION_STD, value=found.displacement_std_mm)]
 
     def _surface(self, found: TareResult, penetration_mm: float) -> list[Parameter]:
         """Return point and normal of the surface, if ~/find_surface looked for them."""

@@ -30,12 +30,13 @@ class Zeroing:
 
     Attributes:
         watch: knows whether the tool presses; to be given every sample.
+        latest: name of the service that samples were wanted for last.
     """
 
     def __init__(self) -> None:
         self.watch = PressWatch()
         self._collector: Tare | SurfaceFinder | None = None
-        self._name = ""
+        self.latest = ""
         self._forced = False
         self._deadline_s = 0.0
 
@@ -80,7 +81,7 @@ class Zeroing:
     @property
     def under_way(self) -> str:
         """The service for which samples are taken; nothing if none is."""
-        return self._name if self.active else ""
+        return self.latest if self.active else ""
 
     def add(self, displacement_mm: float, force_n: float) -> TareResult | Refusal | None:
         """Take in a sample; return what came of it with the last one that was wanted."""
@@ -116,7 +117,7 @@ class Zeroing:
         pressing = "" if forced else self.watch.pressing
         if pressing:
             raise NotPossibleError(f"{pressing}: lift it free of contact first ({FORCED})")
-        self._forced, self._name = forced, name
+        self._forced, self.latest = forced, name
         return False
 
     @staticmethod

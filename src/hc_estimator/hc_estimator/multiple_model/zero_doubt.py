@@ -1,0 +1,146 @@
+"""What is not known of contact position and force zero, in the covariance that is given out.
+
+A zero that is off is no noise of a sample: it is the same for all, and a covariance without it
+would claim too much. Rows that take a zero for exact do not consider it, so it is added to what is
+given out, by what it does to a power law at the largest depth and at half of it (ours; the law's
+logarithm ln K + n ln x there is what the force determines best). How well a zero is known is the
+user's to say (a service that found it, `hc setup`), or follows where the filter found it itself.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator import estimate as columns
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.hypotheses import (
+    EXPONENT,
+    OWN,
+    SURFACE,
+    SURFACE_ROW,
+)
+from hc_estimator.multiple_model.zero_fit import OF_FORCE
+from hc_estimator.specification import ParameterSpecification
+
+PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE
+SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
+SMALLEST_FORCE = 1e-9  # [N]
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "contact_position_std",
+        "float",
+        0.0,
+        "Standard deviation of the contact position that displacements count from; what it leaves "
+        "open of K, B and n is in their covariance, until the motion shows it better.",
+        minimum=0.0,
+        maximum=1e3,
+        unit="mm",
+    ),
+    ParameterSpecification(
+        "force_zero_std",
+        "float",
+        0.0,
+        "Standard deviation of the zero that forces count from; what it leaves open of K, B and n "
+        "is in their covariance.",
+        minimum=0.0,
+        maximum=1e3,
+        unit="N",
+    ),
+)
+
+
+@compiled
+def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
+    """Add to the covariance in `out` what is not known of the zeros.
+
+    Args:
+        settings: settings record.
+        bank: record of the bank.
+        row: whose estimate is given out.
+        out: row of numbers; its covariance is changed.
+    """
+    exponent = row.state[EXPONENT]
+    if not SURFACE[row.index]:
+        variance = _position_variance(settings, bank)
+        if variance > 0.0:
+            _add_position(bank.tool, variance, exponent, out)
+    deviation = force_deviation(settings, bank)
+    considered = bank.zeros.unknown & OF_FORCE != 0 or settings.force_zero_std > 0.0
+    if considered and deviation > 0.0:
+        _add_force_zero(bank.tool, deviation**2, exponent, out)
+
+
+@compiled
+def force_deviation(settings: Any, bank: Any) -> float:
+    """Give the deviation of the force's zero [N]; NaN where nobody has said anything of it."""
+    found = bank.onset.force_deviation
+    given = settings.force_zero_std
+    if given > 0.0 and not found < given:
+        return given  # type: ignore[no-any-return]
+    return found  # type: ignore[no-any-return]
+
+
+@compiled
+def _position_variance(settings: Any, bank: Any) -> float:
+    """Give the mean square error of the contact position in use [mm^2]; 0 if it is exact."""
+    if bank.onset.zero[0] != 0.0:
+        return _error_by(bank.rows[SURFACE_ROW])  # type: ignore[no-any-return]
+    variance = settings.contact_position_std**2
+    if variance > 0.0 and bank.rows[SURFACE_ROW].active != 0:
+        return min(variance, _error_by(bank.rows[SURFACE_ROW]))  # type: ignore[no-any-return]
+    return variance  # type: ignore[no-any-return]
+
+
+@compiled
+def _error_by(surface: Any) -> float:
+    """Give the mean square error of the position in use, by the row whose surface moves freely."""
+    return surface.covariance[OWN, OWN] + surface.state[OWN] ** 2  # type: ignore[no-any-return]
+
+
+@compiled
+def _add_position(tool: Any, variance: float, exponent: float, out: NDArray[np.float64]) -> None:
+    """Add what is not known of the contact position, where a row takes it for exact.
+
+    A position that is off by s changes ln F at the depth x by -n s / x.
+    """
+    depth = max(tool.deepest, SHALLOWEST)
+    slope = -exponent / depth
+    _add_bent(variance, slope, 2.0 * slope, depth, out)
+
+
+@compiled
+def _add_force_zero(tool: Any, variance: float, exponent: float, out: NDArray[np.float64]) -> None:
+    """Add what is not known of the force's zero; no row knows that.
+
+    A zero that is off by s changes ln F by -s / F.
+    """
+    depth = max(tool.deepest, SHALLOWEST)
+    force = max(out[PARAMETERS] * depth**exponent, SMALLEST_FORCE)
+    slope = -1.0 / force
+    _add_bent(variance, slope, 2.0**exponent * slope, depth, out)
+
+
+@compiled
+def _add_bent(
+    variance: float, deep: float, half: float, depth: float, out: NDArray[np.float64]
+) -> None:
+    """Add to the covariance what passes for ln K + n ln x of an error of ln F.
+
+    Args:
+        variance: of what is off.
+        deep: what it changes in ln F at the largest depth, per unit.
+        half: the same at half of it.
+        depth: the largest [mm].
+        out: its covariance is changed.
+    """
+    by_exponent = (deep - half) / math.log(2.0)
+    by_stiffness = deep - by_exponent * math.log(depth)
+    slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
+    for i in range(3):
+        for j in range(3):
+            out[COVARIANCE + 4 * i + j] += variance * (slopes[i] * slopes[j])
