@@ -24,9 +24,10 @@ from hc_estimator.ros.moving_surface import MovingSurface
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_estimator.ros.tool_frames import ToolFrames
-from hc_estimator.stream.contact_frame import NormalFinder, Quaternion, Vector, unit_quaternion
+from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.contact_reading import ContactReading
 from hc_estimator.stream.merger import Merged, Merger
+from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.poses import SurfacePose, ToolPose
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
