@@ -71,9 +71,9 @@ def test_a_press_that_says_little_is_poor():
     assert FAIR_DEG < weak.deviation_deg < POOR_DEG
     generator = np.random.default_rng(5)
     slides = np.zeros((400, 3))
-    sticks = np.repeat(generator.normal(0.0, 6.0, 10), 20)
-    slides[200:] = np.outer(sticks, unit_vector((0.3, 0.2, 0.0)))  # across, with no z
-    wild = found(approach(), slides, 0.02, 3)
+    sticks = np.repeat(generator.normal(0.0, 12.0, 40), 5)
+    slides[200:] = np.outer(sticks, unit_vector((0.3, 0.2, 0.0)))
+    wild = found(approach(), slides, 0.02, 3, free=0.0)
     assert wild.deviation_deg > POOR_DEG
     assert wild.is_poor
 
