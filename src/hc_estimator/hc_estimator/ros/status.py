@@ -38,8 +38,10 @@ _UNUSABLE = {
 """What an input counts of messages that it cannot use."""
 
 _LATE = {
-    "attitude_late": "forces without a pose of the tool at their stamp",
-    "surface_late": "readings without a pose of the surface at their stamp",
+    "attitude_late": "forces without a pose of the tool at their stamp: raise "
+    "input.pairing.maximum_wait, or give both publishers one clock",
+    "surface_late": "readings without a pose of the surface at their stamp: raise "
+    "input.pairing.maximum_wait, or give its publisher the clock of the tool's pose",
 }
 """What an input counts of readings for which the nearest pose had to do."""
 
@@ -185,8 +187,7 @@ class StatusReporter:
             problems.append("the numbers of the samples are no count: losses cannot be told")
         problems += [*source.problems, *_refusals(since)]
         problems += [
-            f"{since[name]:.0f} {what}: raise input.pairing.maximum_wait, or give their publisher "
-            "the clock of the other"
+            f"{since[name]:.0f} {what}"
             for name, what in _LATE.items()
             if since.get(name, 0) > SHARE_REFUSED * since["received"] and not source.problems
         ]
