@@ -78,6 +78,16 @@ def test_a_press_that_says_little_is_poor():
     assert wild.is_poor
 
 
+def test_the_tip_was_at_the_surface_when_it_last_came_through_it_on_its_own_way():
+    finder = NormalFinder()
+    assert finder.tip_at(0.0) is None
+    for depth in (-2.0, 1.0, 3.0, math.nan, -1.0, 2.0, 4.0, 3.5):  # in, out, and in again
+        finder.add_tip(depth, (0.4, 1e-3 * depth, 0.2 - 2e-3 * depth))
+    assert finder.tip_at(0.5) == pytest.approx((0.4, 0.5e-3, 0.2 - 1e-3))
+    assert finder.tip_at(-1.5) == pytest.approx((0.4, -1.5e-3, 0.203))  # of the first time
+    assert finder.tip_at(-3.0) is None
+
+
 def test_a_reading_that_is_no_number_is_passed_over_and_a_single_strong_one_is_not_trusted():
     finder = NormalFinder()
     finder.add((math.nan, 0.0, 0.0), 0.0)

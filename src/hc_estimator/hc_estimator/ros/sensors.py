@@ -274,9 +274,13 @@ class SensorInput:
         along = self._contact.read(sample)
         if along is None:
             return None
+        depth_mm = self._position_factor * along.depth_mm
+        force_n = self._force_factor * along.force_n
+        finder = self.normal_finder
         if along.tip is not None:
             self.position = (along.tip, self._base_frame_id)
-        force_n = self._force_factor * along.force_n
-        if self.normal_finder is not None and along.push is not None:
-            self.normal_finder.add(along.push, force_n - self._force_zero)
-        return self._position_factor * along.depth_mm, force_n
+            if finder is not None:
+                finder.add_tip(depth_mm - self._position_zero, along.tip)
+        if finder is not None and along.push is not None:
+            finder.add(along.push, force_n - self._force_zero)
+        return depth_mm, force_n

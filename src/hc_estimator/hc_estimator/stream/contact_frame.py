@@ -73,12 +73,6 @@ def unit_vector(values: Sequence[float]) -> Vector:
     return x, y, z
 
 
-def raised(tip: Vector, normal: Vector, depth_mm: float) -> Vector:
-    """Return where a tip was that has sunk by so much against a normal [m]."""
-    by = depth_mm / METRE_IN_MM
-    return tip[0] + by * normal[0], tip[1] + by * normal[1], tip[2] + by * normal[2]
-
-
 class Payload(NamedTuple):
     """What hangs on the force sensor, and its offset.
 

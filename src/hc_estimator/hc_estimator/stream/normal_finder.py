@@ -9,6 +9,7 @@ other, not of single readings: what lasts for some of them does not average out.
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ FREE_DEVIATIONS = 3.0
 STRONG_SHARE = 0.7
 """Forces within so many deviations of the free one are free, forces above this share of the largest
 one are of the press."""
+MOST_READINGS = 50_000
+"""Kept while a press is waited for: the newest."""
 PARTS = 8
 """Of the free forces, and of those of the press, that are compared."""
 FAIR_DEG = 3.0
@@ -50,14 +53,36 @@ class NormalFinder:
     """Finds the normal of a surface from the forces of an approach."""
 
     def __init__(self) -> None:
-        self._forces: list[Vector] = []
-        self._along: list[float] = []
+        self._forces: deque[Vector] = deque(maxlen=MOST_READINGS)
+        self._along: deque[float] = deque(maxlen=MOST_READINGS)
+        self._tips: deque[tuple[float, Vector]] = deque(maxlen=MOST_READINGS)
 
     def add(self, force: Vector, along: float) -> None:
         """Take in a force in the base frame, and its part along the present normal [N]."""
         if math.isfinite(along) and all(map(math.isfinite, force)):
             self._forces.append(force)
             self._along.append(along)
+
+    def add_tip(self, depth_mm: float, tip: Vector) -> None:
+        """Take in where the tip is in the base frame [m], and its depth along the present normal.
+
+        Depth and force are in readings with the present zeros taken off.
+        """
+        if math.isfinite(depth_mm):
+            self._tips.append((depth_mm, tip))
+
+    def tip_at(self, depth_mm: float) -> Vector | None:
+        """Return where the tip was when it last came through a depth; None if it never did.
+
+        On its own way: a tool need not move along a normal that is only guessed.
+        """
+        tips = list(self._tips)
+        for (before, first), (after, second) in zip(tips[-2::-1], tips[:0:-1], strict=True):
+            if before <= depth_mm < after:
+                share = (depth_mm - before) / (after - before)
+                x, y, z = (a + share * (b - a) for a, b in zip(first, second, strict=True))
+                return x, y, z
+        return None
 
     def normal(self, free: float, free_std: float) -> Normal | None:
         """Return the direction in which the tissue pushes the tool; None if nothing pushes.
