@@ -61,6 +61,22 @@ def test_sequence_numbers_that_do_not_count_are_no_losses() -> None:
     assert run_summary(known, None)["lost"] == 2
 
 
+def test_why_samples_were_lost_is_told() -> None:
+    statistics = EstimateStatistics()
+    for sequence in (*range(100), *range(1600, 1700)):
+        statistics.add(estimate(sequence, header=estimate(0).header))
+    said = {"skipped": "1490", "pairing_unpaired": "10", "level": "1"}
+    state = RunState(statistics, 0.0, elapsed_s=1.0, diagnostics={"estimator": said})
+    summary = run_summary(state, None)
+    assert (summary["lost"], summary["left_out"]) == (1500, {"skipped": 1490, "alone": 10})
+    text = run_text(summary)
+    assert "of these 1490 skipped, for more than input.maximum_backlog waited" in text
+    assert "of these 10 of a sensor without the other" in text
+    state = RunState(statistics, 0.0, elapsed_s=1.0, diagnostics={"estimator": {"skipped": "0"}})
+    assert run_summary(state, None)["left_out"] == {}
+    assert "of these" not in run_text(run_summary(state, None))
+
+
 def test_one_jump_of_a_counter_is_a_restart() -> None:
     statistics = EstimateStatistics()
     for sequence in (*range(100), *range(10**9, 10**9 + 50)):

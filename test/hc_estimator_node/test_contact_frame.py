@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from hc_estimator.stream.contact_frame import (
     ContactFrame,
-    NormalFinder,
     Payload,
     inverse,
     product,
@@ -69,21 +68,6 @@ def test_depth_is_that_of_the_tip_along_the_normal():
 def test_no_quaternion_is_named(values):
     with pytest.raises(ValueError, match="is no quaternion"):
         unit_quaternion(values)
-
-
-def test_the_normal_is_where_the_tissue_pushes_from():
-    """Begun in mid-press, with a weight that is not known."""
-    generator = np.random.default_rng(1)
-    finder = NormalFinder()
-    normal = np.array(unit_vector((0.2, -0.3, 1.0)))
-    pushes = (np.linspace(3.0, 0.0, 100), np.zeros(200), np.linspace(0.0, 4.0, 200))
-    for push in np.concatenate(pushes):
-        force = push * normal + np.array([0.3, 0.2, -0.5]) + 0.02 * generator.standard_normal(3)
-        finder.add(tuple(force), float(force[2]))
-    found = np.array(finder.normal(-0.5, 0.02))
-    assert math.degrees(math.acos(float(found @ normal))) < 1.0
-    assert finder.normal(17.0, 0.02) is None
-    assert NormalFinder().normal(0.0, 0.02) is None
 
 
 def still(attitudes, mass=0.7, center=(0.01, -0.02, 0.06), noise=0.01, seed=0):

@@ -38,8 +38,8 @@ def told(samples):
     return [
         (
             s.stamp_ns / MS,
-            None if math.isnan(s.displacement_mm) else s.displacement_mm,
-            None if math.isnan(s.force_n) else s.force_n,
+            s.displacement,
+            s.force,
         )
         for s in samples
     ]
@@ -59,7 +59,7 @@ def test_equal_stamps_make_one_sample_and_so_do_stamps_that_were_rounded():
     assert told(fed.force(5, 1.0)) == [(5, 7.0, 1.0)]
     fed.force(6, 2.0)
     (sample,) = fed.displacement(6.0009, 8.0)
-    assert (sample.displacement_mm, sample.force_n) == (8.0, 2.0)
+    assert (sample.displacement, sample.force) == (8.0, 2.0)
     fed.force(7, 2.0)
     assert len(fed.displacement(7.0011, 8.0)) == 1  # the force; the displacement waits
 
@@ -192,8 +192,8 @@ def test_a_reading_that_is_not_a_number_goes_on_for_the_estimator_to_reject():
     fed = Fed()
     fed.displacement(0, math.nan)
     (sample,) = fed.force(1, 1.0)
-    assert math.isnan(sample.displacement_mm)
-    assert math.isnan(sample.force_n)
+    assert math.isnan(sample.displacement)
+    assert sample.force is None
 
 
 @given(
@@ -228,10 +228,7 @@ def test_whatever_the_rates_nothing_is_lost_within_the_wait_and_all_is_in_order(
     first = min(stamp for _, _, add, stamp in events if add == fed.displacement)
     expected = [(s, v) for _, v, add, s in events if add == fed.displacement or s >= first]
     readings = [
-        (s.stamp_ns / MS, v)
-        for s in released
-        for v in (s.displacement_mm, s.force_n)
-        if not math.isnan(v)
+        (s.stamp_ns / MS, v) for s in released for v in (s.displacement, s.force) if v is not None
     ]
     assert sorted(readings) == sorted(expected)
     assert fed.counters.late == 0
@@ -251,8 +248,8 @@ def test_whatever_comes_every_reading_is_told_or_counted(readings):
         assert [s.stamp_ns for s in samples] == sorted({s.stamp_ns for s in samples})
         released += samples
     released += merger.flush()
-    told_readings = sum(s.displacement_mm == 1.0 for s in released)
-    told_readings += sum(s.force_n == 1.0 for s in released)
+    told_readings = sum(s.displacement == 1.0 for s in released)
+    told_readings += sum(s.force == 1.0 for s in released)
     assert told_readings + merger.counters.late + merger.counters.unpaired == len(readings)
 
 

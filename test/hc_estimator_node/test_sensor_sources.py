@@ -1,13 +1,16 @@
-"""A frame of /tf as position, and quality of service from parameters, in one process."""
+"""A frame of /tf as position, a tool that turns, and quality of service from parameters."""
 
+import itertools
 import time
 from contextlib import closing, contextmanager
 
+import numpy as np
 import pytest
 import rclpy
-from geometry_msgs.msg import TransformStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from rclpy.experimental import EventsExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from scipy.spatial.transform import Rotation
 
 from hc_estimator.ros.channel import SubscriptionError
 from hc_estimator.ros.node_settings import NODE_SETTINGS
@@ -94,13 +97,23 @@ def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_doma
             assert {info.qos_profile.reliability for info in ends} == {ReliabilityPolicy.RELIABLE}
 
 
+def wait_for_subscribers(executor, *publishers):
+    end_s = time.monotonic() + 20.0
+    while not all(publisher.get_subscription_count() for publisher in publishers):
+        assert time.monotonic() < end_s
+        executor.spin_once(timeout_sec=0.01)
+
+
 def publish_until(node, executor, receiver, enough):
     """Publish frames, by two publishers as /tf has many, and forces; returns the first stamp."""
     frames = node.create_publisher(TFMessage, "/tf", 10)
     others = node.create_publisher(TFMessage, "/tf", 10)
     forces = node.create_publisher(WrenchStamped, "ft_sensor/wrench", 10)
+    wait_for_subscribers(executor, frames, others, forces)
     start_ns = time.time_ns()
-    for i in range(400):
+    end_s = time.monotonic() + 20.0  # what was told once comes when it comes
+    for i in itertools.count():
+        assert time.monotonic() < end_s
         stamp_ns = start_ns + STEP_NS * i
         frames.publish(TFMessage(transforms=[transform("base", "arm", stamp_ns, x=0.3)]))
         moved = transform("/arm", "/wrist", stamp_ns, x=-0.3, z=0.1 - 1e-5 * i)
@@ -113,6 +126,57 @@ def publish_until(node, executor, receiver, enough):
         if len(receiver.samples) > enough:
             break
     return start_ns
+
+
+def turned(time_s):
+    """The attitude of a tool that turns at 0.5 rad/s."""
+    return Rotation.from_rotvec(0.5 * time_s * np.array([0.6, 0.8, 0.0]))
+
+
+@pytest.mark.process
+def test_a_wrench_is_turned_by_the_attitude_at_its_stamp_with_the_offsets_of_both(ros_domain):
+    """The pose comes 20 ms late and is stamped 3 ms late, the wrench 7 ms."""
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
+        "input.source": "sensors",
+        "input.force.topic": "wrench",
+        "input.force.time_offset": -0.007,
+        "input.position.topic": "pose",
+        "input.position.type": "pose",
+        "input.position.time_offset": -0.003,
+        "input.contact.frame": "surface",
+        "input.payload.mass": 0.7,
+        "input.publish_samples": False,
+    }
+    receiver = Receiver()
+    with (
+        running_node(ros_domain) as (node, executor),
+        closing(SensorInput(node, receiver, values)) as source,
+    ):
+        forces = node.create_publisher(WrenchStamped, "wrench", 10)
+        poses = node.create_publisher(PoseStamped, "pose", 10)
+        wait_for_subscribers(executor, forces, poses)
+        begin_ns = time.time_ns()
+        events = [(1e-3 * t, forces, 1e-3 * t) for t in range(0, 1000, 2)]
+        events += [(1e-3 * t + 0.0203, poses, 1e-3 * t + 0.0003) for t in range(0, 1000, 8)]
+        for arrival_s, publisher, time_s in sorted(events, key=lambda event: event[0]):
+            while (left := begin_ns + arrival_s * 1e9 - time.time_ns()) > 0:
+                executor.spin_once(timeout_sec=left * 1e-9)
+            if publisher is forces:
+                message = WrenchStamped()
+                set_stamp(message.header.stamp, begin_ns + round((time_s + 0.007) * 1e9))
+                told = turned(time_s).inv().apply([0.0, 0.0, 2.0 - 0.7 * 9.81])
+                force = message.wrench.force
+                force.x, force.y, force.z = map(float, told)
+            else:
+                message = PoseStamped()
+                set_stamp(message.header.stamp, begin_ns + round((time_s + 0.003) * 1e9))
+                q = message.pose.orientation
+                q.x, q.y, q.z, q.w = map(float, turned(time_s).as_quat())
+            publisher.publish(message)
+        read = [force for _, _, force in receiver.samples if force == force]
+        assert len(read) > 400
+        np.testing.assert_allclose(read, 2.0, atol=1e-6)
+        assert source.counters["attitude_late"] == 0
 
 
 @pytest.mark.process

@@ -44,6 +44,7 @@ DEFAULTS = {
     "attitude": [0.0, 0.0, 0.0, 1.0],  # of the tool in the base frame, quaternion
     "tells_attitude": True,  # else its quaternion is zero
     "rocking_deg": 0.0,  # the tool turns to and fro by so much about its y axis
+    "rocking_rate": 0.7,  # rad/s of that motion
     "attitudes": [],  # if given: the tool goes from one to the next and rests 1.5 s in each
     "tip": [0.0, 0.0, 0.0],  # m, of the tool in the frame of the pose
     "reliable": True,
@@ -139,7 +140,7 @@ class Robot:
             here, after = known[int(part) % len(known)], known[(int(part) + 1) % len(known)]
             way = (here.inv() * after).as_rotvec() * max(0.0, fraction - 0.75) / 0.25
             return unit_quaternion((here * Rotation.from_rotvec(way)).as_quat())
-        half = 0.5 * math.radians(self.s["rocking_deg"]) * math.sin(0.7 * time_s)
+        half = 0.5 * math.radians(self.s["rocking_deg"]) * math.sin(self.s["rocking_rate"] * time_s)
         return product(self.attitude, (0.0, math.sin(half), 0.0, math.cos(half)))
 
     def wrench(self, time_s):

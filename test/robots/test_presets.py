@@ -22,7 +22,7 @@ ROBOTS = {
     "universal_robots": {
         "force": {
             "topic": "force_torque_sensor_broadcaster/wrench",
-            "frame": "tool0",
+            "frame": "tool0_controller",
             "mounting": TURNED,
             "jitter_s": 0.001,
         },
@@ -38,12 +38,13 @@ ROBOTS = {
         "position": {"topic": "tcp_pose_broadcaster/pose", "rate_hz": 500.0, "delay_s": 0.004},
     },
     "franka": {
+        "reliable": False,
         "force": {
             "topic": "franka_robot_state_broadcaster/external_wrench_in_base_frame",
             "rate_hz": 1000.0,
             "mounting": TURNED,
             "in_base": True,
-            "reaction": -1,  # the force of the arm on what it touches, as users report
+            "reaction": -1,  # the force of the arm on what it touches
         },
         "position": {
             "topic": "franka_robot_state_broadcaster/current_pose",
@@ -52,7 +53,7 @@ ROBOTS = {
     },
     "dvrk_crtk": {
         "force": {"topic": "force_sensor/measured_cf", "jitter_s": 0.002},
-        "position": {"topic": "PSM1/measured_cp", "rate_hz": 200.0, "jitter_s": 0.002},
+        "position": {"topic": "PSM1/local/measured_cp", "rate_hz": 100.0, "jitter_s": 0.002},
     },
     "ati_tracker": {
         "force": {"topic": "netft_data", "rate_hz": 1000.0, "mounting": TURNED},

@@ -27,6 +27,9 @@ def test_setup_finds_the_robot_writes_it_down_and_doctor_finds_nothing_or_the_fa
     bench.robot(**ROBOT)
     done = bench.patiently("setup", "--yes", "--no-run", "--seconds", "10", "-o", "arm")
     assert done.returncode == 0, done.stderr
+    # Without a terminal, too, it is said when to press.
+    told = "recording /ft_sensor/wrench and /tool_pose for 10 s: press into the tissue"
+    assert told in " ".join(done.stdout.split())
     assert "hc run arm_run.yaml" in done.stdout
     settings = yaml.safe_load((bench.folder / "arm.yaml").read_text())
     found = settings["estimator"]["ros__parameters"]["input"]

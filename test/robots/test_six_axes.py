@@ -44,13 +44,15 @@ def estimator(bench, **more):
 
 @pytest.mark.slow
 def test_along_the_normal_the_tissue_is_found_whatever_the_attitude(bench):
-    bench.robot(**ROBOT)
+    # 0.5 rad/s to and fro, and poses 20 ms late: the attitude at a wrench's stamp counts.
+    position = {"delay_s": 0.02}
+    bench.robot(**(ROBOT | {"rocking_deg": 15.0, "rocking_rate": 2.0, "position": position}))
     payload = {"mass": 0.7, "force_bias": ROBOT["force"]["bias"]}
     node = estimator(bench, payload=payload)
     verdict = json.loads(bench.patiently("doctor", "--seconds", "7", "--json").stdout)
     assert not any(f["settings"] for f in verdict["findings"]), verdict
-    assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.1)
-    assert verdict["parameters"]["displacement_exponent"] == pytest.approx(1.5, rel=0.07)
+    assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.03)
+    assert verdict["parameters"]["displacement_exponent"] == pytest.approx(1.5, rel=0.03)
 
     # Point and normal from one approach, starting from a wrong guess.
     for name, value in (
@@ -62,10 +64,11 @@ def test_along_the_normal_the_tissue_is_found_whatever_the_attitude(bench):
         assert done.returncode == 0, done.stderr
     done = bench.hc("find-surface", "--timeout", "15")
     assert done.returncode == 0, done.stderr
+    known = float(re.search(r"\) known to ([0-9.]+) degrees", done.stdout)[1])
     told = bench.hc("param", "get", "estimator", "input.contact.normal", "--hide-type").stdout
     normal = np.array(yaml.safe_load(told))
     truth = np.array(NORMAL) / np.linalg.norm(NORMAL)
-    assert np.degrees(np.arccos(normal @ truth)) < 3.0
+    assert np.degrees(np.arccos(normal @ truth)) < min(4.0 * known, 3.0)
     told = bench.hc("param", "get", "estimator", "input.contact.point", "--hide-type").stdout
     height = (np.array(yaml.safe_load(told)) - [0.4, 0.1, 0.2]) @ truth
     assert height == pytest.approx(0.0, abs=5e-4)

@@ -64,9 +64,14 @@ def at_once(
         _given(streams, name, what) for what, name in zip(KINDS, (force, position), strict=True)
     ]
     with Recorder(graph, *chosen) as recorder:
+        say(
+            f"recording {chosen[0].topic} and {chosen[1].topic} for {seconds:g} s: press into the "
+            "tissue and leave it again, several times"
+        )
         recorder.start()
         recorder.spin(seconds, lambda left: tell(f"recording presses: {left:3.0f} s"))
         tell.clear()
+        say("recorded; finding axes, signs, zeros and delay ...")
         if recorder.silent():
             raise UserError(f"{recorder.silent()}: is its driver still running?", FAILURE)
         return Recorded(chosen[0], chosen[1], recorder.readings(), None)

@@ -38,6 +38,10 @@ DRAIN_TIMEOUT_S = 10.0
 _UNHEARD = (int(Level.ERROR), int(Level.STALE))
 
 
+_LEFT_OUT = {"skipped": "skipped", "alone": "pairing_unpaired"}
+"""Reasons, and the estimator's counters in /diagnostics."""
+
+
 @dataclass
 class RunState:
     """What the live display shows, and what a summary is made of.
@@ -91,6 +95,13 @@ class RunState:
             for name, sentence in said.items()
             if name.startswith(SUSPECT)
         }
+
+    @property
+    def left_out(self) -> dict[str, int]:
+        """Samples that the estimator left out, by the reason that its counters name."""
+        said = self.diagnostics.get(NODE_ESTIMATOR, {})
+        counts = {name: int(float(said.get(key, 0))) for name, key in _LEFT_OUT.items()}
+        return {name: count for name, count in counts.items() if count}
 
     @property
     def silent_reason(self) -> str:

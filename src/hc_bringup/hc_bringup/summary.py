@@ -30,8 +30,10 @@ def run_summary(
     used against the measured one, without the first second of contact (see `force_error`);
     force_aligned_rmse_n is that of readings brought to the same time. silent_s says since when no
     estimate came where the run was ended in silence, None elsewhere. lost counts samples
-    that were published and for which no estimate came; None where that cannot be told. failures
-    says why the run counts as failed although it went on to its end.
+    that were published and for which no estimate came; None where that cannot be told. left_out
+    counts what the estimator had a reason to leave out: "skipped" when it was behind, "alone" of a
+    sensor without the other. failures says why the run counts as failed although it went on to its
+    end.
 
     Args:
         state: the run at its end.
@@ -50,6 +52,7 @@ def run_summary(
     summary = {
         "samples": samples,
         "lost": lost,
+        "left_out": state.left_out,
         "estimates": statistics.estimates,
         "rejected": dict(statistics.rejected),
         "changes_detected": statistics.changes,
@@ -146,6 +149,13 @@ def millinewton(force_n: float) -> str:
     return f"{1e3 * force_n:.1f} mN" if abs(force_n) >= 1e-3 else f"{1e3 * force_n:.2g} mN"
 
 
+_LEFT_OUT = {
+    "skipped": "skipped, for more than input.maximum_backlog waited: the computer was too busy "
+    "(hc run --realtime, fewer programs, or a larger backlog)",
+    "alone": "of a sensor without the other (the first and last of a run count here, too)",
+}
+
+
 def _lost(count: int | None) -> str:
     return "? (the sequence numbers of the samples do not count)" if count is None else str(count)
 
@@ -158,6 +168,8 @@ def run_text(summary: dict[str, Any]) -> str:
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
+    if summary["lost"]:
+        lines += [f"of these {n} {_LEFT_OUT[reason]}" for reason, n in summary["left_out"].items()]
     if math.isfinite(summary["silent_s"]):
         reason = f": {summary['silent_reason']}" if summary["silent_reason"] else ""
         lines.append(f"silent at the end, for {summary['silent_s']:.1f} s{reason}")

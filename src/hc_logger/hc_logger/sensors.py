@@ -127,7 +127,8 @@ def read_sensors(
     if outside > _FEW_OUTSIDE:
         notes.append(f"{outside} readings left out before the other sensor began or after it ended")
     stamps = np.array([s.stamp_ns for s in samples], np.int64)
-    rows = np.array([(s.displacement_mm, s.force_n) for s in samples])
+    # None becomes NaN: no reading.
+    rows = np.array([(s.displacement, s.force) for s in samples], np.float64)
     return Recording(
         Path(path),
         True,

@@ -20,9 +20,9 @@ from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
-from hc_estimator.stream.contact_frame import NormalFinder
 from hc_estimator.stream.effort_filters import EffortSettings, make_force_filter
 from hc_estimator.stream.force_filter import ForceFilter
+from hc_estimator.stream.normal_finder import NormalFinder
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 

@@ -9,7 +9,7 @@ from hc_msgs.msg import IndenterSample, IndenterSamples
 from rclpy.node import Node
 
 from hc_estimator.ros.channel import Channel
-from hc_estimator.stream.contact_frame import NormalFinder
+from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.vocabulary import Batch
 from hc_msgs_py.topics import SAMPLE, SAMPLES
 from hc_msgs_py.wire import SampleDecoder

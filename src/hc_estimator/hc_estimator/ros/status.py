@@ -37,6 +37,14 @@ _UNUSABLE = {
 }
 """What an input counts of messages that it cannot use."""
 
+_LATE = {
+    "attitude_late": "forces without a pose of the tool at their stamp: raise "
+    "input.pairing.maximum_wait, or give both publishers one clock",
+    "surface_late": "readings without a pose of the surface at their stamp: raise "
+    "input.pairing.maximum_wait, or give its publisher the clock of the tool's pose",
+}
+"""What an input counts of readings for which the nearest pose had to do."""
+
 
 class StatusReporter:
     """Makes the status from a session's counters.
@@ -122,7 +130,7 @@ class StatusReporter:
             **{channel.topic: channel.received for channel in source.channels},
             **{
                 name: source.counters[name]
-                for name in (*_UNUSABLE, "surface_late")
+                for name in (*_UNUSABLE, *_LATE)
                 if name in source.counters
             },
             **{reason.name: counters.rejected[reason] for reason in Rejection},
@@ -178,12 +186,11 @@ class StatusReporter:
         if not session.guard.counted:
             problems.append("the numbers of the samples are no count: losses cannot be told")
         problems += [*source.problems, *_refusals(since)]
-        late = since.get("surface_late", 0)
-        if late > SHARE_REFUSED * since["received"] and not source.problems:
-            problems.append(
-                f"{late:.0f} readings without a pose of the surface at their stamp: raise "
-                "input.pairing.maximum_wait, or give its publisher the clock of the tool's pose"
-            )
+        problems += [
+            f"{since[name]:.0f} {what}"
+            for name, what in _LATE.items()
+            if since.get(name, 0) > SHARE_REFUSED * since["received"] and not source.problems
+        ]
         problems += [
             f"cannot keep up: {channel.most_waiting} messages waited on {channel.topic}"
             for channel in source.channels

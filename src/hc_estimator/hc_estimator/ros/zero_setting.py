@@ -10,10 +10,10 @@ from rclpy.parameter import Parameter
 
 from hc_estimator.ros.inputs import Input
 from hc_estimator.ros.settings import Settings
-from hc_estimator.ros.settings_meaning import contact_frame, effort_settings
+from hc_estimator.ros.settings_meaning import effort_settings
 from hc_estimator.ros.zeroing import FIND_SURFACE, ZEROS, Refusal, Zeroing
-from hc_estimator.stream.contact_frame import NormalFinder, raised
 from hc_estimator.stream.effort_filters import error_in_motion
+from hc_estimator.stream.normal_finder import FAIR_DEG, POOR_DEG, Normal, NormalFinder
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.tare import TareResult
 from hc_estimator.stream.together import Together
@@ -96,7 +96,7 @@ class ZeroSetting:
             if isinstance(outcome, Refusal):
                 self._report(EventKind.TARE_REFUSED, outcome.reason)
             elif outcome is not None:
-                self._take(outcome, displacement)
+                self._take(outcome)
                 return  # the rest was read with the zeros of before
 
     def look(self) -> None:
@@ -127,23 +127,46 @@ class ZeroSetting:
         if session is not None:
             session.report(kind, reason)
 
-    def _take(self, found: TareResult, displacement_mm: float) -> None:
+    def _take(self, found: TareResult) -> None:
         """Subtract what was found from now on, and start afresh.
 
         Args:
             found: the zeros, in readings that came with the present ones taken off.
-            displacement_mm: the newest of these readings.
         """
         zeros = self._zeroing.parameters(found, self._settings.values)
-        also = self._surface(found, displacement_mm - found.displacement_mm)
-        if also:  # the surface's point takes the place of the zero
+        also: list[Parameter] = []
+        about_normal = ""
+        finder = self._end_of_finder()
+        if finder is not None:
+            normal = finder.normal(found.force_n, found.force_std_n)
+            tip = finder.tip_at(found.displacement_mm)
+            if normal is None or normal.is_poor or tip is None:
+                self._report(EventKind.TARE_REFUSED, _doubt(normal))
+                return
+            sign = float(self._settings.values["input.force.sign"])
+            x, y, z = normal.direction
+            normal = normal._replace(direction=(sign * x, sign * y, sign * z))
+            about_normal = _describe(normal)
+            also = [
+                Parameter("input.contact.normal", value=list(normal.direction)),
+                Parameter("input.contact.point", value=list(tip)),
+            ]
+            # The surface's point takes the place of the zero.
             zeros = [zeros[0], Parameter(ZEROS[1], value=0.0)]
         known = self._contact_position_std(found)
         answer = self._node.set_parameters_atomically([*zeros, *also, *known])
         if answer.successful:
-            self._report(EventKind.TARED, self._zeroing.describe(found, zeros))
+            self._report(EventKind.TARED, self._zeroing.describe(found, zeros) + about_normal)
         else:
             self._report(EventKind.TARE_REFUSED, answer.reason)
+
+    def _end_of_finder(self) -> NormalFinder | None:
+        """Return who looked for the normal, if the surface was looked for."""
+        source = self._source()
+        if source is None:
+            return None
+        finder, source.normal_finder = source.normal_finder, None
+        return finder if self._zeroing.latest == FIND_SURFACE else None
 
     def _contact_position_std(self, found: TareResult) -> list[Parameter]:
         """Return how well the surface was found, for a filter that considers it."""
@@ -152,22 +175,24 @@ class ZeroSetting:
             return []
         return [Parameter(CONTACT_POSITION_STD, value=found.displacement_std_mm)]
 
-    def _surface(self, found: TareResult, penetration_mm: float) -> list[Parameter]:
-        """Return point and normal of the surface, if ~/find_surface looked for them."""
-        source = self._source()
-        finder = None if source is None else source.normal_finder
-        if source is None or finder is None or source.position is None:
-            return []
-        source.normal_finder = None
-        normal = finder.normal(found.force_n, found.force_std_n)
-        if normal is None:
-            return []
-        values = self._settings.values
-        frame = contact_frame(values)
-        sign = float(values["input.force.sign"])
-        factor = values["input.position.sign"] * values["input.position.scale"]
-        point = raised(source.position[0], frame.normal, penetration_mm / factor)
-        return [
-            Parameter("input.contact.normal", value=[sign * c for c in normal]),
-            Parameter("input.contact.point", value=list(point)),
-        ]
+
+def _describe(normal: Normal) -> str:
+    """Return what the event says of a normal."""
+    x, y, z = normal.direction
+    known = f"known to {normal.deviation_deg:.2g} degrees"
+    if normal.deviation_deg > FAIR_DEG:
+        known += ", which is poor: press deeper, straight on, and without turning the tool"
+    return f", normal ({x:.3f}, {y:.3f}, {z:.3f}) {known}"
+
+
+def _doubt(normal: Normal | None) -> str:
+    """Return why a normal is not used, and what to do."""
+    if normal is None or not normal.is_poor:
+        return (
+            "no zeros taken: the forces do not show where the tissue pushes from, or the search "
+            "began inside of it; press from free motion, and deeper"
+        )
+    return (
+        f"no zeros taken: the normal would be known to {normal.deviation_deg:.2g} degrees only "
+        f"({POOR_DEG:g} at most); press deeper, straight on, and without turning the tool"
+    )

@@ -15,10 +15,6 @@ Quaternion = tuple[float, float, float, float]
 
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 METRE_IN_MM = 1000.0
-FREE_DEVIATIONS = 3.0
-STRONG_SHARE = 0.7
-"""For the normal: forces within so many deviations of the free one are free, forces above this
-share of the largest one are of the press."""
 
 
 def rotated(q: Quaternion, v: Vector) -> Vector:
@@ -75,12 +71,6 @@ def unit_vector(values: Sequence[float]) -> Vector:
         raise ValueError(f"{list(values)!r} is not three finite numbers, not all of them zero")
     x, y, z = (value / length for value in values)
     return x, y, z
-
-
-def raised(tip: Vector, normal: Vector, depth_mm: float) -> Vector:
-    """Return where a tip was that has sunk by so much against a normal [m]."""
-    by = depth_mm / METRE_IN_MM
-    return tip[0] + by * normal[0], tip[1] + by * normal[1], tip[2] + by * normal[2]
 
 
 class Payload(NamedTuple):
@@ -161,33 +151,3 @@ class ContactFrame(NamedTuple):
         """Return the component of a force in the base frame that the surface pushes back with."""
         normal = self.normal
         return force[0] * normal[0] + force[1] * normal[1] + force[2] * normal[2]
-
-
-class NormalFinder:
-    """Finds the normal of a surface from the forces of an approach: that without friction."""
-
-    def __init__(self) -> None:
-        self._forces: list[tuple[float, Vector]] = []
-
-    def add(self, force: Vector, along: float) -> None:
-        """Take in a force in the base frame, and its part along the present normal [N]."""
-        self._forces.append((along, force))
-
-    def normal(self, free: float, free_std: float) -> Vector | None:
-        """Return the direction in which the tissue pushes the tool; None if nothing pushes.
-
-        The force in free motion, a wrong weight say, is taken off.
-
-        Args:
-            free: the force along the present normal free of contact [N].
-            free_std: its standard deviation [N].
-        """
-        limit = FREE_DEVIATIONS * free_std
-        rest = [force for along, force in self._forces if abs(along - free) <= limit]
-        most = max((along - free for along, _ in self._forces), default=0.0)
-        if not rest or most <= limit:
-            return None
-        mean = [sum(force[i] for force in rest) / len(rest) for i in range(3)]
-        strong = [force for along, force in self._forces if along - free >= STRONG_SHARE * most]
-        push = [sum(force[i] - mean[i] for force in strong) for i in range(3)]
-        return unit_vector(push) if math.hypot(*push) > 0.0 else None
