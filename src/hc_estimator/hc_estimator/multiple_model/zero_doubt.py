@@ -89,7 +89,7 @@ def force_deviation(settings: Any, bank: Any) -> float:
 def _position_variance(settings: Any, bank: Any) -> float:
     """Give the mean square error of the contact position in use [mm^2]; 0 if it is exact."""
     if bank.onset.zero[0] != 0.0:
-        return _error_by(bank.rows[SURFACE_ROW])  # type: ignore[no-any-return]
+        return _error_by(bank.rows[SURFACE_ROW])
     variance = settings.contact_position_std**2
     if variance > 0.0 and bank.rows[SURFACE_ROW].active != 0:
         return min(variance, _error_by(bank.rows[SURFACE_ROW]))  # type: ignore[no-any-return]
