@@ -1,6 +1,6 @@
 """What is not known of the zeros is part of the uncertainty that is given out.
 
-Regression of 2026-11: a contact position 0.03 mm off made K 2 % wrong, seventy of the deviations
+Regression of 2026-11: a contact position 0.03 mm off made K 2 % wrong, 36 of the deviations
 that it was said to be known to.
 """
 
