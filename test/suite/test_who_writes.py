@@ -77,6 +77,7 @@ OWNERS = {
         "multiple_model/grid",
         "multiple_model/smoothing",
         "multiple_model/window_fit",
+        "multiple_model/delay_exponent",
     ),
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/sample",),
