@@ -141,24 +141,14 @@ def test_readings_that_are_lost_do_not_turn_the_time_back(delay, gap, plant):
 @pytest.mark.parametrize(
     ("delay", "exponent", "tapping_hz"), [(-0.007, 0.69, 1.25), (0.019, 0.7, 0.9)]
 )
-def test_the_delay_of_a_tool_that_taps_quickly_is_found(delay, exponent, tapping_hz):
+def test_the_delay_of_a_tool_that_taps_quickly_is_found(delay, exponent, tapping_hz, plant):
     """Regression: with the prior's p no window had a fine value, from which p would be learnt."""
-    rng = np.random.default_rng(4)
     time = np.arange(20000) / 1000.0
-
-    def motion(at):
-        phase = 2.0 * np.pi * tapping_hz
-        return 0.7 + 2.5 * np.sin(phase * at), 2.5 * phase * np.cos(phase * at)
-
-    depth, speed = motion(time - delay)
-    inside = np.maximum(depth, 0.0)
-    force = inside**1.6 * (1.1 + 0.05 * np.sign(speed) * np.abs(speed) ** exponent)
-    force = np.maximum(force, 0.0)
-    series = hc.create_estimator("self_tuning_ukf").run(
-        time,
-        motion(time)[0] + 0.002 * rng.standard_normal(time.size),
-        force + 0.004 * force.max() * rng.standard_normal(time.size),
-    )
+    sines, offset = ((2.5, tapping_hz, 0.0),), 0.7
+    depth, _ = plant.motion(time, sines, offset)
+    force = plant.force(*plant.motion(time - delay, sines, offset), 1.1, 0.05, 1.6, exponent)
+    readings = plant.noisy(depth, force, seed=4, force_noise=0.004 * force.max())
+    series = hc.create_estimator("self_tuning_ukf").run(time, *readings)
     assert series.channel_delay[-1] == pytest.approx(delay, abs=2e-3)
     assert series.parameters[-1, 0] == pytest.approx(1.1, rel=0.02)
     assert not series.change_detected.any()

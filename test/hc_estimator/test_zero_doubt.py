@@ -15,18 +15,14 @@ RATE_HZ, SECONDS, NOISE = 500.0, 4.0, (0.002, 0.005)
 SEEDS = range(12)
 
 
-def estimate(seed, position_std=0.0, zero_std=0.0, **settings):
+def estimate(plant, seed, position_std=0.0, zero_std=0.0, **settings):
     """Last estimate of a contact whose zeros are off by as much as they are said to be known."""
     rng = np.random.default_rng(seed)
     position, zero = position_std * rng.standard_normal(), zero_std * rng.standard_normal()
     time = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
-    slow, quick = 2.0 * np.pi * np.array([0.7, 1.9])
-    phases = rng.uniform(0.0, 2.0 * np.pi, 2)
-    depth = 2.0 + 0.8 * np.sin(slow * time + phases[0]) + 0.4 * np.sin(quick * time + phases[1])
-    speed = 0.8 * slow * np.cos(slow * time + phases[0])
-    speed += 0.4 * quick * np.cos(quick * time + phases[1])
-    k, b, n, p = TISSUE
-    force = depth**n * (k + b * np.sign(speed) * np.abs(speed) ** p)
+    slow, quick = rng.uniform(0.0, 2.0 * np.pi, 2)
+    depth, speed = plant.motion(time, ((0.8, 0.7, slow), (0.4, 1.9, quick)), offset=2.0)
+    force = plant.force(depth, speed, *TISSUE)
     series = hc.create_estimator(FILTER, **settings).run(
         time,
         depth + position + NOISE[0] * rng.standard_normal(time.size),
@@ -35,7 +31,7 @@ def estimate(seed, position_std=0.0, zero_std=0.0, **settings):
     return series[len(series) - 1]
 
 
-def errors(**zeros):
+def errors(plant, **zeros):
     """Errors of K, B and n in their deviations, shape (seeds, 3), with the zeros' told or not."""
     told = {}
     if "position_std" in zeros:
@@ -44,7 +40,7 @@ def errors(**zeros):
         told["force_zero_std"] = zeros["zero_std"]
     result = []
     for settings in ({}, told):
-        ends = [estimate(seed, **zeros, **settings) for seed in SEEDS]
+        ends = [estimate(plant, seed, **zeros, **settings) for seed in SEEDS]
         result.append([((e.parameters - TISSUE) / e.parameters_std)[:3] for e in ends])
     return np.array(result)
 
@@ -52,16 +48,16 @@ def errors(**zeros):
 @pytest.mark.parametrize(
     "zeros", [{"position_std": 0.03}, {"zero_std": 0.02}, {"position_std": 0.03, "zero_std": 0.01}]
 )
-def test_zeros_that_are_off_by_as_much_as_is_said_leave_the_uncertainty_honest(zeros):
-    alone, told = np.sqrt(np.mean(errors(**zeros) ** 2, axis=1))
+def test_zeros_that_are_off_by_as_much_as_is_said_leave_the_uncertainty_honest(zeros, plant):
+    alone, told = np.sqrt(np.mean(errors(plant, **zeros) ** 2, axis=1))
     assert alone[0] > 5.0  # what is to be told
     assert np.all(told < 1.7)
     assert np.all(told > 0.2)  # and not drowned
 
 
-def test_the_estimates_themselves_stay():
-    plain = estimate(3, position_std=0.03)
-    told = estimate(3, position_std=0.03, contact_position_std=0.03, force_zero_std=0.01)
+def test_the_estimates_themselves_stay(plant):
+    plain = estimate(plant, 3, position_std=0.03)
+    told = estimate(plant, 3, position_std=0.03, contact_position_std=0.03, force_zero_std=0.01)
     np.testing.assert_array_equal(told.parameters, plain.parameters)
     assert told.force_predicted == plain.force_predicted
     assert np.all(told.parameters_std >= plain.parameters_std)
@@ -70,11 +66,11 @@ def test_the_estimates_themselves_stay():
     np.linalg.cholesky(told.covariance)
 
 
-def test_a_position_that_the_motion_shows_better_is_not_said_to_be_unknown():
-    rough = estimate(5, contact_position_std=1.0)
-    rougher = estimate(5, contact_position_std=3.0)
+def test_a_position_that_the_motion_shows_better_is_not_said_to_be_unknown(plant):
+    rough = estimate(plant, 5, contact_position_std=1.0)
+    rougher = estimate(plant, 5, contact_position_std=3.0)
     np.testing.assert_array_equal(rough.parameters_std, rougher.parameters_std)
-    fine = estimate(5, contact_position_std=0.01)
+    fine = estimate(plant, 5, contact_position_std=0.01)
     assert fine.parameters_std[0] < 0.5 * rough.parameters_std[0]
 
 
