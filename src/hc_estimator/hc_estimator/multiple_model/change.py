@@ -29,7 +29,7 @@ from hc_estimator.multiple_model.hypotheses import (
     LOG_STIFFNESS,
     is_tried,
 )
-from hc_estimator.multiple_model.model_error import raise_model_error
+from hc_estimator.multiple_model.model_error import THRESHOLD, raise_model_error
 from hc_estimator.multiple_model.rows import free_parameters, prior_deviation, seed, take_motion
 
 PROBATION = 2.0  # time in contact over which a fresh row may compete [s]; none before it
@@ -38,6 +38,7 @@ LEAD = 10.0  # log likelihood ratio that is clear
 KEEP = 20.0  # that the fresh row needs at the end of the probation
 FLOOR = 15.0  # of the ratios, below zero
 SETTLED = 0.5  # time after which a fresh row that is clearly worse is given up [s]
+CALM = 0.3  # share of an alarm up to which the reference explains all by itself
 TRUSTED_AFTER = 3.0  # rows that have fitted for so long are believed [s]
 # A row that has seen one velocity only cannot tell a turn of the tool from another tissue: it is
 # believed from this share of the prior variance of ln B down.
@@ -73,6 +74,7 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
     change.leads = 0
     change.ratio = 0.0
     change.time = 0.0
+    change.calm_time = 0.0
     change.reference = judge.chosen
     reference = rows[judge.chosen]
     prior = prior_deviation(settings, 1) ** 2
@@ -203,6 +205,12 @@ def _is_believed(change: Any, rows: Any) -> bool:
 
 
 @compiled
+def is_explained(change: Any) -> bool:
+    """True if the row that raised the alarm explains the readings again, alone and for long."""
+    return bool(change.calm_time > SETTLED)
+
+
+@compiled
 def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, rose: bool) -> None:
     """After all rows have used a sample in contact: who leads, and is it over?
 
@@ -220,6 +228,9 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
         end_test(change, rows)
         return
     change.time += elapsed
+    reference = rows[change.reference]
+    calm = reference.model_error == 0.0 and reference.alarm_sum < CALM * THRESHOLD
+    change.calm_time = change.calm_time + elapsed if calm else 0.0
     beaten = _others_are_beaten(change, rows, elapsed)
     change.ratio = rows[change.reference].change_lead
     over = change.time > PROBATION
@@ -239,5 +250,6 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
         end_test(change, rows)
         return
     hopeless = change.ratio < -LEAD or (change.fitted != 0 and not believed)
+    hopeless = hopeless or is_explained(change)
     if over or (change.time > SETTLED and change.leads == 0 and hopeless):
         end_test(change, rows)

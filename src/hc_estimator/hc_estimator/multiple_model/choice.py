@@ -13,7 +13,14 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import plausible
-from hc_estimator.multiple_model.hypotheses import FITTED, FRESH, OWN, STEADY_SURFACE_ROW, SURFACE
+from hc_estimator.multiple_model.hypotheses import (
+    FITTED,
+    FRESH,
+    OWN,
+    RESERVE,
+    STEADY_SURFACE_ROW,
+    SURFACE,
+)
 
 MEMORY = 0.4  # time constant of the scores [s]
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
@@ -43,11 +50,12 @@ def counts(row: Any, clock: float) -> bool:
 
 @compiled
 def stands_by(judge: Any, m: int) -> bool:
-    """True for a surface at a steady speed that was not chosen: nobody is measured by it.
+    """True for rows by which nobody is measured until they are chosen.
 
-    On the flank of a lump it passes for a moment, and would refute the row that follows the lump.
+    A surface at a steady speed passes for the flank of a lump for a moment, and would refute the
+    row that follows the lump; one under a tissue that varies as well can follow anything.
     """
-    return bool(m == STEADY_SURFACE_ROW and m != judge.chosen)
+    return bool((m == STEADY_SURFACE_ROW or RESERVE[m]) and m != judge.chosen)
 
 
 @compiled
@@ -211,6 +219,6 @@ def _prefer_far_better(judge: Any, rows: Any, clock: float) -> None:
 def _is_scored(row: Any, clock: float) -> bool:
     """True if the score of a row that counts is its own by now."""
     known = counts(row, clock) and clock - row.since > MEMORY and row.score > 0.0
-    if row.index == STEADY_SURFACE_ROW:
+    if row.index == STEADY_SURFACE_ROW or RESERVE[row.index]:
         known = known and _is_steady(row, clock)
     return bool(known)

@@ -5,7 +5,7 @@ two samples: nothing, walk, follow a rate that is a state of its own, or stay wh
 moves. To add one, add a row here, before the last; nothing else names
 the rows by number. What it is reported as is one of `estimate.Hypothesis`, or a new one there.
 
-Every row has the states [d, v, ln K, ln B, n, p, a] and up to two of its own. A state of its own
+Every row has the states [d, v, ln K, ln B, n, p, a] and up to three of its own. A state of its own
 drives others at a constant rate; the first may also be the contact position. (A static bank: Bar-
 Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, 11.6; the
 rows are ours, each a line of `hc bench accuracy ablation`.)
@@ -25,7 +25,7 @@ from hc_estimator.specification import ParameterSpecification
 # States of a row.
 DEPTH, VELOCITY, LOG_STIFFNESS, LOG_DAMPING, EXPONENT, VELOCITY_EXPONENT, ACCELERATION = range(7)
 OWN = 7  # the first state of a row's own
-STATES = 9  # at most
+STATES = 10  # at most
 FIRST_PARAMETER, LAST_PARAMETER = LOG_STIFFNESS, ACCELERATION  # half-open
 DRIVEN = 4  # what an own state can drive: ln K, ln B, n, the first own state
 
@@ -43,6 +43,7 @@ class HypothesisRow:
         own_variances: variance of each own state at the start.
         surface: True if the first own state is the contact position [mm], the second its rate.
         waits: True if it takes no part until something has begun it: a fit, an alarm.
+        reserve: True if it takes part only while constant tissue does not do; see `reserve`.
     """
 
     hypothesis: Hypothesis
@@ -53,6 +54,7 @@ class HypothesisRow:
     own_variances: tuple[float, ...] = ()
     surface: bool = False
     waits: bool = False
+    reserve: bool = False
 
 
 CALM = 3e-10  # keeps the covariance of a constant tissue from vanishing
@@ -101,6 +103,30 @@ ROWS = (
         own_variances=(1.0, 2.0),
         surface=True,
     ),
+    # Both at once: a lump on a surface that sinks, or under a zero that is off.
+    HypothesisRow(
+        Hypothesis.SURFACE_MOVES,
+        (1e-5, 1e-3, 1e-8, 1e-8),
+        own=3,
+        drives=((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)),
+        own_walks=(0.0, 1e-4, 2e-2),
+        own_variances=(1.0, 1e-2, 1e-2),
+        surface=True,
+        waits=True,
+        reserve=True,
+    ),
+    # A lump in an organ that breathes.
+    HypothesisRow(
+        Hypothesis.SURFACE_MOVES,
+        (1e-5, 1e-3, 1e-8, 1e-8),
+        own=3,
+        drives=((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), (1.0, 1.0, 0.0, 0.0)),
+        own_walks=(0.0, 5e-2, 2e-2),
+        own_variances=(1.0, 1.0, 1e-2),
+        surface=True,
+        waits=True,
+        reserve=True,
+    ),
     # The tissue begun anew; see `change`. Always the last row.
     HypothesisRow(Hypothesis.CHANGED, (CALM, CALM, CALM, CALM), waits=True),
 )
@@ -113,8 +139,10 @@ COUNTS = np.array([OWN + row.own for row in ROWS])
 WALKS = np.array([row.walks for row in ROWS])
 SURFACE = np.array([row.surface for row in ROWS])
 WAITS = np.array([row.waits for row in ROWS])
+RESERVE = np.array([row.reserve for row in ROWS])
 STEADY_SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
-SURFACE_ROW = int(np.flatnonzero(SURFACE)[-1])  # the freest: it says what is known at least
+# The freest of those that always take part: it says what is known at least.
+SURFACE_ROW = int(np.flatnonzero(SURFACE & ~RESERVE)[-1])
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -141,7 +169,7 @@ def is_tried(settings: Any, m: int) -> bool:
 
 
 def _own_values(name: str, width: int) -> np.ndarray:
-    values = np.zeros((len(ROWS), 2, width))
+    values = np.zeros((len(ROWS), STATES - OWN, width))
     for m, row in enumerate(ROWS):
         for i, value in enumerate(getattr(row, name)):
             values[m, i] = value

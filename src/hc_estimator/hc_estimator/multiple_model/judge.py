@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import reserve
 from hc_estimator.multiple_model.choice import (
     CONSISTENT,
     MEMORY,
@@ -65,6 +66,7 @@ def reset(judge: Any) -> None:
     judge.weight = 0.0
     judge.known = 0.0
     judge.varying = 0
+    reserve.reset(judge)
 
 
 @compiled
@@ -109,9 +111,11 @@ def _write(judge: Any, rows: Any, slot: int) -> None:
         if SURFACE[m]:
             said[4] = row.state[OWN]
             said[5] = row.state[OWN + 1]
+            said[6] = _shrunk(row, 2)
         else:
             said[4] = _shrunk(row, 0)
             said[5] = _shrunk(row, 1)
+            said[6] = 0.0
 
 
 @compiled
@@ -139,7 +143,9 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
     if SURFACE[m]:
         depth -= said[4] + ahead * said[5]
         velocity -= said[5]
-        return force_of(settings, depth, velocity, said[0], said[1], said[2], said[3])
+        k = said[0] + ahead * DRIVES[m, 2, 0] * said[6]
+        b = said[1] + ahead * DRIVES[m, 2, 1] * said[6]
+        return force_of(settings, depth, velocity, k, b, said[2], said[3])
     k = said[0] + ahead * (DRIVES[m, 0, 0] * said[4] + DRIVES[m, 1, 0] * said[5])
     b = said[1] + ahead * (DRIVES[m, 0, 1] * said[4] + DRIVES[m, 1, 1] * said[5])
     n = said[2] + ahead * (DRIVES[m, 0, 2] * said[4] + DRIVES[m, 1, 2] * said[5])
@@ -235,6 +241,7 @@ def learn(
             judge.varying = judge.chosen
             judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
+        reserve.review(settings, judge, rows, clock, judge.waited)
     judge.waited = 0.0
 
 

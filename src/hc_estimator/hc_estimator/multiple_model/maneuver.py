@@ -98,6 +98,8 @@ def reset(maneuver: Any) -> None:
     maneuver.density = 0.0
     maneuver.alarm_since = 0.0
     maneuver.square_speed = 0.0
+    maneuver.square_acceleration = 0.0
+    maneuver.departed = LONG_AGO
 
 
 @compiled
@@ -264,6 +266,8 @@ def audit(settings: Any, bank: Any) -> None:
     """
     if bank.maneuver.doubted != 0:
         bank.maneuver.doubted = 0
+        if changes.is_explained(bank.change):
+            return
         raise_model_error(settings, bank.rows[bank.judge.chosen], bank.sensor_noise[1])
 
 
@@ -360,7 +364,7 @@ def product_variance(
         elapsed: time since the last sample [s].
         coherent: samples over which an error of the linearisation stays the same.
     """
-    if maneuver.since > COHERENCE * _held(elapsed):
+    if maneuver.since > COHERENCE * _held(elapsed) and maneuver.departed > COHERENCE * HOLD_TIME:
         return 0.0
     if settings.contact_model != HUNT_CROSSLEY and settings.contact_model != ADHESIVE:
         return 0.0
@@ -387,6 +391,7 @@ def hold(settings: Any, maneuver: Any, row: Any, elapsed: float) -> int:
         return HOLD_NOTHING
     if is_turning(maneuver, row, elapsed):
         return HOLD_ALL
-    if row.state[VELOCITY] ** 2 < row.covariance[VELOCITY, VELOCITY]:
+    least = MOVING**2 if maneuver.departed < COHERENCE * HOLD_TIME else 1.0
+    if row.state[VELOCITY] ** 2 < least * row.covariance[VELOCITY, VELOCITY]:
         return HOLD_DAMPING
     return HOLD_NOTHING

@@ -80,7 +80,7 @@ TOOL = record_type(
 )
 
 SLOTS = 96  # snapshots of what the rows said; 80 reach back 0.4 s at 200 a second
-SAID = 6  # ln K, ln B, n, p, own states (shrunk)
+SAID = 7  # ln K, ln B, n, p, own states (shrunk)
 
 # Who predicts best.
 JUDGE = record_type(
@@ -98,6 +98,9 @@ JUDGE = record_type(
         # Row with a tissue that varies which was chosen last; 0: none.
         Field("varying", np.int64, (), 0, ROW_COUNT - 1),
         Field("varied_at", np.float64, ()),  # contact clock then [s]
+        # In contact for which constant tissue has not done, and has done [s].
+        Field("needed_time", np.float64, (), 0.0),
+        Field("unneeded_time", np.float64, (), 0.0),
     )
 )
 
@@ -108,6 +111,7 @@ CHANGE = record_type(
         Field("reference", np.int64, (), 0, ROW_COUNT - 1),  # row whose alarm began the test
         Field("ratio", np.float64, ()),  # log likelihood ratio of the fresh row to that one
         Field("time", np.float64, ()),  # in contact since the alarm [s]
+        Field("calm_time", np.float64, (), 0.0),  # for which that row has explained all [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
         Field("fitted", np.int64, (), 0, 1),  # 1 if the rows had fitted for long
         Field("trusted", np.int64, (), 0, 1),  # 1 if they also knew the damping
@@ -150,6 +154,8 @@ MANEUVER = record_type(
         Field("density", np.float64),  # jerk density of the maneuver [mm^2/s^5]
         Field("alarm_since", np.float64),  # samples since the chosen row's alarm sum was zero
         Field("square_speed", np.float64),  # largest of the last seconds [mm^2/s^2]
+        Field("square_acceleration", np.float64),  # largest of the last seconds [mm^2/s^4]
+        Field("departed", np.float64),  # time since the tool departed from rest [s]
     )
 )
 

@@ -23,6 +23,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
+    departure,
     first_guess,
     levels,
     model_error,
@@ -154,6 +155,10 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     if clock.present[1] != 0:
         if not _foresee(settings, bank):
             return NUMERICAL
+        departs = settings.find_maneuvers != 0 and bank.calibrated != 0
+        departs = departs and departure.let_go(bank.maneuver, rows, chosen, clock.period)
+        if departs and not _foresee(settings, bank):
+            return NUMERICAL
         open_before = clock.outlier_counts[1] > settings.outlier_limit
         if readings.is_outlier(settings, bank, chosen, 1):
             _give(settings, bank, OUTLIER)
@@ -166,7 +171,9 @@ def _update(settings: Any, bank: Any, place: float) -> int:
             return NUMERICAL
         for m in range(rows.shape[0]):
             if rows[m].active != 0:
-                use_force(rows[m], _hold(settings, bank, rows[m]), log_speed)
+                # What surprises now is the motion, and teaches nothing about the tissue.
+                hold = HOLD_ALL if departs else _hold(settings, bank, rows[m])
+                use_force(rows[m], hold, log_speed)
     _give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
@@ -357,6 +364,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.change.fitting_time += clock.elapsed
     if clock.restart != 0 or bank.change.detected != 0:
         bank.maneuver.count = 0
+    departure.learn(bank.maneuver, bank.motion, bank.sensor_noise[0], clock.elapsed)
     maneuvers.keep(
         bank.maneuver,
         rows,

@@ -98,7 +98,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         if surface:
             if j <= OWN:
                 move_depth -= spread * factor[OWN, j]
-            move_velocity -= spread * factor[OWN + 1, j]
+            if j <= OWN + 1:
+                move_velocity -= spread * factor[OWN + 1, j]
         move_k = spread * factor[LOG_STIFFNESS, j] if j <= LOG_STIFFNESS else 0.0
         move_b = spread * factor[LOG_DAMPING, j] if j <= LOG_DAMPING else 0.0
         move_n = spread * factor[EXPONENT, j] if j <= EXPONENT else 0.0

@@ -234,6 +234,18 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("worst second / last reading held", _plain("ratio")),
         ("median run", _plain("ratio_median")),
     ),
+    "together": (
+        ("contact", _plain("pair")),
+        ("K off, median", _share("K")),
+        ("at 90 %, 9 of 10 runs", _share("K_90")),
+        ("K within 3 deviations", _share("within")),
+        ("deviations off at 90 %, 9 of 10 runs", _plain("score_90")),
+        ("delay ms off, median", _plain("delay_ms")),
+        ("9 of 10", _plain("delay_90_ms")),
+        ("one step ahead / noise", _plain("predicted")),
+        ("changes", _plain("changes")),
+        ("misfit told", _share("mismatch")),
+    ),
     "ablation": (
         ("off", _plain("off")),
         *((name, _plain(name)) for name, e in EXPERIMENTS.items() if not e.by_name_only),

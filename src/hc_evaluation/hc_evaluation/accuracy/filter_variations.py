@@ -10,12 +10,19 @@ from collections.abc import Mapping
 from typing import Any
 
 from hc_estimator.estimate import Hypothesis
-from hc_estimator.multiple_model.hypotheses import STEADY_SURFACE_ROW, without
+from hc_estimator.multiple_model.hypotheses import (
+    RESERVE,
+    ROWS,
+    STEADY_SURFACE_ROW,
+    without,
+)
 
 
 def _without(hypothesis: Hypothesis) -> Mapping[str, Any]:
     return {"without_hypotheses": without(hypothesis)}
 
+
+_IN_RESERVE = [m for m in range(len(ROWS)) if RESERVE[m]]
 
 # Name of the mechanism, and the settings that switch it off. The first row is the filter itself.
 MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
@@ -25,6 +32,8 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("layers that vary", _without(Hypothesis.ALL_DRIFT)),
     ("surfaces that move", _without(Hypothesis.SURFACE_MOVES)),
     ("surface at a steady speed", {"without_hypotheses": 2**STEADY_SURFACE_ROW}),
+    ("two things at once", {"without_hypotheses": sum(2**m for m in _IN_RESERVE)}),
+    ("a lump in an organ that breathes", {"without_hypotheses": 2 ** _IN_RESERVE[-1]}),
     ("search for the surface", {"search_surface": False}),
     ("no force beyond what was felt", {"possible_forces": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),

@@ -22,6 +22,7 @@ from hc_evaluation.accuracy import (
     separation,
     simulated,
     surface,
+    together,
 )
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
@@ -92,6 +93,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "possible": Experiment(
         "no prediction beyond what was felt, none worse than twice the last reading",
         possible.possible,
+    ),
+    "together": Experiment(
+        "two troubles at once: presses, lumps, delays, zeros, surfaces that move",
+        together.together,
     ),
     "ablation": Experiment(
         "every mechanism of the default filter off in turn, on every experiment",

@@ -1,0 +1,80 @@
+"""Hypotheses in reserve: two things at once, tried only while one alone does not do.
+
+A lump on a surface that sinks, or under a zero that is off, needs a row in which both are states.
+It is the freest of all, and on constant tissue it would only cost time. So such rows take no part
+until a freer row than constant tissue has been chosen for a while, or a misfit told; they begin
+from the row in charge, wait before they count, and leave once constant tissue has done for long.
+(Variable-structure multiple-model estimation: Li and Bar-Shalom, IEEE Trans. AC 41(4), 1996; when
+is ours, see `hc bench accuracy together`.)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.choice import REFUTED
+from hc_estimator.multiple_model.hypotheses import (
+    FITTED,
+    FRESH,
+    OWN,
+    RESERVE,
+    SURFACE,
+    is_tried,
+)
+from hc_estimator.multiple_model.rows import free_parameters, seed
+
+NEEDED_TIME = 0.3  # in contact for which constant tissue must not do [s]
+UNNEEDED_TIME = 10.0  # in contact for which it must have done [s]
+WAIT = 2.0  # time in contact after which a row that begins counts [s]
+# Of ln K, ln B, n and p about those of the chosen row: with one thing wrong, n is wrong by as much.
+DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
+BEGUN_SCORE = 1.5  # mean square over the chosen row's with which it begins
+
+
+@compiled
+def reset(judge: Any) -> None:
+    """Constant tissue does."""
+    judge.needed_time = 0.0
+    judge.unneeded_time = 0.0
+
+
+@compiled
+def review(settings: Any, judge: Any, rows: Any, clock: float, elapsed: float) -> None:
+    """Call the reserve, or send it away.
+
+    Args:
+        settings: settings record.
+        judge: who is chosen; the times are changed.
+        rows: those in reserve begin or leave.
+        clock: contact clock [s].
+        elapsed: time in contact since the last review [s].
+    """
+    chosen = rows[judge.chosen]
+    if judge.chosen > FITTED or chosen.model_error > 0.0:
+        judge.needed_time += elapsed
+        judge.unneeded_time = 0.0
+    else:
+        judge.needed_time = 0.0
+        judge.unneeded_time += elapsed
+    for m in range(FRESH):
+        if not RESERVE[m] or not is_tried(settings, m):
+            continue
+        if rows[m].active == 0 and judge.needed_time > NEEDED_TIME:
+            _begin(settings, chosen, rows[m], clock)
+        elif judge.unneeded_time > UNNEEDED_TIME:
+            rows[m].active = 0
+
+
+@compiled
+def _begin(settings: Any, chosen: Any, row: Any, clock: float) -> None:
+    """Begin a row from the chosen one."""
+    likelihood = chosen.log_likelihood - REFUTED
+    score = BEGUN_SCORE * chosen.score
+    seed(chosen, row, clock, clock + WAIT)
+    free_parameters(settings, row, DEVIATIONS)
+    if SURFACE[row.index] and SURFACE[chosen.index]:
+        row.state[OWN] = chosen.state[OWN]
+    row.log_likelihood = likelihood
+    row.score = score
+    row.active = 1

@@ -1,0 +1,97 @@
+"""Two things at once: a lump on a surface that sinks, and rows that wait until they are needed."""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+from hc_estimator.multiple_model import choice, reserve
+from hc_estimator.multiple_model.hypotheses import (
+    EXPONENT,
+    FITTED,
+    FRESH,
+    OWN,
+    RESERVE,
+    SURFACE,
+)
+
+IN_RESERVE = [m for m in range(FRESH) if RESERVE[m]]
+RATE = 250.0
+
+
+def contact(plant, lump, sinks):
+    """Tissue with a lump along the way, on a surface that sinks; readings and the true K."""
+    time = np.arange(round(20.0 * RATE)) / RATE
+    d, v = plant.motion(time, ((1.0, 1.3, 0.0), (0.4, 3.6, 1.0)), 3.5)
+    stiffness = 0.5 * (1.0 + lump * np.exp(-0.5 * ((time - 12.0) / 2.5) ** 2))
+    depth, speed = d - sinks * time, v - sinks
+    force = plant.force(depth, speed, stiffness, 0.02 * stiffness, 1.5, 1.0)
+    return time, plant.noisy(d, force, 3, 0.002, 0.004), stiffness
+
+
+def median_error(found, stiffness, time):
+    late = time > 10.0
+    return np.median(np.abs(found.parameters[late, 0] / stiffness[late] - 1.0))
+
+
+def test_a_lump_on_a_sinking_surface_is_found(plant):
+    time, readings, stiffness = contact(plant, 1.2, 0.05)
+    found = hc.create_estimator("self_tuning_ukf").run(time, *readings)
+    assert median_error(found, stiffness, time) < 0.03
+    alone = sum(2**m for m in IN_RESERVE)
+    without = hc.create_estimator("self_tuning_ukf", without_hypotheses=alone)
+    assert median_error(without.run(time, *readings), stiffness, time) > 0.08
+
+
+def test_constant_tissue_does_without(plant, records_of):
+    time, readings, stiffness = contact(plant, 0.0, 0.0)
+    estimator = hc.create_estimator("self_tuning_ukf")
+    found = estimator.run(time, *readings)
+    assert median_error(found, stiffness, time) < 0.003
+    bank = records_of(estimator)[1]
+    assert not any(bank.rows[m].active for m in IN_RESERVE)
+
+
+def test_the_reserve_is_called_and_sent_away(parts):
+    settings, bank = parts
+    judge, rows = bank.judge, bank.rows
+    judge.chosen = 2
+    rows[2].state[EXPONENT] = 1.9
+    for _ in range(59):
+        reserve.review(settings, judge, rows, 5.0, 0.005)
+    assert not any(rows[m].active for m in IN_RESERVE)
+    for _ in range(2):
+        reserve.review(settings, judge, rows, 5.0, 0.005)
+    for m in IN_RESERVE:
+        assert rows[m].active == 1
+        assert rows[m].state[EXPONENT] == 1.9
+        assert rows[m].covariance[EXPONENT, EXPONENT] == pytest.approx(0.09)  # let go
+        assert rows[m].covariance[OWN, OWN] > 0.0
+        assert not choice.counts(rows[m], 5.0 + 0.9 * reserve.WAIT)
+        assert choice.counts(rows[m], 5.0 + 1.1 * reserve.WAIT)
+        assert choice.stands_by(judge, m)
+    judge.chosen = FITTED
+    for _ in range(1999):
+        reserve.review(settings, judge, rows, 20.0, 0.005)
+    assert all(rows[m].active for m in IN_RESERVE)
+    for _ in range(3):
+        reserve.review(settings, judge, rows, 20.0, 0.005)
+    assert not any(rows[m].active for m in IN_RESERVE)
+
+
+def test_it_begins_where_a_surface_was_found(parts):
+    settings, bank = parts
+    judge, rows = bank.judge, bank.rows
+    judge.chosen = next(m for m in range(FRESH) if SURFACE[m])
+    rows[judge.chosen].state[OWN] = -0.7
+    for _ in range(61):
+        reserve.review(settings, judge, rows, 5.0, 0.005)
+    assert all(rows[m].state[OWN] == -0.7 for m in IN_RESERVE)
+
+
+def test_a_hypothesis_that_is_off_is_not_called(records_of):
+    off = sum(2**m for m in IN_RESERVE)
+    settings, bank = records_of(hc.create_estimator("self_tuning_ukf", without_hypotheses=off))
+    bank.judge.chosen = 2
+    for _ in range(200):
+        reserve.review(settings, bank.judge, bank.rows, 5.0, 0.005)
+    assert not any(bank.rows[m].active for m in IN_RESERVE)
