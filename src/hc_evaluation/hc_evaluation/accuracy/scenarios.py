@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.contact.arrays import hunt_crossley_force
+from hc_evaluation.accuracy.presses import Presses
 from hc_evaluation.accuracy.varying_tissue import Inclusion, Surface, Way, along_the_way
 
 FloatArray = NDArray[np.float64]
@@ -91,6 +92,7 @@ class Scenario:
         way: Sideways motion; None: the tool stays at one place.
         inclusions: What is felt along the way.
         surface: How the surface moves; added to contact_position_mm.
+        presses: Motion of the tool in place of `motion`; None: that holds.
         note: What the scenario is for.
     """
 
@@ -109,6 +111,7 @@ class Scenario:
     way: Way | None = None
     inclusions: tuple[Inclusion, ...] = ()
     surface: Surface | None = None
+    presses: Presses | None = None
     note: str = field(default="", compare=False)
 
 
@@ -147,7 +150,8 @@ def penetration(
     scenario: Scenario, time_s: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Penetration [mm], its rate [mm/s], acceleration of the tool, contact position; each (N,)."""
-    displacement, velocity, acceleration = scenario.motion.evaluate(time_s)
+    moves = scenario.presses if scenario.presses is not None else scenario.motion
+    displacement, velocity, acceleration = moves.evaluate(time_s)
     if scenario.surface is None:
         return displacement, velocity, acceleration, np.zeros_like(time_s)
     position, rate = scenario.surface.evaluate(time_s)

@@ -15,7 +15,7 @@ import numpy as np
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Task, run_task, sampled
-from hc_evaluation.accuracy.presses import random_presses
+from hc_evaluation.accuracy.presses import Presses, random_presses
 from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate, without_tension
 from hc_evaluation.accuracy.varying_tissue import Inclusion, Surface, Way
 
@@ -30,7 +30,13 @@ def _log_uniform(draw: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(draw.uniform(np.log(low), np.log(high))))
 
 
-def _contact(name: str, motion: Motion, fastest: float, draw: np.random.Generator) -> Scenario:
+def _contact(
+    name: str,
+    motion: Motion,
+    fastest: float,
+    draw: np.random.Generator,
+    presses: Presses | None = None,
+) -> Scenario:
     """A contact with everything drawn but its motion; nothing is wrong with it yet.
 
     Args:
@@ -38,6 +44,7 @@ def _contact(name: str, motion: Motion, fastest: float, draw: np.random.Generato
         motion: of the tool.
         fastest: largest speed at which the tool leaves the tissue, or the tissue the tool [mm/s].
         draw: where everything is drawn from.
+        presses: in place of the motion.
     """
     stiffness = _log_uniform(draw, 0.1, 2.0)
     tissue = Tissue(
@@ -54,6 +61,7 @@ def _contact(name: str, motion: Motion, fastest: float, draw: np.random.Generato
         _log_uniform(draw, 0.001, 0.008),
         0.0,
         duration_s=DURATION_S,
+        presses=presses,
     )
     largest = float(np.max(simulate(scenario, 0).force))
     return replace(scenario, force_noise_n=largest * _log_uniform(draw, 0.0005, 0.003))
@@ -61,8 +69,9 @@ def _contact(name: str, motion: Motion, fastest: float, draw: np.random.Generato
 
 def _pressed(name: str, seed: int) -> tuple[Scenario, np.random.Generator]:
     draw = np.random.default_rng([seed, 61])
-    motion = random_presses(draw, DURATION_S)
-    return _contact(name, motion, motion.fastest_mm_s, draw), draw
+    presses = random_presses(draw, DURATION_S)
+    still = Motion(presses.start_mm)
+    return _contact(name, still, presses.fastest_mm_s, draw, presses), draw
 
 
 def _tapped(name: str, seed: int) -> tuple[Scenario, np.random.Generator]:
