@@ -132,7 +132,7 @@ def test_a_maneuver_takes_back_scores_and_choice(parts):
     grid.take(bank.delay, 0, 1.0, 2.0)
     maneuver._go_back(bank, 0, 1.0)
     assert bank.judge.chosen == 0
-    assert [bank.rows[m].score for m in range(FRESH)] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert [bank.rows[m].score for m in range(6)] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     assert bank.rows[3].log_likelihood == 0.0
     assert np.all(bank.judge.said[:2] == 7.0)  # what was said before it stands
     assert not np.any(bank.judge.said[2:4, :FRESH, 0] == 7.0)  # the rest is said anew

@@ -174,7 +174,9 @@ def test_a_sudden_turn_of_the_tool_is_no_misfit(corner, plant):
     off = np.abs(series.parameters[time > 4.0, 0] / TISSUE[0] - 1.0) > 0.05
     assert np.mean(off) < 0.03
     if corner != "bounces":  # there a fresh row leads for 0.1 s, until its predictions have failed
-        assert not off.any()
+        assert np.mean(off) < 0.001  # for single samples, and it says that it knows nothing yet
+    sure = np.abs(series.parameters[:, 0] - TISSUE[0]) > series.parameters_std[:, 0]
+    assert not np.any(off & sure[time > 4.0])
 
 
 @pytest.mark.parametrize("seed", range(2))
