@@ -7,6 +7,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import hc_estimator as hc
-from hc_estimator import documentation, random_numbers, resampling
+from hc_estimator import documentation, random_numbers, resampling, vector_mathematics
 from hc_estimator import estimator as estimator_module
 from hc_estimator.compilation import compiled
 from hc_estimator.estimator import MEMORY, SETTINGS
@@ -66,19 +67,93 @@ def test_uniform_numbers_are_never_0_or_1():
     assert sample.max() < 1
 
 
-def weighted(log_weights, before=None):
-    particles = np.zeros((len(log_weights), 3))
-    particles[:, 0] = np.arange(len(log_weights))
-    particles[:, 1] = -math.log(len(log_weights)) if before is None else before
-    particles[:, 2] = log_weights
-    return particles
+def test_many_normal_numbers_are_the_pairs_of_the_uniform_ones():
+    """Box and Muller's pair from `uniform`, to rounding; an odd one at the end takes two."""
+    for count in (1, 2, 9, 1000):
+        settings, memory = np.zeros(1, SETTINGS), np.zeros(1, MEMORY)
+        settings["seed"], memory["random_counter"] = 7, 12
+        target = np.empty(count)
+        random_numbers.fill_normal(settings[0], memory[0], target)
+        pairs = -(-count // 2)
+        assert memory["random_counter"] == 12 + 2 * pairs
+        memory["random_counter"] = 12
+        uniform = [random_numbers.uniform(settings[0], memory[0]) for _ in range(2 * pairs)]
+        radius, angle = np.sqrt(-2 * np.log(uniform[::2])), 2 * np.pi * np.array(uniform[1::2])
+        expected = np.concatenate([radius * np.cos(angle), radius * np.sin(angle)])
+        np.testing.assert_allclose(target, expected[:count], rtol=0, atol=1e-14)
+        assert count < 1000 or stats.kstest(target, stats.norm().cdf).pvalue > 0.01
+
+
+def each(function, values, part=None):
+    """A function of numbers in a loop over a vector, as a kernel has it; one part of a tuple."""
+
+    @numba.njit
+    def loop(x, target):
+        for k in range(x.shape[0]):
+            target[k] = function(x[k])
+
+    @numba.njit
+    def loop_of_part(x, target):
+        for k in range(x.shape[0]):
+            target[k] = function(x[k])[part]
+
+    target = np.empty(len(values))
+    (loop if part is None else loop_of_part)(values, target)
+    return target
+
+
+def test_mathematics_without_branches_are_the_c_librarys():
+    rng = np.random.default_rng(3)
+    x = np.concatenate([rng.uniform(-707, 708, 50_000), rng.uniform(-1, 1, 50_000), [0.0, 709.0]])
+    np.testing.assert_array_max_ulp(each(vector_mathematics.exponential, x), np.exp(x), 1)
+    wide = np.exp(x[:-1])
+    np.testing.assert_array_max_ulp(each(vector_mathematics.logarithm, wide), np.log(wide), 1)
+    turn = np.concatenate([rng.uniform(0, 1, 50_000), np.arange(9) / 8])
+    for sine_or_cosine, function in enumerate((np.sin, np.cos)):
+        found = each(vector_mathematics.sine_and_cosine, turn, sine_or_cosine)
+        np.testing.assert_allclose(found, function(2 * np.pi * turn), rtol=0, atol=1e-15)
+    edges = each(vector_mathematics.exponential, np.array([-np.inf, -709.0, np.inf, np.nan]))
+    np.testing.assert_array_equal(edges, [0.0, 0.0, np.exp(709.0), np.nan])
+
+
+@given(st.lists(st.floats(-1e100, 1e100), min_size=1, max_size=40))
+def test_sums_and_extremes_of_vectors(values):
+    x = np.array(values)
+    bound = 1e-14 * np.abs(x).sum()
+    assert abs(vector_mathematics.total(x) - math.fsum(x)) <= bound
+    product = vector_mathematics.total_product(x, x[::-1].copy())
+    assert abs(product - math.fsum(x * x[::-1])) <= 1e-14 * np.abs(x * x[::-1]).sum()
+    assert vector_mathematics.largest(x) == x.max()
+    assert vector_mathematics.smallest(x) == x.min()
+    with_hole = np.append(x, np.nan)
+    assert vector_mathematics.largest(with_hole) == x.max()
+    assert vector_mathematics.smallest(with_hole) == x.min()
+
+
+def flattened(log_likelihoods, share, before=None):
+    """Power, logarithms of the weights and weights after a sample with these log likelihoods."""
+    count = len(log_likelihoods)
+    before = np.full(count, -math.log(count)) if before is None else np.array(before, float)
+    logarithms, weights = before + log_likelihoods, np.empty(count)
+    power = resampling.flatten(before, logarithms, weights, share)
+    return power, logarithms, weights
 
 
 def test_weights_far_below_the_smallest_double_are_normalised():
-    particles = weighted([-1e5, -1e5 - math.log(3), -math.inf, math.nan])
-    assert resampling.normalise(particles)
-    np.testing.assert_allclose(np.exp(particles[:, 2]), [0.75, 0.25, 0, 0])
-    assert not resampling.normalise(weighted([-math.inf, -math.inf]))
+    power, logarithms, weights = flattened([-1e5, -1e5 - math.log(3), -math.inf, math.nan], 0.0)
+    assert power == 1.0
+    np.testing.assert_allclose(weights, [0.75, 0.25, 0, 0], rtol=1e-10)
+    np.testing.assert_allclose(np.exp(logarithms), weights, rtol=1e-10)
+    assert math.isnan(flattened([-math.inf, -math.inf], 0.5)[0])
+
+
+def test_particles_without_a_weight_get_none_from_a_likelihood():
+    before = [*np.log([0.5, 0.5]), -math.inf, math.log(0.25)]
+    _, logarithms, weights = flattened([-3.0, -1.0, 50.0, math.nan], 0.9, before)
+    assert (weights[2:] == 0.0).all()
+    assert (logarithms[2:] == -math.inf).all()
+    assert weights.sum() == pytest.approx(1)
+    assert weights[1] > weights[0]
 
 
 def test_systematic_resampling_draws_each_particle_in_proportion():
@@ -88,31 +163,43 @@ def test_systematic_resampling_draws_each_particle_in_proportion():
     counts = np.zeros(5)
     runs = 400
     for _ in range(runs):
-        particles = weighted(np.log(weights))
-        resampling.resample(settings[0], memory[0], particles, np.empty_like(particles))
-        drawn = np.bincount(particles[:, 0].astype(int), minlength=5)
+        places = np.empty(5)
+        resampling.draw_places(settings[0], memory[0], weights, places)
+        drawn = np.bincount(places.astype(int), minlength=5)
         assert np.all(np.abs(drawn - 5 * weights) < 1)
+        assert (np.diff(places) >= 0).all()
         counts += drawn
-        np.testing.assert_allclose(particles[:, 2], -math.log(5))
     np.testing.assert_allclose(counts / runs, 5 * weights, atol=0.1)
 
 
 def test_effective_sample_size():
-    assert resampling.effective_sample_size(weighted(np.log([0.25] * 4))) == pytest.approx(4)
-    assert resampling.effective_sample_size(weighted([0.0, -math.inf])) == pytest.approx(1)
+    assert resampling.effective_sample_size(np.full(4, 0.25)) == pytest.approx(4)
+    assert resampling.effective_sample_size(np.array([1.0, 0.0])) == pytest.approx(1)
 
 
 @given(st.lists(st.floats(-1e8, 0.0), min_size=2, max_size=30), st.floats(0.05, 0.95))
 @settings(max_examples=100)
 def test_flattening_keeps_the_share_that_it_promises(log_likelihoods, share):
     count = len(log_likelihoods)
-    particles = weighted(np.array(log_likelihoods) - math.log(count))
-    power = resampling.flatten(particles, share)
+    power, logarithms, weights = flattened(np.array(log_likelihoods), share)
     assert 0 <= power <= 1
-    assert np.exp(particles[:, 2]).sum() == pytest.approx(1)
-    assert resampling.effective_sample_size(particles) >= share * count * 0.999
+    assert weights.sum() == pytest.approx(1)
+    np.testing.assert_allclose(np.exp(logarithms), weights, rtol=1e-6, atol=1e-140)
+    assert resampling.effective_sample_size(weights) >= share * count * 0.999
     order = np.argsort(log_likelihoods)
-    assert (np.diff(particles[order, 2]) >= -1e-12).all()
+    assert (np.diff(weights[order]) >= -1e-12).all()
+
+
+@pytest.mark.parametrize("spread", [0.5, 10.0, 1e3, 1e6])
+@pytest.mark.parametrize("share", [0.3, 0.95])
+def test_flattening_gives_up_no_more_than_is_asked(spread, share):
+    """Where likelihoods must be flattened, the sample size ends next to what may be lost."""
+    rng = np.random.default_rng(5)
+    log_likelihoods = -0.5 * (spread * rng.standard_normal(500)) ** 2
+    power, _, weights = flattened(log_likelihoods, share)
+    kept = resampling.effective_sample_size(weights) / 500
+    assert kept >= share
+    assert power == 1.0 or math.log(kept) < 0.98 * math.log(share)
 
 
 @given(st.integers(1, 7), st.integers(0, 2**31), st.integers(0, 2))

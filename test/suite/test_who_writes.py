@@ -154,14 +154,14 @@ GUESTS = {
     "adaptation/tempering": {"memory": "tempering_count"},
     "adaptation/variational_bayes": {"memory": "bayes_scale bayes_shape noise"},
     "filters/adaptive_ukf": {"memory": "change_detected measurement_noise"},
-    "filters/motion_proposal": {"memory": "point"},
+    "filters/particle_models": {"memory": "point"},
     "filters/rbpf": {"memory": "begun change_detected"},
     "filters/rls": {
         "memory": "begun curvature predicted_measurement prior_variance regression "
         "regression_factor regression_prior regression_seen regressor sensitivity state"
     },
     "filters/rwstukf": {"memory": "innovation nis predicted_measurement"},
-    "filters/sir_pf": {"memory": "begun change_detected point predicted_covariance restart"},
+    "filters/sir_pf": {"memory": "begun change_detected predicted_covariance restart"},
     "random_numbers": {"memory": "random_counter"},
 }
 

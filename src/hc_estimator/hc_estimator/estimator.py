@@ -126,9 +126,7 @@ class Estimator:
         window = float(values["reorder_window"]) if values["missing_readings"] else 0.0
         self._late = LateReadings(window) if window > 0.0 else None
         self._memory = np.zeros(1, self._memory_type)
-        columns = FILTERS[filter].particle_columns
-        rows = 2 * int(values["particle_count"]) if columns else 0
-        self._particles = np.zeros((rows, columns))
+        self._particles = np.zeros(entry.particle_shape(int(values.get("particle_count", 0))))
         self._sample = np.zeros((1, 3))
         self._row = np.zeros((1, COLUMNS))
         self._write_settings(values)
@@ -284,7 +282,7 @@ class Estimator:
             "contact_model": self._contact_model,
             "configuration": self.configuration,
             "memory": to_plain(self._memory[0], self._fields),
-            "particles": self._particles[: self._particles.shape[0] // 2].tolist(),
+            "particles": FILTERS[self._filter].kept_particles(self._particles).tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -330,14 +328,14 @@ class Estimator:
     def _restored_particles(
         self, saved: Any, values: Mapping[str, ParameterValue]
     ) -> NDArray[np.float64]:
-        columns = FILTERS[self._filter].particle_columns
-        count = int(values["particle_count"]) if columns else 0
-        particles = np.zeros((2 * count, columns))
-        if count:
+        entry = FILTERS[self._filter]
+        particles = np.zeros(entry.particle_shape(int(values.get("particle_count", 0))))
+        kept = entry.kept_particles(particles)
+        if kept.size:
             given = np.asarray(saved, np.float64)
-            if given.shape != (count, columns):
-                raise ValueError(f"particles have shape {given.shape} not {(count, columns)}")
-            particles[:count] = given
+            if given.shape != kept.shape:
+                raise ValueError(f"particles have shape {given.shape} not {kept.shape}")
+            kept[...] = given
         return particles
 
     def _write_settings(self, values: Mapping[str, ParameterValue]) -> None:

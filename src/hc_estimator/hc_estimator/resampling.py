@@ -1,7 +1,7 @@
-"""Weights of particles: normalising their logarithms, effective sample size, systematic resampling.
+"""Weights of particles: their logarithms, effective sample size, systematic resampling.
 
-Particles are rows of an array; the last column holds the logarithm of the weight, the last but one
-that before the present sample.
+The weights are vectors, shape (count,): logarithms, which survive any likelihood, and what they are
+the logarithms of beside them, because everybody needs those.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from hc_estimator.compilation import compiled
 from hc_estimator.random_numbers import uniform
 from hc_estimator.specification import ParameterSpecification
+from hc_estimator.vector_mathematics import exponential, largest, total, total_product
+from hc_msgs_py.compilation import inlined_always
 
 RESAMPLING_THRESHOLD = ParameterSpecification(
     "resampling_threshold",
@@ -35,135 +37,172 @@ SURVIVING_SHARE = ParameterSpecification(
     maximum=0.99,
 )
 
+NEGLIGIBLE = (
+    -340.0
+)  # logarithm of what is no weight: its square would be no normal number, and slow
+CLOSE_ENOUGH = 0.99  # share of the loss that is allowed from which on no nearer power is sought
+LONGEST_GUESSING = 8  # trials; bisection after that
+LONGEST_SEARCH = 24  # trials: those of bisection halve 60 binary digits of the power to 0.001
 
-@compiled
-def normalise(particles: NDArray[np.float64]) -> bool:
-    """Shift the logarithms of the weights so that the weights add up to 1.
 
-    Args:
-        particles: shape (count, columns), log weights in the last column.
-
-    Returns:
-        False if no particle has a finite weight.
-    """
-    last = particles.shape[1] - 1
-    largest = -math.inf
-    for k in range(particles.shape[0]):
-        if particles[k, last] > largest:
-            largest = particles[k, last]
-    if not math.isfinite(largest):
-        return False
-    total = 0.0
-    for k in range(particles.shape[0]):
-        if math.isnan(particles[k, last]):
-            particles[k, last] = -math.inf
-        total += math.exp(particles[k, last] - largest)
-    shift = largest + math.log(total)
-    for k in range(particles.shape[0]):
-        particles[k, last] -= shift
-    return True
+@inlined_always
+def _weight(logarithm: float) -> float:
+    return 0.0 if logarithm < NEGLIGIBLE else exponential(logarithm)
 
 
 @compiled
-def effective_sample_size(particles: NDArray[np.float64]) -> float:
+def weights_of(logarithms: NDArray[np.float64], weights: NDArray[np.float64]) -> None:
+    """Write the weights of normalised logarithms."""
+    for k in range(weights.shape[0]):
+        weights[k] = _weight(logarithms[k])
+
+
+@compiled
+def effective_sample_size(weights: NDArray[np.float64]) -> float:
     """1 over the sum of the squared normalised weights: between 1 and the number of particles."""
-    last = particles.shape[1] - 1
-    total = 0.0
-    for k in range(particles.shape[0]):
-        total += math.exp(2.0 * particles[k, last])
-    return 1.0 / total
+    return 1.0 / total_product(weights, weights)
 
 
 @compiled
-def resample(
-    settings: Any, memory: Any, particles: NDArray[np.float64], drawn: NDArray[np.float64]
+def draw_places(
+    settings: Any, memory: Any, weights: NDArray[np.float64], places: NDArray[np.float64]
 ) -> None:
-    """Systematic resampling (Kitagawa 1996): equal weights afterwards, one random number.
+    """Systematic resampling (Kitagawa 1996): who is drawn, with one random number for all.
 
     Args:
         settings: settings record (seed).
         memory: memory record (count of random numbers).
-        particles: normalised particles, shape (count, columns); replaced by the drawn ones.
-        drawn: scratch, shape (count, columns).
+        weights: normalised weights.
+        places: takes the place of the particle that is drawn for each, in ascending order.
     """
-    count, last = particles.shape[0], particles.shape[1] - 1
+    count = weights.shape[0]
     position = uniform(settings, memory) / count
     source = 0
-    cumulated = math.exp(particles[0, last])
+    cumulated = weights[0]
     for k in range(count):
         while cumulated < position and source < count - 1:
             source += 1
-            cumulated += math.exp(particles[source, last])
-        for c in range(last):
-            drawn[k, c] = particles[source, c]
+            cumulated += weights[source]
+        places[k] = source
         position += 1.0 / count
-    equal = -math.log(count)
-    for k in range(count):
-        for c in range(last):
-            particles[k, c] = drawn[k, c]
-        particles[k, last] = equal
 
 
 @compiled
-def _flattened(particles: NDArray[np.float64], k: int, power: float) -> float:
-    """Log weight of a particle with its last likelihood to a power; -inf if it has none."""
-    old, new = particles[k, -2], particles[k, -1]
-    if old == -math.inf or math.isnan(new):
-        return -math.inf
-    if power == 1.0:
-        return new  # type: ignore[no-any-return]
-    if new == -math.inf:
-        return -math.inf
-    return old + power * (new - old)  # type: ignore[no-any-return]
+def _shared_out(
+    power: float,
+    before: NDArray[np.float64],
+    gains: NDArray[np.float64],
+    weights: NDArray[np.float64],
+) -> tuple[float, float, float]:
+    """Weights with the likelihood to a power, the largest being 1.
+
+    Args:
+        power: of the likelihood.
+        before: logarithms of the weights before.
+        gains: log likelihoods; -inf of what has no weight.
+        weights: takes the weights.
+
+    Returns:
+        The logarithm that was taken off all of them (not finite: no weight is left), their sum and
+        the effective sample size.
+    """
+    for k in range(weights.shape[0]):
+        weights[k] = before[k] + power * gains[k]
+    highest = largest(weights)
+    for k in range(weights.shape[0]):
+        weights[k] = _weight(weights[k] - highest)
+    first = total(weights)
+    return highest, first, first * first / total_product(weights, weights)
 
 
 @compiled
-def flatten(particles: NDArray[np.float64], smallest_share: float) -> float:
+def _scatter(
+    before: NDArray[np.float64], gains: NDArray[np.float64], weights: NDArray[np.float64]
+) -> float:
+    """Variance of the log likelihoods over the particles that have one; weights are overwritten.
+
+    To first order what the sample size's logarithm loses is that, times the square of the power.
+    """
+    for k in range(weights.shape[0]):
+        weights[k] = _weight(before[k]) if gains[k] > -math.inf else 0.0
+    whole = total(weights)
+    if whole == 0.0:
+        return 0.0
+    for k in range(weights.shape[0]):
+        gains_k = gains[k] if gains[k] > -math.inf else 0.0
+        weights[k] *= gains_k
+    mean = total(weights) / whole
+    for k in range(weights.shape[0]):
+        apart = gains[k] - mean if gains[k] > -math.inf else 0.0
+        weights[k] = _weight(before[k]) * apart * apart
+    return total(weights) / whole
+
+
+@compiled
+def flatten(
+    before: NDArray[np.float64],
+    logarithms: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    smallest_share: float,
+) -> float:
     """Raise the likelihoods of one sample to a power below 1 if they would leave few particles.
 
     A precise sensor can kill all particles but one in a single sample, and what one particle
-    knows no resampling can spread again. The power is chosen (by bisection) such that the
-    effective sample size keeps at least the given share of what it was; the information given up
-    comes back with the samples that follow.
+    knows no resampling can spread again. The power is chosen such that the effective sample size
+    keeps the given share of what it was, or up to a hundredth of the loss more; the information
+    given up comes back with the samples that follow.
+
+    The logarithm of the sample size falls with the square of a small power, which gives a first
+    guess, and the secant of two trials gives the next; where that leads nowhere the power's
+    logarithm is bisected.
 
     Args:
-        particles: shape (count, columns); the log weights with the sample's log likelihoods
-            added in the last column (normalised on return), the normalised ones before the sample
-            in the last but one.
+        before: normalised logarithms of the weights before the sample; changed.
+        logarithms: those with the sample's log likelihoods added; normalised on return.
+        weights: takes the normalised weights.
         smallest_share: share of the effective sample size that is kept.
 
     Returns:
         The power, between 0 and 1; NaN if no particle has a finite weight.
     """
-    count, last = particles.shape[0], particles.shape[1] - 1
-    target = 0.0
-    for k in range(count):
-        target += math.exp(2.0 * particles[k, last - 1])
-    target = smallest_share / target
-    lower, upper, power = -60.0, 0.0, 1.0  # binary logarithms of the power
-    for trial in range(14):
-        largest = -math.inf
-        for k in range(count):
-            largest = max(largest, _flattened(particles, k, power))
-        if not math.isfinite(largest):
-            return math.nan
-        first = 0.0
-        second = 0.0
-        for k in range(count):
-            weight = math.exp(_flattened(particles, k, power) - largest)
-            first += weight
-            second += weight * weight
-        if first * first >= target * second:
-            if trial == 0:
-                break
-            lower = math.log2(power)
-        else:
-            upper = math.log2(power)
-        power = 2.0 ** (0.5 * (lower + upper))
-    if power < 1.0:
-        power = 2.0**lower
-    for k in range(count):
-        particles[k, last] = _flattened(particles, k, power)
-    if not normalise(particles):
+    weights_of(before, weights)
+    size_before = 1.0 / total_product(weights, weights)
+    for k in range(weights.shape[0]):
+        old, new = before[k], logarithms[k]
+        dead = old == -math.inf or math.isnan(new)
+        before[k] = 0.0 if dead else old
+        logarithms[k] = -math.inf if dead else new - old
+    power = 1.0
+    highest, first, size = _shared_out(power, before, logarithms, weights)
+    if not math.isfinite(highest):
         return math.nan
+    if size < smallest_share * size_before:
+        wanted = -math.log(smallest_share)
+        aim = 0.5 * (1.0 + CLOSE_ENOUGH) * wanted
+        lower, upper = -60.0, 0.0  # binary logarithms of powers that are small enough, and not
+        last_at, last_loss, slope = 0.0, math.log(size_before / size), 2.0
+        at = 0.5 * math.log2(aim / max(_scatter(before, logarithms, weights), aim))
+        for trial in range(LONGEST_SEARCH):
+            if not (lower < at < upper and trial < LONGEST_GUESSING):
+                at = 0.5 * (lower + upper)
+            power = 2.0**at
+            highest, first, size = _shared_out(power, before, logarithms, weights)
+            loss = max(math.log(size_before / size), 1e-9 * wanted)
+            if loss <= wanted:
+                lower = at
+                if loss >= CLOSE_ENOUGH * wanted:
+                    break
+            else:
+                upper = at
+            if at != last_at and trial > 0:
+                slope = min(max((math.log2(loss / last_loss)) / (at - last_at), 0.5), 4.0)
+            last_at, last_loss = at, loss
+            at += math.log2(aim / loss) / slope
+        if last_at != lower:
+            power = 2.0**lower
+            highest, first, size = _shared_out(power, before, logarithms, weights)
+    shift = highest + math.log(first)
+    for k in range(weights.shape[0]):
+        logarithms[k] = before[k] + power * logarithms[k] - shift
+        weights[k] /= first
     return power

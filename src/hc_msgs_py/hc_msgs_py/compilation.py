@@ -126,6 +126,14 @@ def inlined(function: F, *, nogil: bool = False) -> F:
     return numba.njit(error_model="numpy", nogil=nogil)(function)  # type: ignore[no-any-return]
 
 
+def inlined_always(function: F) -> F:
+    """Compile a small function without branches into whatever calls it.
+
+    LLVM makes no vector loop of one with a call in it, and left to itself it inlines what it likes.
+    """
+    return numba.njit(error_model="numpy", forceinline=True)(function)  # type: ignore[no-any-return]
+
+
 def by_code(functions: Sequence[Callable[..., Any]], code: int = 0) -> Callable[..., Any]:
     """Return a compiled function of a code and arguments that calls the function with that code.
 

@@ -20,8 +20,10 @@ from hc_estimator.memory import Field
 STATE = 0  # d, v, a, K, B, n, p
 COVARIANCE = 7  # 7x7, row-major
 COVARIANCE_END = 56
-WEIGHT = 57  # logarithm; that before the sample in the column before
-COLUMNS = 58
+BEFORE = 56  # logarithm of the weight before the sample
+WEIGHT = 57  # the same after it
+SHARE = 58  # the weight itself
+COLUMNS = 59
 SIZE = 7
 
 SCRATCH = (

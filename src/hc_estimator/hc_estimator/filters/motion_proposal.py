@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import cholesky, clear_matrix, clear_vector
 from hc_estimator.memory import Field
-from hc_estimator.random_numbers import normal
 from hc_estimator.state_space import kinematic
+from hc_estimator.vector_mathematics import add_scaled
 
 FIELDS = (
     Field("motion_state", np.float64, (7,)),  # of the motion filter; the first three count
@@ -24,34 +24,32 @@ FIELDS = (
 
 @compiled
 def draw_motion(
-    settings: Any,
     memory: Any,
     state: NDArray[np.float64],
     covariance: NDArray[np.float64],
-    particles: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    planes: NDArray[np.float64],
 ) -> bool:
     """Draw each particle's displacement, velocity and acceleration from a Gaussian.
 
     Args:
-        settings: settings record.
         memory: memory record.
         state: mean, shape (7,), the first three count.
         covariance: covariance, shape (7, 7), zero outside of the motion.
-        particles: their motion is replaced.
+        normals: standard normal numbers, shape (7, count), the first three planes are used.
+        planes: the particles, shape (7, count); their motion is replaced.
 
     Returns:
         False if the covariance has no Cholesky factor.
     """
     if not cholesky(covariance, memory.factor):
         return False
-    for k in range(particles.shape[0]):
-        for i in range(3):
-            memory.point[i] = normal(settings, memory)
-        for i in range(3):
-            total = state[i]
-            for j in range(i + 1):
-                total += memory.factor[i, j] * memory.point[j]
-            particles[k, i] = total
+    for i in range(3):
+        plane = planes[i]
+        for k in range(plane.shape[0]):
+            plane[k] = state[i]
+        for j in range(i + 1):
+            add_scaled(memory.factor[i, j], normals[j], plane)
     return True
 
 

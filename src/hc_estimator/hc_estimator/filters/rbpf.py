@@ -21,8 +21,10 @@ from hc_estimator.adaptation import change_detection, difference_noise, policy, 
 from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, gate, innovate
 from hc_estimator.filters.mixture_particle import (
+    BEFORE,
     COVARIANCE,
     COVARIANCE_END,
+    SHARE,
     SIZE,
     STATE,
     WEIGHT,
@@ -30,7 +32,13 @@ from hc_estimator.filters.mixture_particle import (
     use_displacement,
     use_force,
 )
-from hc_estimator.linear_algebra import cholesky, clear_matrix, clear_vector, copy_matrix
+from hc_estimator.linear_algebra import (
+    cholesky,
+    clear_matrix,
+    clear_vector,
+    copy_matrix,
+    copy_vector,
+)
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
 from hc_estimator.recovery import recover
@@ -38,9 +46,9 @@ from hc_estimator.report import write_row
 from hc_estimator.resampling import (
     RESAMPLING_THRESHOLD,
     SURVIVING_SHARE,
+    draw_places,
     effective_sample_size,
     flatten,
-    resample,
 )
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.specification import ParameterSpecification
@@ -209,7 +217,7 @@ def _weigh(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
     factor = memory.factor
     for k in range(particles.shape[0]):
         row = particles[k]
-        row[WEIGHT - 1] = row[WEIGHT]
+        row[BEFORE] = row[WEIGHT]
         covariance = row[COVARIANCE:COVARIANCE_END].reshape(SIZE, SIZE)
         if not cholesky(covariance, factor):
             row[WEIGHT] = -math.inf
@@ -264,6 +272,23 @@ def _summarise(memory: Any, particles: NDArray[np.float64]) -> None:
 
 
 @compiled
+def _resample(
+    settings: Any,
+    memory: Any,
+    particles: NDArray[np.float64],
+    drawn: NDArray[np.float64],
+) -> None:
+    """Draw particles in proportion to their weights, which are equal afterwards."""
+    count = particles.shape[0]
+    places = particles[:, BEFORE]
+    draw_places(settings, memory, particles[:, SHARE], places)
+    equal = -math.log(count)
+    for k in range(count):
+        copy_vector(particles[int(places[k])], drawn[k])
+        drawn[k, WEIGHT] = equal
+
+
+@compiled
 def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]) -> int:
     """Move, weigh and resample the particles; the decision on the sample."""
     count = particles.shape[0] // 2
@@ -283,7 +308,8 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     if decision != ACCEPTED:
         return decision
     _weigh(settings, memory, moved)
-    if math.isnan(flatten(moved, settings.surviving_share)):
+    weights, share = moved[:, SHARE], settings.surviving_share
+    if math.isnan(flatten(moved[:, BEFORE], moved[:, WEIGHT], weights, share)):
         return NUMERICAL
     for k in range(count):
         state_space.constrain(settings, moved[k, :SIZE])
@@ -293,8 +319,8 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
         return decision
     copy_matrix(moved, current)
     memory.begun = 1
-    if effective_sample_size(current) < settings.resampling_threshold * count:
-        resample(settings, memory, current, moved)
+    if effective_sample_size(weights) < settings.resampling_threshold * count:
+        _resample(settings, memory, moved, current)
     memory.change_detected = 0
     policy.learn_noise(settings, memory)
     if policy.is_touching(memory):

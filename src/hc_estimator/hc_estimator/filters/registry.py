@@ -49,7 +49,11 @@ class FilterEntry:
         defaults: defaults that differ from the specifications', by state space and name.
         kinematic_only: parameters that it has on `kinematic` only.
         particle_columns: numbers per particle (0: it has none); it then has the parameter
-            particle_count and gets an array of twice as many rows.
+            particle_count and gets an array of twice as many rows, of which the first half is
+            kept between samples.
+        particle_planes: of a filter that has its particles as a structure of arrays: it gets an
+            array of so many rows, a column for each particle, and the first particle_columns rows
+            are kept; 0 for an array as above.
         fixed: settings that this filter does not offer but its kernel reads.
         state_spaces: state spaces that it combines with.
         contact_models: contact models that it combines with.
@@ -72,6 +76,7 @@ class FilterEntry:
     defaults: Mapping[str, Mapping[str, ParameterValue]] = dataclasses.field(default_factory=dict)
     kinematic_only: tuple[str, ...] = ()
     particle_columns: int = 0
+    particle_planes: int = 0
     fixed: Mapping[str, ParameterValue] = dataclasses.field(default_factory=dict)
     state_spaces: tuple[str, ...] = ("kinematic", "paper")
     contact_models: tuple[str, ...] = CONTACT_MODELS
@@ -84,6 +89,18 @@ class FilterEntry:
     tell: Tell | None = None
     take: Take | None = None
     own_beginning: bool = False
+
+    def particle_shape(self, count: int) -> tuple[int, int]:
+        """Return the shape of the array for so many particles, scratch included."""
+        if self.particle_planes:
+            return self.particle_planes, count
+        return (2 * count if self.particle_columns else 0), self.particle_columns
+
+    def kept_particles(self, particles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the part of such an array that is kept between samples."""
+        if self.particle_planes:
+            return particles[: self.particle_columns]
+        return particles[: particles.shape[0] // 2]
 
 
 # First guess and tempering with which, from one setting, `ukf` and its kin found six tissues with K
@@ -224,7 +241,8 @@ FILTERS: dict[str, FilterEntry] = {
         },
         fixed={"tempering_amplitude": 0.0},
         kinematic_only=("proposal",),
-        particle_columns=sir_pf.COLUMNS,
+        particle_columns=sir_pf.KEPT,
+        particle_planes=sir_pf.PLANES,
     ),
     "rbpf": FilterEntry(
         run=rbpf.run,

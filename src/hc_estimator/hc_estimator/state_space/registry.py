@@ -268,6 +268,18 @@ def constrain(settings: Any, state: NDArray[np.float64]) -> None:
 
 
 @compiled
+def limits(settings: Any, index: int) -> tuple[float, float]:
+    """Smallest and largest value that `constrain` leaves to a state's parameter, 3 to 6."""
+    if index < 5:
+        return (0.0 if settings.state_space == PAPER else -math.inf), math.inf
+    if index == 5:
+        return SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
+    if has_lagged_velocity(settings.contact_model):
+        return -math.inf, math.inf
+    return SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT
+
+
+@compiled
 def is_lost(settings: Any, state: NDArray[np.float64]) -> bool:
     """True if the parameters are so far from any tissue that no data would bring them back."""
     if is_literal(settings):
