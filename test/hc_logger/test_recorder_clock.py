@@ -144,3 +144,25 @@ def test_a_steady_clock_is_left_alone() -> None:
         clock.update()
         assert clock.steady(source.wall) == source.wall
     assert clock.jumps_ns == []
+
+
+def test_a_batch_is_corrected_as_its_messages_one_by_one() -> None:
+    """Batches of one topic after another, the clock set between and within them."""
+    rng = np.random.default_rng(2)
+    source = SetClock()
+    together = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    one_by_one = ReceptionClock(lambda: source.wall, lambda: source.steady)
+    for batch in range(400):
+        waiting = []
+        for _ in range(int(rng.integers(1, 6))):
+            source.pass_ms(float(rng.uniform(0.0, 2.0)))
+            waiting.append(source.wall)
+            if rng.uniform() < 0.03:
+                source.wall += int(rng.choice([-1, 1]) * rng.uniform(1e7, 5e9))
+        if batch % 3 == 0:
+            together.update()
+            one_by_one.update()
+        found = together.steady_all(waiting)
+        assert found == [one_by_one.steady(time) for time in waiting]
+    assert together.jumps_ns == one_by_one.jumps_ns
+    assert len(together.jumps_ns) > 10

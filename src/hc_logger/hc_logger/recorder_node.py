@@ -235,26 +235,31 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self._diagnostics.publish()  # at once, not within a second
 
     def _drain_one(self, tap: Tap) -> None:
-        session, number = self._session, tap.number
         now = self.get_clock().now().nanoseconds if self._sim_time else 0
         if self._sim_time and not now:
             return  # nobody has said yet what time it is: the messages wait in their queues
-        steady = self._clock_of_reception.steady
         handle, kind = tap.subscription.handle, tap.subscription.msg_type
-        single = tap.publishers == 1
+        data: list[bytes] = []
+        infos: list[Mapping[str, Any]] = []
         with handle:
-            for _ in range(MOST_AT_ONCE):
+            while len(data) < MOST_AT_ONCE:
                 taken = handle.take_message(kind, True)
                 if taken is None:
-                    return
-                data, info = taken
-                session.add(
-                    number,
-                    now or steady(info["received_timestamp"]),
-                    data,
-                    info["source_timestamp"],
-                    info["publication_sequence_number"] if single else None,
-                )
+                    break
+                data.append(taken[0])
+                infos.append(taken[1])
+        if not data:
+            return
+        if now:
+            log_times = [now] * len(data)
+        else:
+            received = [info["received_timestamp"] for info in infos]
+            log_times = self._clock_of_reception.steady_all(received)
+        published = [info["source_timestamp"] for info in infos]
+        sequences: list[int | None] = [None] * len(data)
+        if tap.publishers == 1:
+            sequences = [info["publication_sequence_number"] for info in infos]
+        self._session.add_many(tap.number, log_times, data, published, sequences)
 
     def _missing(self) -> list[str]:
         """Return which expected topics are not matched yet, for ~/ready."""

@@ -111,21 +111,39 @@ class RecordingSession:
             publish_time_ns: time of publication.
             sequence: the publisher's counter; None if not known or not of one publisher.
         """
-        count = self.counts[topic]
-        count.note(sequence)
+        self.add_many(topic, [log_time_ns], [data], [publish_time_ns], [sequence])
+
+    def add_many(
+        self,
+        topic: int,
+        log_times_ns: Sequence[int],
+        data: Sequence[bytes],
+        publish_times_ns: Sequence[int],
+        sequences: Sequence[int | None],
+    ) -> None:
+        """Write messages of one topic in the order in which they came.
+
+        Args:
+            topic: number from add_topic().
+            log_times_ns: times of reception.
+            data: CDR bytes.
+            publish_times_ns: times of publication.
+            sequences: the publisher's counter; None if not known or not of one publisher.
+        """
+        count, number = self.counts[topic], len(data)
+        for sequence in sequences:
+            count.note(sequence)
         if self.failure:
-            self.unwritten += 1
+            self.unwritten += number
             return
+        # Counted before: what of them is in no whole chunk if it fails, `_fail` takes off again.
+        count.messages += number
+        count.bytes += sum(map(len, data))
+        counters = [(sequence or 0) & 0xFFFFFFFF for sequence in sequences]
         try:
-            self.writer.write(
-                topic, log_time_ns, data, publish_time_ns, (sequence or 0) & 0xFFFFFFFF
-            )
+            self.writer.write_many(topic, log_times_ns, data, publish_times_ns, counters)
         except OSError as error:
             self._fail(error)
-            self.unwritten += 1
-            return
-        count.messages += 1
-        count.bytes += len(data)
 
     def flush_if_due(self, early_s: float = 0.0) -> None:
         """Flush when the interval is over, or will be so soon; call it often.

@@ -2,7 +2,7 @@
 
 Chunks are small and flushed often, so that little is lost when the process is killed. flush()
 hands everything to the operating system (survives SIGKILL), sync() to the disk (survives a power
-cut). The mcap package does the encoding.
+cut). mcap_writer.py does the encoding.
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mcap.writer import CompressionType, IndexType, Writer
-
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, BagExistsError
+from hc_logger.mcap_writer import McapWriter
 from hc_logger.metadata import (
     BagMetadata,
     FileRecord,
@@ -31,6 +30,8 @@ from hc_logger.metadata import (
 from hc_logger.new_file import RawFile, sync
 
 CHUNK_BYTES = 256 * 1024
+MOST_TOGETHER = 64
+"""Messages between two looks at whether the file is long enough."""
 LIBRARY = "hc_logger"
 _TIME_BITS = 2**64 - 1
 
@@ -54,8 +55,8 @@ class BagWriter:
             custom_data: texts that go into the metadata (configuration, seed, version).
             chunk_bytes: size at which a chunk is compressed and written.
             max_file_bytes: begin a new file when one has got this large (on the disk, at most a
-                chunk more); 0 for no limit. It also bounds memory: the index of a file is kept
-                until the file is finished.
+                chunk and `MOST_TOGETHER` messages more); 0 for no limit. It also bounds memory:
+                the index of a file is kept until the file is finished.
             max_file_duration_s: begin a new file after so many seconds of log time; 0 as above.
 
         Raises:
@@ -71,7 +72,7 @@ class BagWriter:
         self._files: list[FileRecord] = []
         self._custom_data = {k: _plain(v) for k, v in (custom_data or {}).items()}
         self._schemas: dict[tuple[str, str], int] = {}
-        self._safe_counts: list[int] = []
+        self._safe_before: dict[int, int] = {}  # in whole chunks of files before the present one
         self._closed = False
         self._files_lock = threading.Lock()
         self._unsynced: list[int] = []
@@ -85,6 +86,7 @@ class BagWriter:
                 ) from None
             raise BagError(f"cannot make the bag folder {self.path}: {error.strerror}") from error
         self._stream = RawFile.none()
+        self._writer = McapWriter(self._stream, chunk_bytes)
         try:
             self._open_file()
         except OSError as error:
@@ -96,12 +98,9 @@ class BagWriter:
         self._files.append(self._file)
         with self._files_lock:
             self._stream = RawFile(self.path / self._file.path)
-        self._writer = Writer(
-            self._stream,
-            chunk_size=self._chunk_bytes,
-            compression=CompressionType.ZSTD,
-            index_types=IndexType.ALL,
-        )
+        for number, count in self._writer.written.items():
+            self._safe_before[number] = self._safe_before.get(number, 0) + count
+        self._writer = McapWriter(self._stream, self._chunk_bytes)
         self._writer.start(profile="ros2", library=LIBRARY)
         self._counts_at_open = [topic.message_count for topic in self._topics]
         self._schemas.clear()
@@ -175,37 +174,53 @@ class BagWriter:
         Raises:
             OSError: if the disk is full or gone.
         """
-        record, position = self._file, self._stream.tell()
-        if (
-            log_time_ns - record.start_ns > self._max_file_ns or position > self._max_file_bytes
-        ) and record.message_count:
-            self._finish_file()
-            self._open_file()
-            record, position = self._file, self._stream.tell()
-        self._writer.add_message(
-            topic,
-            log_time_ns & _TIME_BITS,  # what a damaged bag had beyond 2^63 reads as negative
-            data,
-            (log_time_ns if publish_time_ns is None else publish_time_ns) & _TIME_BITS,
-            sequence,
-        )
-        if not record.message_count:
-            record.start_ns = record.end_ns = log_time_ns
-        elif log_time_ns > record.end_ns:
-            record.end_ns = log_time_ns
-        elif log_time_ns < record.start_ns:
-            record.start_ns = log_time_ns
-        record.message_count += 1
-        self._topics[topic - 1].message_count += 1
-        if self._stream.tell() != position:  # the chunk was full
-            self._note_safe()
+        published = log_time_ns if publish_time_ns is None else publish_time_ns
+        self.write_many(topic, (log_time_ns,), (data,), (published,), (sequence,))
 
-    def _note_safe(self) -> None:
-        self._safe_counts = [topic.message_count for topic in self._topics]
+    def write_many(
+        self,
+        topic: int,
+        log_times_ns: Sequence[int],
+        data: Sequence[bytes],
+        publish_times_ns: Sequence[int],
+        sequences: Sequence[int],
+    ) -> None:
+        """Add messages of one topic, which cost half of as many calls of `write`.
+
+        Args:
+            topic: number from add_topic().
+            log_times_ns: times of reception.
+            data: the messages, as in `write`.
+            publish_times_ns: times of publication.
+            sequences: the publisher's counter, 0 if not known.
+
+        Raises:
+            OSError: if the disk is full or gone.
+        """
+        for start in range(0, len(data), MOST_TOGETHER):
+            some = slice(start, start + MOST_TOGETHER)
+            log_times = [time & _TIME_BITS for time in log_times_ns[some]]
+            record = self._file
+            if record.message_count and (
+                log_times_ns[start] - record.start_ns > self._max_file_ns
+                or self._stream.tell() > self._max_file_bytes
+            ):
+                self._finish_file()
+                self._open_file()
+                record = self._file
+            published = [time & _TIME_BITS for time in publish_times_ns[some]]
+            self._writer.add_messages(topic, log_times, data[some], published, sequences[some])
+            earliest, latest = min(log_times_ns[some]), max(log_times_ns[some])
+            if not record.message_count:
+                record.start_ns, record.end_ns = earliest, latest
+            record.start_ns = min(record.start_ns, earliest)
+            record.end_ns = max(record.end_ns, latest)
+            record.message_count += len(log_times)
+            self._topics[topic - 1].message_count += len(log_times)
 
     def safe_count(self, topic: int) -> int:
         """Return how many messages of a topic are in chunks that were written whole."""
-        return self._safe_counts[topic - 1] if topic <= len(self._safe_counts) else 0
+        return self._safe_before.get(topic, 0) + self._writer.written.get(topic, 0)
 
     @property
     def message_count(self) -> int:
@@ -224,7 +239,6 @@ class BagWriter:
     def flush(self) -> None:
         """Hand everything received so far to the operating system."""
         self._writer.flush()
-        self._note_safe()
 
     def sync(self) -> None:
         """Hand what was flushed to the disk; may take long, may be called from another thread.
