@@ -276,13 +276,19 @@ class Estimator:
         it to the last bit. Survives JSON.
         """
         return {
+            **self.state_without_memory(),
+            "memory": to_plain(self._memory[0], self._fields),
+            "particles": FILTERS[self._filter].kept_particles(self._particles).tolist(),
+        }
+
+    def state_without_memory(self) -> dict[str, Any]:
+        """Of `state` what says whose it is; the rest by `packed_state.freeze` where it is large."""
+        return {
             "format": STATE_FORMAT,
             "filter": self._filter,
             "state_space": self._state_space,
             "contact_model": self._contact_model,
             "configuration": self.configuration,
-            "memory": to_plain(self._memory[0], self._fields),
-            "particles": FILTERS[self._filter].kept_particles(self._particles).tolist(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:

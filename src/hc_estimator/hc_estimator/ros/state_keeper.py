@@ -19,7 +19,7 @@ from hc_estimator.stream.state_file import (
     SAVED,
     SavedState,
     StateFolder,
-    snapshot,
+    freeze,
 )
 
 TRIAL_STEPS = 100
@@ -116,7 +116,7 @@ class StateKeeper:
             done, self._writing = self._writing, None
             done.result()
         self._next_s = now_s + period_s
-        self._writing = self._writer.submit(self._folder.write, RUNNING, snapshot(session))
+        self._writing = self._writer.submit(self._folder.write_frozen, RUNNING, freeze(session))
 
     def keep_last(self, session: EstimationSession | None, period_s: float) -> None:
         """Keep the state once more: the node ends in good order, and may be started again.
@@ -133,7 +133,7 @@ class StateKeeper:
             self.on_trial = False
             self._folder.end_trial()
         elif session is not None and session.time_origin_ns is not None:
-            self._folder.write(RUNNING, snapshot(session))
+            self._folder.write_frozen(RUNNING, freeze(session))
 
     def hasten(self) -> None:
         """Keep the state at the next opportunity: a revision that was told must not come twice."""

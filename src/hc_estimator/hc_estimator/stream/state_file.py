@@ -19,6 +19,8 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hc_estimator import packed_state
+from hc_estimator.packed_state import FrozenState
 from hc_estimator.stream.session import EstimationSession
 
 SAVED = "saved_state.json"
@@ -56,13 +58,32 @@ def snapshot(session: EstimationSession) -> dict[str, Any]:
     """
     if session.time_origin_ns is None:
         raise ValueError("nothing to save: no sample came yet")
+    return {**_head(session), "estimator": session.estimator.state()}
+
+
+def _head(session: EstimationSession) -> dict[str, Any]:
     return {
         "format": _FORMAT,
         "time_origin_ns": session.time_origin_ns,
         "revision": session.revision.number,
         "saved_at_s": time.time(),
-        "estimator": session.estimator.state(),
     }
+
+
+class Frozen(NamedTuple):
+    """What `snapshot` returns, before it is made plain."""
+
+    head: dict[str, Any]
+    estimator: FrozenState
+
+    def packed(self) -> dict[str, Any]:
+        """Return it as plain data, the estimator's memory as its bytes."""
+        return {**self.head, "estimator": self.estimator.packed()}
+
+
+def freeze(session: EstimationSession) -> Frozen:
+    """Copy a session's state, in no time to speak of: it has seen a sample."""
+    return Frozen(_head(session), packed_state.freeze(session.estimator))
 
 
 class StateFolder:
@@ -90,8 +111,16 @@ class StateFolder:
         """
         return self.write(name, snapshot(session))
 
+    def write_frozen(self, name: str, frozen: Frozen) -> Path:
+        """Write what `freeze` returned: in a thread of its own, for a disk takes its time.
+
+        Raises:
+            OSError: see `write`.
+        """
+        return self.write(name, frozen.packed())
+
     def write(self, name: str, data: dict[str, Any]) -> Path:
-        """Write what `snapshot` returned, as `save` does; may run in a thread of its own.
+        """Write what `snapshot` returned, as `save` does.
 
         Raises:
             OSError: if the file cannot be written; an older one is as it was.
@@ -126,7 +155,7 @@ class StateFolder:
             data = json.loads(self._read(path))
             if data["format"] != _FORMAT:
                 raise ValueError(f"format {data['format']!r} instead of {_FORMAT}")
-            estimator = dict(data["estimator"])
+            estimator = packed_state.unpacked(data["estimator"])
             for name, kind in _KINDS.items():
                 if not isinstance(estimator[name], kind):
                     raise ValueError(f"{name} is {estimator[name]!r:.40}")
