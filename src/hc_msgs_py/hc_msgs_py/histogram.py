@@ -6,6 +6,10 @@ so that a quantile is known to 0.8 % of its value whatever its size.
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections.abc import Sequence
+from itertools import accumulate
+from operator import add
 from typing import Any, Final
 
 import numpy as np
@@ -83,17 +87,27 @@ class DurationHistogram:
         Raises:
             ValueError: if the fraction is not within 0 to 1.
         """
-        if not 0.0 <= fraction <= 1.0:
-            raise ValueError(f"fraction = {fraction!r} is not a number from 0 to 1")
+        return self.quantiles_ns((fraction,))[0]
+
+    def quantiles_ns(self, fractions: Sequence[float]) -> list[float]:
+        """Return `quantile_ns` of several fractions; the bins are gone through once.
+
+        Raises:
+            ValueError: as there.
+        """
+        for fraction in fractions:
+            if not 0.0 <= fraction <= 1.0:
+                raise ValueError(f"fraction = {fraction!r} is not a number from 0 to 1")
         if self.count == 0:
-            return float("nan")
-        wanted = fraction * self.count
-        seen = 0
-        for index, number in enumerate(self._bins):
-            seen += number
-            if number and seen >= wanted:
-                return min(float(_CENTRES[index]), float(max(self.maximum_ns, 0)))
-        return float(self.maximum_ns)
+            return [float("nan")] * len(fractions)
+        seen = list(accumulate(self._bins))
+        largest = float(max(self.maximum_ns, 0))
+        # The first bin up to which so many were seen holds one; of none it is the first that does.
+        places = (bisect_left(seen, max(f * self.count, 0.5)) for f in fractions)
+        return [
+            min(float(_CENTRES[place]), largest) if place < _BINS else float(self.maximum_ns)
+            for place in places
+        ]
 
     def quantile_s(self, fraction: float) -> float:
         """The same in s."""
@@ -115,9 +129,7 @@ class DurationHistogram:
         """Add what another histogram counted."""
         self.count += other.count
         self.maximum_ns = max(self.maximum_ns, other.maximum_ns)
-        for index, number in enumerate(other._bins):
-            if number:
-                self._bins[index] += number
+        self._bins = list(map(add, self._bins, other._bins))
 
     def clear(self) -> None:
         """Forget everything."""

@@ -266,8 +266,9 @@ def _quantiles(name: str, recent: DurationHistogram, total: DurationHistogram) -
     values = {}
     for histogram, suffix in ((recent, ""), (total, "_since_start")):
         if histogram.count:
-            for label, fraction in _QUANTILES:
-                values[f"{name}_{label}_us{suffix}"] = histogram.quantile_ns(fraction) / 1000.0
+            found = histogram.quantiles_ns([fraction for _, fraction in _QUANTILES])
+            for (label, _), quantile_ns in zip(_QUANTILES, found, strict=True):
+                values[f"{name}_{label}_us{suffix}"] = quantile_ns / 1000.0
             values[f"{name}_max_us{suffix}"] = histogram.maximum_ns / 1000.0
     recent.clear()
     return values
