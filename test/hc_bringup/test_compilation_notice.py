@@ -75,7 +75,7 @@ def test_commands_that_run_kernels_listen_and_the_others_need_no_numba_for_it(
             "simulate": ["lump", "-o", "x.csv"],
         }
         words |= {"bench": ["speed"], "completion": ["bash"]}
-        assert cli.main([name, *words.get(name, [])], tell_compilation=True) == 0
+        assert cli.main([name, *words.get(name, [])], tell_waiting=True) == 0
         assert len(made) == expected
         assert cli.main([name, *words.get(name, [])]) == 0
         assert len(made) == expected

@@ -7,47 +7,81 @@ from pathlib import Path
 
 import pytest
 
-from hc_bringup import live
+from hc_bringup import heartbeat
 from hc_bringup.conclusion import conclude
 from hc_bringup.errors import UserError
+from hc_bringup.heartbeat import Heartbeat
 from hc_bringup.live import Display
 from hc_bringup.plan import NodePlan
 from hc_bringup.processes import NodeProcess
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import EstimateStatistics
+from hc_bringup.wrapping import say
 from hc_estimator.stream.readings import MEANINGS
 
 
-def test_a_headless_run_says_what_it_waits_for(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_headless_run_says_what_it_waits_for(monkeypatch: pytest.MonkeyPatch) -> None:
     """Regression: on a busy machine a run of 22 s was silent for 40 s more."""
     clock = [100.0]
     load = [1.0]
-    monkeypatch.setattr(live.time, "monotonic", lambda: clock[0])
-    monkeypatch.setattr(live.os, "getloadavg", lambda: (load[0], 0.0, 0.0))
-    monkeypatch.setattr(live.os, "sched_getaffinity", lambda _: {0, 1})
-    display = Display(enabled=False)
+    monkeypatch.setattr(heartbeat.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(heartbeat.os, "getloadavg", lambda: (load[0], 0.0, 0.0))
+    monkeypatch.setattr(heartbeat.os, "sched_getaffinity", lambda _: {0, 1})
+    beat = Heartbeat()
+    monkeypatch.setattr(heartbeat, "_heartbeat", beat)
+    heartbeat.spoke()
     state = RunState(EstimateStatistics(), 22.0)
 
-    def pass_time(seconds: float, phase: str) -> str:
+    def pass_time(seconds: float, phase: str, enabled: bool = False) -> list[str]:
         state.phase = phase
+        display = Display(enabled=enabled)
+        told = []
         for _ in range(round(10 * seconds)):
-            clock[0] += 0.1
             display.show(state)
-        return capsys.readouterr().err
+            clock[0] += 0.1
+            told.append(beat.due())
+        return list(filter(None, told))
 
-    assert pass_time(9.0, "starting estimator") == ""  # an ordinary start
-    assert pass_time(2.0, "starting estimator") == "starting estimator, since 10 s\n"
-    assert pass_time(22.0, "running") == ""
+    assert pass_time(2.9, "starting estimator") == []  # an ordinary start
+    assert pass_time(5.0, "starting estimator") == [
+        "starting estimator, since 3 s",
+        "starting estimator, since 7 s",
+    ]
+    assert pass_time(22.0, "running") == []
     load[0] = 15.0
-    assert pass_time(11.0, "stopping recorder") == (
-        "stopping recorder, since 10 s (machine busy: load 15.0 on 2 processors)\n"
-    )
-    assert "waiting for the last estimates, since 20 s" in pass_time(
-        10.0, "waiting for the last estimates"
-    )
-    assert pass_time(30.0, "done") == ""
+    assert pass_time(4.0, "stopping recorder") == [
+        "stopping recorder, since 3 s (machine busy: load 15.0 on 2 processors)"
+    ]
+    load[0] = 1.0
+    assert pass_time(2.5, "waiting for the last estimates") == []
+    # Nothing was said for a while: the next step is told sooner.
+    assert pass_time(2.0, "stopping estimator") == ["stopping estimator, since 1 s"]
+    assert len(pass_time(180.0, "stopping estimator")) in (22, 23)  # after a minute seldom
+    assert pass_time(30.0, "done") == []
+    assert pass_time(6.0, "starting estimator", enabled=True) == []  # the panel tells it
+
+
+def test_what_the_command_says_itself_puts_the_next_line_off(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clock = [100.0]
+    monkeypatch.setattr(heartbeat.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(heartbeat.os, "getloadavg", lambda: (0.0, 0.0, 0.0))
+    beat = Heartbeat()
+    monkeypatch.setattr(heartbeat, "_heartbeat", beat)
+    heartbeat.spoke()
+    heartbeat.doing("looking")
+    clock[0] += 2.9
+    say("found")
+    clock[0] += 0.2
+    assert beat.due() == ""
+    heartbeat.telling("looking", "looking: 3 of 7")  # the same step: what is told of it
+    clock[0] += 3.0
+    assert beat.due() == "looking: 3 of 7"
+    heartbeat.nothing()
+    clock[0] += 60.0
+    assert beat.due() == ""
+    assert capsys.readouterr().out == "found\n"
 
 
 def test_who_ends_a_node_is_heard_while_it_takes_its_time(

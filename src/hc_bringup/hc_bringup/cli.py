@@ -9,11 +9,13 @@ import importlib.metadata
 import io
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
 from types import FrameType
 from typing import Any, Final, NoReturn
 
+from hc_bringup import heartbeat, last_resort
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.guard import explain
 from hc_bringup.wrapping import wrapped
@@ -52,7 +54,8 @@ COMMANDS: Final = (
 )
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status.
 
-A module with COMPILES = True runs kernels itself: that these are compiled is then told.
+A module with COMPILES = True runs kernels itself: that these are compiled is then told. One with
+HEARTBEAT = True names its steps (heartbeat.py), and each is told that lasts.
 """
 
 
@@ -160,22 +163,34 @@ _interrupts: list[int] = []
 
 
 def on_interrupt(number: int, _frame: FrameType | None) -> None:
-    """Answer SIGINT as Python does, and remember it: extension modules make other errors of it."""
+    """Answer SIGINT and SIGTERM with a KeyboardInterrupt, and remember the signal.
+
+    Extension modules make other errors of the exception. A second SIGTERM ends the process at once.
+    """
     _interrupts.append(number)
+    last_resort.heard()
+    if number == signal.SIGTERM:
+        signal.signal(number, signal.SIG_DFL)
     raise KeyboardInterrupt
 
 
 def was_interrupted() -> bool:
-    """Whether SIGINT has come, whatever error was made of it."""
+    """Whether SIGINT or SIGTERM has come, whatever error was made of it."""
     return bool(_interrupts)
 
 
-def main(arguments: Sequence[str] | None = None, *, tell_compilation: bool = False) -> int:
+def interrupted_status() -> int:
+    """Return the exit status of a command that a signal ended, as shells tell it."""
+    return 128 + (_interrupts[-1] if _interrupts else signal.SIGINT)
+
+
+def main(arguments: Sequence[str] | None = None, *, tell_waiting: bool = False) -> int:
     """Run the hc command.
 
     Args:
         arguments: command line without the program's name; None takes sys.argv.
-        tell_compilation: whether a line on standard error says that kernels are being compiled.
+        tell_waiting: whether lines on standard error say that kernels are being compiled, and what
+            else takes long.
 
     Returns:
         Exit status: 0, 1 for a failure, 2 for wrong use.
@@ -185,16 +200,18 @@ def main(arguments: Sequence[str] | None = None, *, tell_compilation: bool = Fal
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     try:
-        return _run_guarded(words, tell_compilation)
+        return _run_guarded(words, tell_waiting)
     except KeyboardInterrupt:  # also one that is noticed only while the error it made is told
-        return 130
+        return interrupted_status()
 
 
-def _run_guarded(words: list[str], tell_compilation: bool) -> int:
+def _run_guarded(words: list[str], tell_waiting: bool) -> int:
     try:
         try:
-            return _run(words, tell_compilation)
+            return _run(words, tell_waiting)
         finally:
+            if tell_waiting:
+                heartbeat.end()
             _flush()  # before the error line; and a full disk shows here, not when Python ends
     except UserError as error:
         return _tell(words, error)
@@ -204,7 +221,7 @@ def _run_guarded(words: list[str], tell_compilation: bool) -> int:
         return 0
     except Exception as error:  # noqa: BLE001 - no traceback reaches a user, whatever it is
         if _interrupts:
-            return 130
+            return interrupted_status()
         return _tell(words, explain(error, words))
 
 
@@ -222,13 +239,16 @@ def _complete() -> None:
     argcomplete.autocomplete(parser, always_complete_options=False)
 
 
-def _run(words: list[str], tell_compilation: bool) -> int:
+def _run(words: list[str], tell_waiting: bool) -> int:
     if "_ARGCOMPLETE" in os.environ:
         _complete()
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
     module = _module(parsed.command)
-    if tell_compilation and getattr(module, "COMPILES", False):
+    if tell_waiting and getattr(module, "HEARTBEAT", False):
+        last_resort.arm(f"hc {parsed.command}")
+        heartbeat.begin(f"starting hc {parsed.command}")
+    if tell_waiting and getattr(module, "COMPILES", False):
         from hc_bringup.compilation_notice import CompilationNotice
 
         CompilationNotice()

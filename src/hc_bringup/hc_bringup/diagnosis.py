@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hc_estimator import PARAMETER_NAMES, Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
+from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -120,7 +121,7 @@ class _Samples:
     def estimate(self) -> Estimated | None:
         """Run the default estimator; None if it was never in contact."""
         estimator = create_estimator(DEFAULT_FILTER, missing_readings=True)
-        series = estimator.run(self.time_s, self.displacement_mm, self.force_n)
+        series = run_in_pieces(estimator, self.time_s, self.displacement_mm, self.force_n)
         touched = series.contact & (series.rejected == 0)
         if not touched.any():
             return None

@@ -1,4 +1,4 @@
-"""Where the hc command begins: until it can answer an interrupt, it ends by one without a word.
+"""Where the hc command begins: until it can answer a signal, it ends by one without a word.
 
 `./hc` starts it with SIGINT blocked, because Python would answer one during its own start with a
 traceback. An interrupt that came meanwhile is delivered here.
@@ -11,7 +11,13 @@ signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
 
 def main() -> int:
-    """Run the hc command; returns the exit status."""
+    """Run the hc command; returns the exit status, or ends with it where a signal asked to end.
+
+    What Python does at its end, module by module, takes seconds on a busy machine, and nobody who
+    pressed Ctrl-C waits for it: everything that has to be put away is by then.
+    """
+    import contextlib
+    import os
     import sys
     import warnings
 
@@ -19,8 +25,17 @@ def main() -> int:
 
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
-    signal.signal(signal.SIGINT, cli.on_interrupt)
+    signals = (signal.SIGINT, signal.SIGTERM)
+    for number in signals:
+        signal.signal(number, cli.on_interrupt)
     try:
-        return cli.main(tell_compilation=True)
+        status = cli.main(tell_waiting=True)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        for number in signals:
+            signal.signal(number, signal.SIG_DFL)
+    if cli.was_interrupted():
+        for stream in (sys.stdout, sys.stderr):
+            with contextlib.suppress(OSError, ValueError):  # closed, or nobody reads it any more
+                stream.flush()
+        os._exit(status)
+    return status

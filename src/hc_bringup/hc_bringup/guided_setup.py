@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from hc_bringup import heartbeat
 from hc_bringup.asking import Asker, yes_or_no
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
@@ -27,6 +28,7 @@ LONGEST = 3.0
 """Times the time of the presses that is waited for further ones."""
 SILENT_S = 8.0
 """A recording ends when a sensor has sent nothing for so long."""
+FINDING = "finding axes, signs, zeros and delay"
 KINDS = {"force": ("wrench",), "position": ("pose", "transform", "joint")}
 _HELP = (
     "is the robot's driver running, in this ROS_DOMAIN_ID and on this machine "
@@ -72,6 +74,7 @@ def at_once(
         recorder.spin(seconds, lambda left: tell(f"recording presses: {left:3.0f} s"))
         tell.clear()
         say("recorded; finding axes, signs, zeros and delay ...")
+        heartbeat.doing(FINDING)
         if recorder.silent():
             raise UserError(f"{recorder.silent()}: is its driver still running?", FAILURE)
         return Recorded(chosen[0], chosen[1], recorder.readings(), None)
@@ -80,7 +83,9 @@ def at_once(
 def look(graph: Graph) -> list[Stream]:
     """Look for sensors and say which there are."""
     say(f"looking for sensors (at most {PATIENCE_S:g} s) ...")
+    heartbeat.doing("looking for sensors")
     streams = find_streams(graph, LOOK_S, PATIENCE_S)
+    heartbeat.nothing()
     for stream in streams:
         alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
         say(f"  {stream.topic} ({stream.kind}): {alive}")
@@ -122,7 +127,7 @@ def _position_types() -> str:
 
 
 class LiveLine:
-    """A line on the terminal that is written over again and again; nothing elsewhere."""
+    """A line on the terminal that is written over again and again; elsewhere one now and then."""
 
     def __init__(self) -> None:
         self._shown = sys.stderr.isatty()
@@ -132,11 +137,15 @@ class LiveLine:
         if self._shown:
             width = shutil.get_terminal_size().columns - 1  # a line that wraps cannot be undone
             print(f"\r\x1b[K{text[:width]}", end="", file=sys.stderr, flush=True)
+        else:
+            heartbeat.telling("live line", text)
 
     def clear(self) -> None:
         """Leave an empty line."""
         if self._shown:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        else:
+            heartbeat.nothing()
 
 
 class Guide:

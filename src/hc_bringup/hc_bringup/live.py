@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 import time
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from typing import Final
 from rich.console import Console
 from rich.live import Live
 
+from hc_bringup import heartbeat
 from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.runner import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
@@ -31,8 +31,6 @@ SYMBOLS: Final = {
     "velocity_exponent": ("p", ""),
 }
 _LINE_PERIOD_S: Final = 1.0
-_WAIT_REPORT_S: Final = 10.0
-"""A start or an end that takes longer is spoken of so often, even where nothing else is shown."""
 _REASON_WITHIN_S: Final = 1.6
 """So long a silent run is waited with, for the estimator to say why."""
 
@@ -75,7 +73,6 @@ class Display:
         self._reported: dict[str, str] = {}
         self._doubted: set[str] = set()
         self._silence_reported = False
-        self._waits_since = self._spoke_at = time.monotonic()
 
     def __enter__(self) -> Display:
         if self._enabled and self._console.is_terminal:
@@ -103,8 +100,9 @@ class Display:
             self._tell_problems(state)
             self._tell_silence(state)
         if not self._enabled:
-            self._tell_waiting(state)
+            heartbeat.doing("" if state.phase in (RUNNING, DONE) else state.phase)
             return
+        heartbeat.nothing()  # the panel tells it, or a line a second
         if state.phase == RUNNING:  # while it ends, the source has stopped
             self._rate.update(state.statistics.estimates)
         if self._live is not None:
@@ -165,21 +163,6 @@ class Display:
             said = "samples come again"
         if said:
             sys.stderr.write(f"{state.elapsed_s:.1f} s: {said}\n")
-            sys.stderr.flush()
-
-    def _tell_waiting(self, state: RunState) -> None:
-        """Say what a start or an end waits for, and that the machine is busy where it is."""
-        now = time.monotonic()
-        if state.phase in (RUNNING, DONE):
-            self._waits_since = self._spoke_at = now
-        elif now - self._spoke_at >= _WAIT_REPORT_S:
-            self._spoke_at = now
-            load, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
-            busy = f" (machine busy: load {load:.1f} on {processors} processors)"
-            sys.stderr.write(
-                f"{state.phase}, since {now - self._waits_since:.0f} s"
-                f"{busy if load > processors else ''}\n"
-            )
             sys.stderr.flush()
 
     def _view(self, state: RunState) -> PanelView:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_bringup import heartbeat
 from hc_bringup.diagnosis import Finding
-from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
 from hc_msgs_py.conversion import sample_from_message
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
@@ -40,6 +41,7 @@ def listen(node: str, seconds: float) -> Heard:
 
     Raises:
         UserError: if there is no such node.
+        KeyboardInterrupt: if a signal asks to end.
     """
     from diagnostic_msgs.msg import DiagnosticArray
     from hc_msgs.msg import IndenterSample
@@ -65,8 +67,12 @@ def listen(node: str, seconds: float) -> Heard:
             ),
             DIAGNOSTICS_QOS,
         )
-        if not graph.spin(seconds):
-            raise UserError("interrupted", FAILURE)
+        begin = time.monotonic()
+        while (left := begin + seconds - time.monotonic()) > 0.0:
+            heartbeat.telling("listening", f"listening to {name}: {left:.0f} s left")
+            if not graph.spin(min(left, 0.5)):
+                raise KeyboardInterrupt
+        heartbeat.doing("judging what was heard")
     if not statuses:
         heard.findings.append(Finding(f"{name} tells no diagnostics: is it stopped or too busy?"))
     elif int.from_bytes(statuses[-1].level, "little") > 0:

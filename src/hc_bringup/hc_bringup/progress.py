@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,6 +15,8 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+from hc_bringup import heartbeat
 
 
 @contextmanager
@@ -63,30 +64,23 @@ def status_line() -> Iterator[Callable[[str], None]]:
 
 
 @contextmanager
-def long_bar(title: str, again_s: float = 30.0) -> Iterator[Callable[[int, int], None]]:
+def long_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a function that takes what is done and how much there is in all.
 
     A terminal gets a bar with the time that is left; a file gets a line now and then.
-
-    Args:
-        title: what is counted.
-        again_s: between two lines of a file.
     """
     console = Console(stderr=True)
     start = time.monotonic()
-    last = start
 
     def line(done: int, total: int) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if now - last >= again_s and done:
-            left = (now - start) * (total - done) / done
-            print(f"{title}: {done} of {total}, {left:.0f} s left", file=sys.stderr, flush=True)
-            last = now
+        left = f", {(time.monotonic() - start) * (total - done) / done:.0f} s left" if done else ""
+        heartbeat.telling(title, f"{title}: {done} of {total}{left}")
 
     if not console.is_terminal:
         yield line
+        heartbeat.nothing()
         return
+    heartbeat.nothing()  # the bar tells it
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
+from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.together import of_two_readings, together
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
@@ -219,7 +220,9 @@ def estimated(recording: Recording, estimator: Estimator, tip: TipSource | None 
     Raises:
         UserError: if a position of the tip is asked for that is not there.
     """
-    series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+    series = run_in_pieces(
+        estimator, recording.time_s, recording.displacement_mm, recording.force_n
+    )
     return of_series(recording, estimator, series, tip)
 
 

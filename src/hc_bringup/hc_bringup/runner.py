@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
+from hc_bringup import last_resort
 from hc_bringup.domain_lock import DomainLock, domain_id
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
@@ -141,6 +142,7 @@ class Runner:
             UserError: if another run has the domain, if a node died, did not start or did not find
                 its partners, or if a signal came before the first sample.
         """
+        last_resort.disarm()  # from here on a signal ends the nodes first
         with DomainLock(domain_id()):
             return self._run()
 

@@ -7,6 +7,8 @@ import sys
 import textwrap
 from typing import Final, TextIO
 
+from hc_bringup import heartbeat
+
 INDENT: Final = "  "
 """Of the second and further lines, more than that of the first."""
 
@@ -43,3 +45,4 @@ def _broken(line: str, width: int) -> str:
 def say(text: str) -> None:
     """Print a text now, wrapped at a terminal."""
     print(wrapped(text), flush=True)
+    heartbeat.spoke()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from hc_bringup import heartbeat
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.options import positive
 
@@ -30,6 +31,7 @@ def run(arguments: argparse.Namespace, service: str, timeout_s: float | None) ->
     from hc_bringup.service_calls import EstimatorServices
 
     with Graph() as graph:
+        heartbeat.doing(f"calling {service} of {arguments.node}")
         estimator = EstimatorServices(graph, arguments.node)
         estimator.listen()
 
@@ -45,7 +47,9 @@ def run(arguments: argparse.Namespace, service: str, timeout_s: float | None) ->
         other = next(name for name in SERVICES if name != service)
         answer = estimator.with_parameter("tare.force", True, ask) if arguments.force else ask()
         print(answer, flush=True)
+        heartbeat.doing(f"waiting for the outcome of {service}")
         event = estimator.outcome(is_ours, timeout_s)
+    heartbeat.nothing()
     if event is None:
         limit = "" if timeout_s is None else f" within {timeout_s:g} s"
         raise UserError(f"no zeros were found{limit}; the estimator goes on looking", FAILURE)

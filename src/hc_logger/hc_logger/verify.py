@@ -24,6 +24,7 @@ from hc_estimator import (
     parameter_specifications,
 )
 from hc_estimator.stream.handover import hand_over
+from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
 from hc_logger.errors import BagError
 from hc_logger.layout import stamps
@@ -267,7 +268,8 @@ def _compare(
     """Run the estimator over the samples of a segment and compare."""
     zeros = configuration.parameters
     force = recording.force_n[rows] - zeros.get(FORCE_ZERO, 0.0)
-    series = estimator.run(
+    series = run_in_pieces(
+        estimator,
         (recording.stamps[rows] - configuration.time_origin_ns) * 1e-9,
         recording.displacement_mm[rows] - zeros.get(POSITION_ZERO, 0.0),
         force,

@@ -38,6 +38,7 @@ from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
 from hc_estimator import PARAMETER_NAMES
+from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.sanity import check_samples
 from hc_logger.new_file import new_file
 
@@ -259,7 +260,7 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     """Estimate; the full estimates go to a file of this name in the batch's folder, if asked."""
     estimator = make_estimator(variant.arguments, recording)
     times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
-    series = estimator.run(times, displacements, forces)
+    series = run_in_pieces(estimator, times, displacements, forces)
     summary = summarise(estimator, recording, series, math.nan)
     reason = why_no_result(summary)
     contacts = []

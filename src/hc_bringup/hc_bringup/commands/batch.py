@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hc_bringup import recording_input
+from hc_bringup import cli, heartbeat, last_resort, recording_input
 from hc_bringup.commands.contacts import add_rule_options
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import natural
 
 HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
 COMPILES = True
-INTERRUPTED = 130
+HEARTBEAT = True
 MOST_WORKERS = 1024
 
 
@@ -111,9 +111,12 @@ def run(arguments: argparse.Namespace) -> int:
     interrupted, gone = False, ""
     try:
         with _engine(arguments) as (engine, workers):
+            heartbeat.doing(f"looking at {len(paths)} recordings")
             campaign.prepare()
             for way in ways[:1] if workers > 1 else ():
+                heartbeat.doing("loading the filter")
                 _warm_up(way)
+            last_resort.disarm()  # what is done is gathered when a signal comes
             try:
                 with long_bar("results") as tell:
                     campaign.run(engine, campaign.tasks(workers), tell)
@@ -121,7 +124,9 @@ def run(arguments: argparse.Namespace) -> int:
                 interrupted = True
             except SchedulerGoneError as error:
                 gone = str(error)
+        heartbeat.doing("gathering the tables")
         files = campaign.gather()
+        heartbeat.nothing()
     except ResultError as error:
         raise UserError(f"{error}: what is done is kept, --resume goes on") from error
     except WrongSoftwareError as error:
@@ -131,7 +136,7 @@ def run(arguments: argparse.Namespace) -> int:
     _tell(campaign, files, time.monotonic() - start, arguments)
     if gone:
         raise UserError(f"{gone}: what is done is kept, --resume goes on")
-    return INTERRUPTED if interrupted else 0
+    return cli.interrupted_status() if interrupted else 0
 
 
 def _warm_up(way: Any) -> None:

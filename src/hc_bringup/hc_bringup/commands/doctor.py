@@ -6,13 +6,14 @@ import argparse
 import shlex
 from typing import Any
 
-from hc_bringup import recording_input
+from hc_bringup import heartbeat, recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
 from hc_bringup.wrapping import say
 
 HELP = "verdict on a recording, or on the estimator that runs now"
 COMPILES = True
+HEARTBEAT = True
 LISTEN_S = 10.0
 
 
@@ -45,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         rows, settings, type_it = heard.rows, heard.settings, _for_node(arguments.node)
         where = f"node {arguments.node}, {arguments.seconds:g} s"
     else:
+        heartbeat.doing(f"reading {arguments.input}")
         recording = recording_input.load(arguments)
         reading = recording.findings
         notes = reading.notes
@@ -58,8 +60,10 @@ def run(arguments: argparse.Namespace) -> int:
     if rows is not None:
         table = arguments.input not in (None, "live") and not recording.is_bag
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
+        heartbeat.doing("estimating, and looking for what is wrong")
         diagnosis = diagnose(*rows)
         findings += diagnosis.findings
+    heartbeat.nothing()
     if arguments.json:
         _print_json(findings, diagnosis, settings, type_it, notes)
     else:

@@ -51,6 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.summary import to_json, why_unusable
+    from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
 
@@ -71,7 +72,9 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{arguments.input}: {line}", file=sys.stderr)
     estimator.warm_up()
     start = time.perf_counter()
-    series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+    series = run_in_pieces(
+        estimator, recording.time_s, recording.displacement_mm, recording.force_n
+    )
     seconds = time.perf_counter() - start
     if arguments.output is not None:
         _write(Path(arguments.output), recording, series)

@@ -6,6 +6,7 @@ import argparse
 
 from hc_bringup import zeroing_command
 
+HEARTBEAT = True
 HELP = "find force zero and contact position while you press, and print them"
 
 

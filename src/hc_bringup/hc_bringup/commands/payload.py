@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from typing import Any
 
+from hc_bringup import heartbeat
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
 from hc_bringup.wrapping import say
 
 HELP = "identify what hangs on the force sensor, and tell the estimator"
+HEARTBEAT = True
 REST_S = 2.0
 ONE_GO_S = 30.0
 ATTITUDES = 6
@@ -58,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
                 FAILURE,
             )
         wrenches, poses = _record(graph, arguments, settings)
+        heartbeat.doing("identifying the payload")
         mounting = unit_quaternion(settings.get("force.mounting", (0.0, 0.0, 0.0, 1.0)))
         attitudes = np.array([product(q[1:], mounting) for q in poses])
         times = np.array([q[0] for q in poses])
@@ -67,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
             found = identify_payload(*still, tuple(settings.get("gravity", (0.0, 0.0, -9.81))))
         except ValueError as error:
             raise UserError(f"{error}: rest in each attitude for a second or more") from error
+        heartbeat.nothing()
         _tell(found)
         if node is not None and not arguments.dry_run:
             _set(graph, node, found)
@@ -115,17 +120,31 @@ def _record(
     graph.wait_for(lambda: bool(wrenches and poses))
     if arguments.yes:
         print("recording; go from attitude to attitude and rest a second in each", flush=True)
-        graph.spin(arguments.seconds or ONE_GO_S)
+        _record_for(graph, arguments.seconds or ONE_GO_S)
     else:
         print(f"Free of contact, turn the tool into {ATTITUDES} attitudes, as different as it can.")
         asker = Asker()
         for i in range(ATTITUDES):
+            heartbeat.nothing()
             asker.ask(f"attitude {i + 1} of {ATTITUDES}: let it rest, then press Enter.")
-            graph.spin(REST_S)
+            _record_for(graph, REST_S)
     for rows, topic in ((wrenches, force), (poses, pose)):
         if not rows:
             raise UserError(f"no message on {topic}", FAILURE)
     return wrenches, poses
+
+
+def _record_for(graph: Any, seconds: float) -> None:
+    """Record for a while.
+
+    Raises:
+        KeyboardInterrupt: if a signal asks to end: half of the attitudes are no payload.
+    """
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0.0:
+        heartbeat.telling("recording", f"recording: {left:.0f} s left")
+        if not graph.spin(min(left, 0.25)):
+            raise KeyboardInterrupt
 
 
 def _tell(found: Any) -> None:

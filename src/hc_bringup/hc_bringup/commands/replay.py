@@ -13,6 +13,7 @@ from typing import Any
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, positive, seconds
 
+HEARTBEAT = True
 HELP = "publish a bag again with its timing, beside a fresh estimator if asked"
 DERIVED_TOPICS = ["/hc/*", "/diagnostics", "/rosout", "/parameter_events"]
 """Topics of a bag that a fresh estimator publishes itself, and the log of the recorded run."""

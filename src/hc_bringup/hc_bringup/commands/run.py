@@ -12,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import heartbeat
 from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural, positive, seconds
@@ -27,6 +28,7 @@ from hc_msgs_py.realtime import (
 )
 from hc_msgs_py.topics import SAMPLE, SAMPLES
 
+HEARTBEAT = True
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
 DEFAULT_CONFIG = "run"
 LONGEST_PICTURED_S = 600.0
@@ -120,6 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(dashboard.HOW_TO_INSTALL, file=sys.stderr)
     with Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display:
         state = Runner(plan, display.show).run()
+    heartbeat.doing("summing up")
     names = [node.name for node in plan.nodes]
     conclude(state, names, bag, as_json=arguments.json, with_latency=True)
     if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:

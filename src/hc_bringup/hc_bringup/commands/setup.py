@@ -7,14 +7,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import heartbeat
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
 from hc_bringup.wrapping import say
 
 HELP = "find how your robot's sensors are to be read, write it down and start a run"
 COMPILES = True
+HEARTBEAT = True
 ONE_GO_S = 15.0
-INTERRUPTED = 130
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -62,11 +63,12 @@ def run(arguments: argparse.Namespace) -> int:
         if not (isinstance(error, KeyboardInterrupt) or cli.was_interrupted()):
             raise
         print(file=sys.stderr)  # behind the ^C of the terminal
-        raise UserError("ended: nothing was written", INTERRUPTED) from None
+        raise UserError("ended: nothing was written", cli.interrupted_status()) from None
     say(f"written: {output}, {run_file}")
     if arguments.no_run or not (arguments.yes or _run_now(run_file)):
         say(f"start it with: hc run {run_file}")
         return 0
+    heartbeat.doing("starting the run")
     return cli.main(["run", str(run_file)])
 
 
@@ -74,6 +76,7 @@ def _run_now(run_file: Path) -> bool:
     """Ask whether the run is to be started; what was written stays where nobody answers."""
     from hc_bringup.asking import Asker, yes_or_no
 
+    heartbeat.nothing()
     try:
         return yes_or_no(Asker(), "start a run with it now?")
     except (KeyboardInterrupt, UserError):
@@ -89,13 +92,13 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
 
     tell = LiveLine()
     names = (arguments.force, arguments.position)
-    with Graph() as graph:
-        if arguments.yes:
+    if arguments.yes:
+        with Graph() as graph:
             recorded = at_once(graph, *names, arguments.seconds or ONE_GO_S, tell)
-            judged = _judge(recorded)
-            return write_files(output, recorded.force, recorded.position, *judged)
-        from hc_bringup.asking import Asker
+        return write_files(output, recorded.force, recorded.position, *_judge(recorded))
+    from hc_bringup.asking import Asker
 
+    with Graph() as graph:
         guide = Guide(graph, Asker(), tell, arguments.seconds or PRESS_S)
         streams = guide.choose(*names)
         while True:
@@ -119,14 +122,17 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
         UserError: if the readings do not show it.
     """
     from hc_bringup.diagnosis import diagnose, estimate_lines
+    from hc_bringup.guided_setup import FINDING
     from hc_bringup.recording_input import assumed_line
     from hc_estimator.stream.sensor_setup import SetupError, propose
 
+    heartbeat.doing(FINDING)
     try:
         found = propose(*recorded.readings, rest_s=recorded.rest_s)
     except SetupError as error:
         raise UserError(str(error), FAILURE) from error
     diagnosis = diagnose(found.time_s, found.displacement_mm, found.force_n)
+    heartbeat.nothing()
     corrections: dict[str, Any] = {}
     for finding in diagnosis.findings:
         corrections |= finding.settings

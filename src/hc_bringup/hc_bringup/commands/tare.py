@@ -6,6 +6,7 @@ import argparse
 
 from hc_bringup import zeroing_command
 
+HEARTBEAT = True
 HELP = "take force zero and contact position from the tool at rest, and print them"
 TIMEOUT_S = 20.0
 

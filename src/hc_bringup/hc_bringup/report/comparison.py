@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hc_bringup.force_error import settled
 from hc_bringup.run_data import RunData, of_series, recorded
 from hc_estimator import Estimator, create_estimator
+from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_evaluation.channels import evenly_spaced, unbroken
 from hc_evaluation.hold_forward import Frozen, hold_forward_errors, smooth_motion
 from hc_evaluation.metrics import nees
@@ -163,7 +164,9 @@ def _made(recording: Recording, variant: Variant) -> tuple[RunData, float] | Non
         estimator = variant.make()
         estimator.warm_up()
         start = time.thread_time()
-        series = estimator.run(recording.time_s, recording.displacement_mm, recording.force_n)
+        series = run_in_pieces(
+            estimator, recording.time_s, recording.displacement_mm, recording.force_n
+        )
         seconds = time.thread_time() - start
         data = of_series(recording, estimator, series)
     if data is None:
