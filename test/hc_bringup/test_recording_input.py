@@ -1,6 +1,7 @@
 """Sensors of one's own in a recording: --input with the names of the node's parameters."""
 
 import argparse
+import dataclasses
 import json
 import math
 import shlex
@@ -12,11 +13,14 @@ from geometry_msgs.msg import PoseStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 
 from hc_bringup import recording_input
-from hc_bringup.cli import main
+from hc_bringup.cli import command_parser, main
+from hc_bringup.commands.estimate import make_estimator
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.stream.readings import MEANINGS
+from hc_logger.recording import read_recording
 from hc_logger.writer import BagWriter
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "bags" / "example"
 START_NS = 1_700_000_000_000_000_000
 K, B, N = 0.5, 0.015, 1.5  # with which the tissue never pulls
 FORCE_ZERO, SURFACE_MM = 0.7, 3.0
@@ -394,3 +398,19 @@ def test_what_the_doctor_says_to_type_mends_all_that_was_found_at_once(
     parameters = json.loads(capsys.readouterr().out)["parameters"]
     assert parameters["stiffness"] == pytest.approx(0.5, rel=0.05)
     assert parameters["displacement_exponent"] == pytest.approx(1.5, rel=0.05)
+
+
+def test_a_bag_is_estimated_with_the_doubt_of_the_surface_that_its_estimator_was_told() -> None:
+    """Regression: the bag of a robot's run gave K with a deviation 25 times too small."""
+    recording = read_recording(EXAMPLE)
+    assert recording.surface_std_mm == 0.0
+    (first, *_) = recording.configurations
+    told = first._replace(parameters=first.parameters | {"contact_position_std": 0.017})
+    doubtful = dataclasses.replace(recording)
+    doubtful.__dict__["configurations"] = [first, told]
+    assert doubtful.surface_std_mm == 0.017
+    arguments = command_parser("estimate").parse_args([str(EXAMPLE)])
+    assert make_estimator(arguments, doubtful).configuration["contact_position_std"] == 0.017
+    found = dataclasses.replace(doubtful, contact_position_std_mm=0.004)  # looked for in the bag
+    found.__dict__["configurations"] = [told]
+    assert found.surface_std_mm == 0.004

@@ -59,3 +59,12 @@ def test_stamps_of_another_clock_are_doubted_and_late_samples_are_not(latencies,
         assert [(s.check, s.channel) for s in found] == [(Check.CLOCK, "samples")] * bool(told)
         assert not told or told in found[0].sentence
         assert watch.take() == []
+
+
+def test_an_age_that_changes_is_no_difference_of_clocks():
+    """Regression: a driver that a busy machine starved was told to have another clock."""
+    watch = StampWatch()
+    for age, told in ((9000, "clocks"), (9800, "does not keep up"), (9805, "clocks")):
+        watch.add(age * MS, live=True)
+        (found,) = watch.take()
+        assert told in found.sentence

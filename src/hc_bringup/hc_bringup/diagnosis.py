@@ -6,6 +6,7 @@ recording is estimated again: the difference is what the fault costs.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -105,6 +106,7 @@ class _Samples:
     time_s: FloatArray
     displacement_mm: FloatArray
     force_n: FloatArray
+    surface_std_mm: float
 
     def shift_force(self, seconds: float) -> None:
         """Stamp the forces so much later; each reading then stands at its own stamp."""
@@ -120,7 +122,9 @@ class _Samples:
 
     def estimate(self) -> Estimated | None:
         """Run the default estimator; None if it was never in contact."""
-        estimator = create_estimator(DEFAULT_FILTER, missing_readings=True)
+        estimator = create_estimator(
+            DEFAULT_FILTER, missing_readings=True, contact_position_std=self.surface_std_mm
+        )
         series = run_in_pieces(estimator, self.time_s, self.displacement_mm, self.force_n)
         touched = series.contact & (series.rejected == 0)
         if not touched.any():
@@ -138,15 +142,26 @@ class _Samples:
         )
 
 
-def diagnose(time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray) -> Diagnosis:
+def diagnose(
+    time_s: FloatArray,
+    displacement_mm: FloatArray,
+    force_n: FloatArray,
+    surface_std_mm: float = 0.0,
+) -> Diagnosis:
     """Judge readings of both channels.
 
     Args:
         time_s: stamps [s], shape (n,).
         displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
         force_n: contact force [N], shape (n,); NaN where there is no reading.
+        surface_std_mm: standard deviation of the position that displacements count from [mm].
     """
-    samples = _Samples(*(np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)))
+    samples = _Samples(
+        np.asarray(time_s, np.float64),
+        np.asarray(displacement_mm, np.float64),
+        np.asarray(force_n, np.float64),
+        surface_std_mm,
+    )
     untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
@@ -276,17 +291,19 @@ def _between_channels(samples: _Samples, before: Estimated | None) -> list[Findi
     ):
         if name not in faults:
             continue
-        moved = _Samples(samples.time_s, samples.displacement_mm, samples.force_n)
+        moved = dataclasses.replace(samples)
         if name == "zero":
             what = f"the force's zero seems to be off by {value:.3g} ± {deviation:.2g} {unit}"
             moved.force_n = samples.force_n - value
         else:
             what = f"contact seems to begin at {value:.3g} ± {deviation:.2g} {unit}, not at 0"
             moved.displacement_mm = samples.displacement_mm - value
+            moved.surface_std_mm = deviation
         after = moved.estimate()
         if _fits_worse(before, after):
             continue  # one law was bent over tissue that varies: no zero is off
         samples.displacement_mm, samples.force_n = moved.displacement_mm, moved.force_n
+        samples.surface_std_mm = moved.surface_std_mm
         findings.append(Finding(what, {key: round(value, 4)}, _cost(before, after, True)))
         before = after
     return findings

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hc_bringup import heartbeat
 from hc_bringup.diagnosis import Finding
 from hc_bringup.graph import Graph
+from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 from hc_msgs_py.conversion import sample_from_message
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, SAMPLE
@@ -28,11 +29,13 @@ class Heard:
     Attributes:
         findings: what is wrong with its topics and its input.
         settings: its present input settings, by name below `input.`.
+        surface_std_mm: how well the node says that it knows where displacements count from.
         rows: times [s], displacements [mm] and forces [N], zeros taken off; None without samples.
     """
 
     findings: list[Finding] = field(default_factory=list)
     settings: dict[str, Any] = field(default_factory=dict)
+    surface_std_mm: float = 0.0
     rows: Rows | None = None
 
 
@@ -53,6 +56,7 @@ def listen(node: str, seconds: float) -> Heard:
         name = graph.require_node(node)
         namespace = name.rpartition("/")[0]
         heard.settings = input_settings(graph, name)
+        heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
         graph.node.create_subscription(
             IndenterSample,
             f"{namespace}/{SAMPLE}",
@@ -101,13 +105,18 @@ def listen(node: str, seconds: float) -> Heard:
 
 def input_settings(graph: Any, name: str) -> dict[str, Any]:
     """Return the input settings of an estimator node, by name below `input.`."""
+    return settings_of(graph, name, "input.")
+
+
+def settings_of(graph: Any, name: str, prefix: str) -> dict[str, Any]:
+    """Return the settings of a node whose names begin so, by what follows."""
     from rclpy.parameter import parameter_value_to_python
 
     client = graph.parameter_client(name)
     names = graph.call(client.list_parameters, f"parameters of {name}").result.names
-    wanted = [n for n in names if n.startswith("input.")]
+    wanted = [n for n in names if n.startswith(prefix)]
     values = graph.call(lambda: client.get_parameters(wanted), "values").values
     return {
-        n.removeprefix("input."): parameter_value_to_python(v)
+        n.removeprefix(prefix): parameter_value_to_python(v)
         for n, v in zip(wanted, values, strict=True)
     }

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.definitions import damaged_definition
@@ -129,7 +130,7 @@ class Recording:
         force_n: (n,) N.
         findings: bad rows and unreadable parts.
         contact_position_std_mm: standard deviation of the position that displacements count from,
-            where it was looked for; else 0.
+            where it was looked for in this recording; else 0.
     """
 
     path: Path
@@ -176,6 +177,20 @@ class Recording:
                 ]
             except (AttributeError, TypeError, ValueError) as error:
                 raise BagError(damaged_definition(definition)) from error
+
+    @cached_property
+    def surface_std_mm(self) -> float:
+        """How well the position is known that displacements count from: a standard deviation [mm].
+
+        As it was looked for in this recording, or as the estimator of the bag was told last: a
+        surface that was found to 17 um makes K uncertain by 2 %. 0 where nobody said anything.
+
+        Raises:
+            BagError: if the bag has several topics of configurations.
+        """
+        if self.contact_position_std_mm or not self.is_bag or not self.configurations:
+            return self.contact_position_std_mm
+        return float(self.configurations[-1].parameters.get(CONTACT_POSITION_STD, 0.0))
 
     def _bag(self) -> Bag:
         if not self.is_bag:

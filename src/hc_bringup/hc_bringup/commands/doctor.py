@@ -44,6 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         heard = listen(arguments.node, arguments.seconds)
         findings = list(heard.findings)
         rows, settings, type_it = heard.rows, heard.settings, _for_node(arguments.node)
+        surface_std_mm = heard.surface_std_mm
         where = f"node {arguments.node}, {arguments.seconds:g} s"
     else:
         heartbeat.doing(f"reading {arguments.input}")
@@ -54,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         wrong = reading._replace(force_alone=0, displacement_alone=0, notes=())
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
+        surface_std_mm = recording.surface_std_mm
         settings, type_it = dict(arguments.sensors), _for_recording(arguments, recording)
         where = f"{arguments.input}, {len(recording.time_s)} samples"
     diagnosis = None
@@ -61,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         table = arguments.input not in (None, "live") and not recording.is_bag
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         heartbeat.doing("estimating, and looking for what is wrong")
-        diagnosis = diagnose(*rows)
+        diagnosis = diagnose(*rows, surface_std_mm)
         findings += diagnosis.findings
     heartbeat.nothing()
     if arguments.json:

@@ -30,8 +30,6 @@ COLUMNS = (
     "velocity_exponent_identifiability,model_mismatch,channel_delay_s"
 )
 
-_CONTACT_POSITION = "contact_position_std"
-
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
@@ -157,6 +155,7 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     from hc_estimator import DEFAULT_FILTER, create_estimator
     from hc_estimator.contact.registry import PROBLEMS as LAW_PROBLEMS
     from hc_estimator.filters.registry import PROBLEMS
+    from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
@@ -167,9 +166,9 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     parameters.setdefault("missing_readings", True)
     try:
         estimator = create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
-        deviation = 0.0 if recording is None else recording.contact_position_std_mm
-        if _CONTACT_POSITION in estimator.configuration.keys() - parameters.keys():
-            estimator.reconfigure(**{_CONTACT_POSITION: deviation})
+        deviation = 0.0 if recording is None else recording.surface_std_mm
+        if CONTACT_POSITION_STD in estimator.configuration.keys() - parameters.keys():
+            estimator.reconfigure(**{CONTACT_POSITION_STD: deviation})
         return estimator
     except ValueError as error:
         reason = str(error)

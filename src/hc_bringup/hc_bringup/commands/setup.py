@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,11 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
         found = propose(*recorded.readings, rest_s=recorded.rest_s)
     except SetupError as error:
         raise UserError(str(error), FAILURE) from error
-    diagnosis = diagnose(found.time_s, found.displacement_mm, found.force_n)
+    known_mm = found.position.zero_std
+    diagnosis = diagnose(
+        *(found.time_s, found.displacement_mm, found.force_n),
+        surface_std_mm=0.0 if math.isnan(known_mm) else known_mm,
+    )
     heartbeat.nothing()
     corrections: dict[str, Any] = {}
     for finding in diagnosis.findings:

@@ -17,9 +17,7 @@ from hc_estimator.stream.normal_finder import FAIR_DEG, POOR_DEG, Normal, Normal
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.tare import TareResult
 from hc_estimator.stream.together import Together
-from hc_estimator.stream.vocabulary import EventKind
-
-CONTACT_POSITION_STD = "contact_position_std"
+from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD, EventKind
 
 
 class ZeroSetting:

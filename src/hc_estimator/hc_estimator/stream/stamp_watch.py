@@ -10,6 +10,8 @@ AHEAD_NS: Final = 10_000_000
 """Clocks that a time server holds differ by less, and nothing here minds so much."""
 OLD_NS: Final = 1_000_000_000
 """What is so old when it is used is not of now: clocks that differ, or a recording."""
+STEADY_NS: Final = 100_000_000
+"""Clocks that differ do so by the same from one look to the next."""
 _DIFFER: Final = "the clocks of sensor and computer differ (use PTP or chrony)"
 
 
@@ -17,6 +19,7 @@ class StampWatch:
     """Doubts stamps that all lie in the future, or all far in the past."""
 
     def __init__(self) -> None:
+        self._before_ns: int | None = None
         self._clear()
 
     def _clear(self) -> None:
@@ -42,15 +45,19 @@ class StampWatch:
     def take(self) -> list[Suspicion]:
         """Return what is doubted of the samples since the last call; nothing without samples."""
         least_ns, most_ns, live = self._least_ns, self._most_ns, self._live
+        before_ns, self._before_ns = self._before_ns, self._least_ns
         self._clear()
         if least_ns is None:
             return []
         if most_ns < -AHEAD_NS:
             said = f"samples are stamped {_seconds(-most_ns)} in the future: {_DIFFER}"
         elif least_ns > OLD_NS and live:
-            said = (
-                f"samples are {_seconds(least_ns)} old when they are used: {_DIFFER}, or a "
-                "recording is played"
+            steady = before_ns is None or abs(least_ns - before_ns) < STEADY_NS
+            said = f"samples are {_seconds(least_ns)} old when they are used: " + (
+                f"{_DIFFER}, or a recording is played"
+                if steady
+                else "a driver or a machine that does not keep up (hc topic hz, top), or a "
+                "recording that is played at another rate"
             )
         else:
             return []

@@ -15,6 +15,9 @@ from hc_estimator.stream.contacts import ContactSummary
 LOADED_STATE = "loaded_state"
 """Name in a configuration for the state that was loaded: with it the estimates can be repeated."""
 
+CONTACT_POSITION_STD = "contact_position_std"
+"""Setting of the filters that consider how well the surface is known [mm]."""
+
 
 class EventKind(IntEnum):
     """What happened; the numbers of hc_msgs/EstimatorEvent."""
