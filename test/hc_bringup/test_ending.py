@@ -1,10 +1,10 @@
 """A command ends when a signal asks it to, whatever it does at that moment."""
 
 import signal
-import subprocess
-import sys
 
 import pytest
+
+from hc_msgs_py.node_processes import Processes
 
 COMMAND = """
 import os, sys, time
@@ -33,14 +33,10 @@ WORK = {
 }
 
 
-def start(work):
-    command = subprocess.Popen(
-        [sys.executable, "-c", COMMAND.format(work=work)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    return command
+@pytest.fixture
+def start():
+    with Processes(None) as processes:
+        yield lambda work: processes.start("-c", COMMAND.format(work=work))
 
 
 def ended(command, number):
@@ -52,19 +48,19 @@ def ended(command, number):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_command_that_hears_the_signal_ends_with_its_status(number):
+def test_a_command_that_hears_the_signal_ends_with_its_status(start, number):
     assert ended(start(WORK["a sleep"]), number) == (128 + number, "", "")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_one_that_cannot_hear_it_is_ended_all_the_same(number):
+def test_one_that_cannot_hear_it_is_ended_all_the_same(start, number):
     """Regression: hc setup on a busy machine went on for ten seconds after a SIGTERM."""
     status, said, errors = ended(start(WORK["a long kernel"]), number)
     assert (status, said) == (-signal.SIGKILL, "")
     assert errors == "hc work: ended at once: it was too busy to end in order\n"
 
 
-def test_what_puts_its_things_away_itself_is_left_to_it():
+def test_what_puts_its_things_away_itself_is_left_to_it(start):
     """As the runner does, which ends its nodes first."""
     work = """
         last_resort.disarm()
@@ -82,13 +78,13 @@ def test_what_puts_its_things_away_itself_is_left_to_it():
     assert ended(command, signal.SIGTERM) == (0, "away\n", "")
 
 
-def test_a_command_that_is_done_leaves_nobody_behind():
+def test_a_command_that_is_done_leaves_nobody_behind(start):
     command = start("print('works', flush=True); return 3")
     said, errors = command.communicate()  # to the end of both streams: nobody holds them open
     assert (command.returncode, said, errors) == (3, "works\n", "")
 
 
-def test_a_step_that_lasts_is_told_while_it_lasts():
+def test_a_step_that_lasts_is_told_while_it_lasts(start):
     work = """
         heartbeat.doing('thinking')
         while heartbeat._heartbeat._spoken < heartbeat._heartbeat._since:

@@ -83,6 +83,8 @@ DEFAULTS = {
         "joints": [],  # names of joints; the one that presses is "moving", the others wander
         "moving": "",
         "unit_per_m": 1.0,
+        "effort": 0,  # if not 0: joints tell their effort, that of the moving one with this sign
+        "mass": 0.5,  # kg, that the motor moves
         "noise_mm": 0.005,
         "delay_s": 0.0,
         "late_s": 0.0,
@@ -143,10 +145,22 @@ class Robot:
         half = 0.5 * math.radians(self.s["rocking_deg"]) * math.sin(self.s["rocking_rate"] * time_s)
         return product(self.attitude, (0.0, math.sin(half), 0.0, math.cos(half)))
 
+    def motor(self, time_s):
+        """What the motor of a joint pushes into the tissue [N]: against it, and its own mass."""
+        after, swing = self.since_start(time_s), 0.5 * (self.s["depth_mm"] + self.s["lift_mm"])
+        moving = float(after > 0.0)
+        slow, fast = 2.2**2 * swing * math.cos(2.2 * after), 0.2 * 11.0**2 * math.sin(11.0 * after)
+        acceleration = 1e-3 * moving * (slow - fast)
+        return self.newtons(time_s) + self.s["position"]["mass"] * acceleration
+
+    def newtons(self, time_s):
+        """What the tissue pushes back with."""
+        depth, rate = self.depth(time_s)
+        return hunt_crossley_force(depth, rate, *self.s["tissue"]) if depth > 0.0 else 0.0
+
     def wrench(self, time_s):
         """Force and torque as the sensor reads them."""
-        depth, rate = self.depth(time_s)
-        newtons = hunt_crossley_force(depth, rate, *self.s["tissue"]) if depth > 0.0 else 0.0
+        newtons = self.newtons(time_s)
         told = self.s["force"]
         sensor = product(self.turned(time_s), self.mounting)
         back = inverse(sensor)
@@ -206,10 +220,10 @@ class Publisher:
         self.robot = robot
         kinds = {"pose": PoseStamped, "transform": TransformStamped, "joint": JointState}
         kind = TFMessage if s["position"]["type"] == "tf" else kinds[s["position"]["type"]]
-        self.publishers = {
-            "force": node.create_publisher(WrenchStamped, s["force"]["topic"], qos),
-            "position": node.create_publisher(kind, s["position"]["topic"], qos),
-        }
+        self.publishers = {"position": node.create_publisher(kind, s["position"]["topic"], qos)}
+        if s["force"]["topic"]:  # else its joints tell their effort
+            wrenches = node.create_publisher(WrenchStamped, s["force"]["topic"], qos)
+            self.publishers["force"] = wrenches
         if s["organ"]["topic"]:
             self.publishers["organ"] = node.create_publisher(PoseStamped, s["organ"]["topic"], qos)
         if kind is TFMessage:
@@ -268,6 +282,11 @@ class Publisher:
             noisy = depth + told["noise_mm"] * self.robot.random.gauss(0.0, 1.0)
             wander[told["moving"]] = (0.25 + 1e-3 * noisy) * told["unit_per_m"]
             message = JointState(name=list(wander), position=list(map(float, wander.values())))
+            if told["effort"]:
+                noise = self.robot.s["force"]["noise"]
+                efforts = {n: self.robot.random.gauss(0.0, noise) for n in wander}
+                efforts[told["moving"]] += told["effort"] * self.robot.motor(time_s)
+                message.effort = list(efforts.values())
         else:
             place, turned = self.robot.pose(time_s)
             if told["type"] == "tf":

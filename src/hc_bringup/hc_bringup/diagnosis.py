@@ -39,6 +39,8 @@ SPOILT = (Check.SATURATION, Check.STUCK, Check.QUANTISATION, Check.RATE)
 """What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 DISTURBED_SHARE = 0.05
+UNSURE_SHARE = 0.05
+"""Of K: what the place of the surface may leave open without a word."""
 SYMBOLS = "KBnp"
 _LONGEST = 20_000
 """Samples that the slow comparison of the channels gets."""
@@ -201,9 +203,12 @@ def diagnose(
     if after is not None and not spoilt:
         steps = np.diff(samples.time_s[~np.isnan(samples.force_n)])
         forward = steps[steps > 0.0]
+        # What the surface leaves open, no stroke can mend.
+        sure = dataclasses.replace(samples, surface_std_mm=0.0).estimate() or after
+        findings += _surface(after, sure, samples.surface_std_mm)
         plans = forecast(
-            after.parameters,
-            after.covariance,
+            sure.parameters,
+            sure.covariance,
             force_noise_std=after.force_noise_std,
             depth_mm=depth,
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
@@ -314,6 +319,19 @@ def _fits_worse(before: Estimated | None, after: Estimated | None) -> bool:
     if before is None:
         return False
     return after is None or after.mismatch > before.mismatch + DISTURBED_SHARE
+
+
+def _surface(estimated: Estimated, sure: Estimated, surface_std_mm: float) -> list[Finding]:
+    """Say so where K is uncertain for nothing but the place of the surface."""
+    share = estimated.deviations[0] / abs(estimated.parameters[0])
+    if not (share > UNSURE_SHARE and sure.deviations[0] < 0.5 * estimated.deviations[0]):
+        return []
+    return [
+        Finding(
+            f"the surface is known to ± {surface_std_mm:.2g} mm only, and that alone makes K "
+            f"uncertain by {100.0 * share:.0f} %: hc find-surface with a slow press, and again"
+        )
+    ]
 
 
 def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from hc_bringup import heartbeat
 from hc_bringup.asking import Asker, yes_or_no
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.frame_streams import FRAMES
 from hc_bringup.graph import Graph
 from hc_bringup.press_monitor import PressMonitor, resting
 from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, best, find_streams, unusable
@@ -29,7 +30,7 @@ LONGEST = 3.0
 SILENT_S = 8.0
 """A recording ends when a sensor has sent nothing for so long."""
 FINDING = "finding axes, signs, zeros and delay"
-KINDS = {"force": ("wrench",), "position": ("pose", "transform", "joint")}
+KINDS = {"force": ("wrench", "effort"), "position": ("pose", "transform", "tf", "joint")}
 _HELP = (
     "is the robot's driver running, in this ROS_DOMAIN_ID and on this machine "
     "(ROS_AUTOMATIC_DISCOVERY_RANGE)?"
@@ -62,13 +63,12 @@ def at_once(
         UserError: if there are no such sensors, or they send nothing.
     """
     streams = look(graph)
-    chosen = [
-        _given(streams, name, what) for what, name in zip(KINDS, (force, position), strict=True)
-    ]
+    chosen = _proposed(streams, force, position)
     with Recorder(graph, *chosen) as recorder:
+        names = " and ".join(dict.fromkeys(stream.name for stream in chosen))
         say(
-            f"recording {chosen[0].topic} and {chosen[1].topic} for {seconds:g} s: press into the "
-            "tissue and leave it again, several times"
+            f"recording {names} for {seconds:g} s: press into the tissue and leave it again, "
+            "several times"
         )
         recorder.start()
         recorder.spin(seconds, lambda left: tell(f"recording presses: {left:3.0f} s"))
@@ -88,7 +88,7 @@ def look(graph: Graph) -> list[Stream]:
     heartbeat.nothing()
     for stream in streams:
         alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
-        say(f"  {stream.topic} ({stream.kind}): {alive}")
+        say(f"  {stream.name} ({stream.kind}): {alive}")
     if not all(best(streams, kinds) for kinds in KINDS.values()):
         for line in unusable(graph):
             say(f"  {line}")
@@ -102,7 +102,7 @@ def _given(streams: list[Stream], name: str | None, what: str) -> Stream:
         UserError: if there is none, or it sends nothing.
     """
     fitting = [s for s in streams if s.kind in KINDS[what]]
-    names = ", ".join(s.topic for s in fitting) or "none"
+    names = ", ".join(s.name for s in fitting) or "none"
     if name is None:
         proposed = best(streams, KINDS[what])
         if proposed is None:
@@ -113,7 +113,7 @@ def _given(streams: list[Stream], name: str | None, what: str) -> Stream:
             )
         return proposed
     full = name if name.startswith("/") else f"/{name}"
-    stream = next((s for s in fitting if s.topic == full), None)
+    stream = next((s for s in fitting if s.name == full), None) or _frame(fitting, full)
     if stream is None:
         raise UserError(f"there is no {what} topic {full}; there are: {names}", FAILURE)
     if stream.rate_hz == 0.0:
@@ -121,8 +121,31 @@ def _given(streams: list[Stream], name: str | None, what: str) -> Stream:
     return stream
 
 
+def _frame(streams: list[Stream], name: str) -> Stream | None:
+    """Return the stream of a frame that is not among the proposed ones: TOPIC:FRAME."""
+    topic, _, child = name.partition(":")
+    of_topic = [s for s in streams if s.kind == "tf" and s.topic == topic]
+    return of_topic[0]._replace(child=child) if of_topic and child else None
+
+
+def _proposed(streams: list[Stream], force: str | None, position: str | None) -> list[Stream]:
+    """Return force and position: those of a name, or else those to propose.
+
+    An effort and the position of its joint come in one message and are taken together.
+
+    Raises:
+        UserError: if there is none, or it sends nothing.
+    """
+    pushes = _given(streams, force, "force")
+    if pushes.kind != "effort":
+        return [pushes, _given(streams, position, "position")]
+    if position is not None and _given(streams, position, "position").topic != pushes.topic:
+        raise UserError(f"the effort of {pushes.topic} goes with the position of its own joints")
+    return [pushes, pushes._replace(kind="joint")]
+
+
 def _position_types() -> str:
-    *first, last = (name.rpartition("/")[2] for name in POSITIONS)
+    *first, last = (name.rpartition("/")[2] for name in (*POSITIONS, FRAMES))
     return f"{', '.join(first)} or {last}"
 
 
@@ -175,32 +198,30 @@ class Guide:
             streams = look(self._graph)
             try:
                 # Both are there before anything is asked.
-                proposed = [
-                    _given(streams, name, what)
-                    for what, name in zip(KINDS, (force, position), strict=True)
-                ]
+                proposed = _proposed(streams, force, position)
             except UserError as error:
                 say(str(error))
                 if not yes_or_no(self._asker, "look again?"):
                     raise
                 continue
-            chosen = [
-                stream if name is not None else self._pick(streams, stream, what)
-                for what, name, stream in zip(KINDS, (force, position), proposed, strict=True)
-            ]
-            return chosen[0], chosen[1]
+            pushes, place = proposed
+            if force is None:
+                pushes = self._pick(streams, pushes, "force")
+            if pushes.kind == "effort":
+                return pushes, pushes._replace(kind="joint")
+            return pushes, place if position is not None else self._pick(streams, place, "position")
 
     def _pick(self, streams: list[Stream], proposed: Stream, what: str) -> Stream:
         alive = [s for s in streams if s.kind in KINDS[what] and s.rate_hz > 0.0]
         if len(alive) == 1:
-            say(f"{what}: {proposed.topic}")
+            say(f"{what}: {proposed.name}")
             return proposed
         answers = {"": "0"}
         for i, stream in enumerate(alive, 1):
-            say(f"  {i}. {stream.topic}")
+            say(f"  {i}. {stream.name} ({stream.kind})")
             answers[str(i)] = str(i)
         number = self._asker.choose(
-            f"number of the {what} topic [Enter: {proposed.topic}]", answers, self._wait
+            f"number of the {what} topic [Enter: {proposed.name}]", answers, self._wait
         )
         return alive[int(number) - 1] if number != "0" else proposed
 

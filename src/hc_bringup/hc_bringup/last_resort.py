@@ -73,12 +73,12 @@ def _watch(reading: int, command: int, name: str) -> NoReturn:
         left = max(0.0, asked_at + patience_s - time.monotonic()) if asked_at else None
         if not select.select([reading], [], [], left)[0]:
             break
-        told = os.read(reading, 64)
-        if not told:  # the command has ended, or needs nobody any more
+        data = os.read(reading, 64)
+        if not data:  # the command has ended, or needs nobody any more
             os._exit(0)
-        if not asked_at and _ASKS & set(told):
+        if not asked_at and _ASKS & set(data):
             asked_at = time.monotonic()
-        if _HEARD in told:
+        if _HEARD in data:
             patience_s = ORDERLY_S
     os.kill(command, signal.SIGKILL)
     line = f"{name}: ended at once: it was too busy to end in order\n"

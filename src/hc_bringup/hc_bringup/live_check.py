@@ -18,6 +18,8 @@ from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, SAMPLE
 
 LEAST_SAMPLES = 100
+OWN_SENSORS = ("sensors", "effort")
+"""Sources of which the node makes samples itself."""
 
 Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -82,7 +84,7 @@ def listen(node: str, seconds: float) -> Heard:
     elif int.from_bytes(statuses[-1].level, "little") > 0:
         heard.findings.append(Finding(f"the node says: {statuses[-1].message}"))
     if len(samples) < LEAST_SAMPLES:
-        hidden = heard.settings.get("source") == "sensors" and not heard.settings.get(
+        hidden = heard.settings.get("source") in OWN_SENSORS and not heard.settings.get(
             "publish_samples", True
         )
         heard.findings.append(
@@ -96,7 +98,7 @@ def listen(node: str, seconds: float) -> Heard:
         [(s.stamp_ns - samples[0].stamp_ns, s.displacement_mm, s.force_n) for s in samples]
     )
     rows[:, 0] *= 1e-9
-    if heard.settings.get("source") != "sensors":  # those come with their zeros taken off
+    if heard.settings.get("source") not in OWN_SENSORS:  # those come with their zeros taken off
         rows[:, 1] -= heard.settings.get("position.zero", 0.0)
         rows[:, 2] -= heard.settings.get("force.zero", 0.0)
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])

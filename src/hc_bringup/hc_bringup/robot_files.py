@@ -90,6 +90,10 @@ def _parameters(
     offsets: dict[str, float],
 ) -> str:
     peak = float(np.nanmax(np.abs(found.force_n)))
+    if force.kind == "effort":
+        settings = _of_effort(position, found)
+    else:
+        settings = _of_sensors(force, position, found, offsets)
     lines = [
         f"# {name}: written by `hc setup` on {day} from {found.time_s[-1]:.0f} s of readings.",
         f"# Force noise {found.force.noise:.2g} N, position noise {found.position.noise:.2g} mm, "
@@ -100,6 +104,17 @@ def _parameters(
         "    # force_limit: 60.0        # N; set it just below your sensor's range",
         *_deviation(found.position.zero_std),
         "    input:",
+        *settings,
+    ]
+    lines += [f"# {note}" for note in found.notes]
+    return "\n".join(lines) + "\n"
+
+
+def _of_sensors(
+    force: Stream, position: Stream, found: SetupProposal, offsets: dict[str, float]
+) -> list[str]:
+    """Return the settings of a force sensor and a position."""
+    return [
         "      source: sensors",
         "      force:",
         *_sensor(force, found.force, "N", offsets.get("force", 0.0)),
@@ -107,8 +122,23 @@ def _parameters(
         f"        type: {position.kind}",
         *_sensor(position, found.position, "mm", offsets.get("position", 0.0)),
     ]
-    lines += [f"# {note}" for note in found.notes]
-    return "\n".join(lines) + "\n"
+
+
+def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
+    """Return the settings of a joint whose motor's effort takes the place of a force sensor."""
+    zero_n = 0.0 if math.isnan(found.force.zero) else round(found.force.zero, 4)
+    return [
+        "      source: effort   # docs/teleoperation.md, on the estimator node",
+        "      effort:",
+        f"        scale: {float(found.force.sign * found.position.sign)}   # N per unit of effort",
+        "        # mass: 0.5            # kg; what the motor moves, and its friction:",
+        "        # damping: 0.0         # N s/mm",
+        "        # dry_friction: 0.0    # N",
+        "      force:",
+        f"        zero: {zero_n}   # N",
+        "      position:",
+        *_sensor(position, found.position, "mm", 0.0),
+    ]
 
 
 def _deviation(zero_std: float) -> list[str]:
@@ -118,9 +148,12 @@ def _deviation(zero_std: float) -> list[str]:
 
 
 def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -> list[str]:
-    lines = [f"        topic: {stream.topic}"]
-    lines[0] += f"   # {stream.rate_hz:.0f} Hz, frame {stream.frame or '-'}"
+    lines = [f"        topic: {stream.topic}   # {stream.rate_hz:.0f} Hz"]
     settings: list[tuple[str, Any, str]] = []
+    if stream.child:
+        settings += [("base_frame", stream.frame, ""), ("child_frame", stream.child, "")]
+    else:
+        lines[0] += f", frame {stream.frame or '-'}"
     if found.joint:
         settings.append(("joint", found.joint, ""))
     elif found.axis:

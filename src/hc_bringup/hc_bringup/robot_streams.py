@@ -9,7 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.frame_streams import FRAMES, FrameListener, FrameSearch
 from hc_bringup.graph import Graph
+from hc_estimator.stream.frame_poses import FramePoses
 from hc_estimator.stream.readings import FloatArray
 from hc_estimator.stream.sensor_setup import VectorReadings
 from hc_msgs_py.interface_class import interface_class
@@ -18,10 +20,11 @@ from hc_msgs_py.topics import RECONSTRUCTED_WRENCH
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
 
 WRENCH = "geometry_msgs/msg/WrenchStamped"
+JOINTS = "sensor_msgs/msg/JointState"
 POSITIONS = {
     "geometry_msgs/msg/PoseStamped": "pose",
     "geometry_msgs/msg/TransformStamped": "transform",
-    "sensor_msgs/msg/JointState": "joint",
+    JOINTS: "joint",
 }
 """Types of position topics, and what the parameter input.position.type calls them; best first."""
 _NO_STAMP = "carries no time of measurement; let its driver publish the type "
@@ -36,7 +39,6 @@ _UNUSABLE = {
     "geometry_msgs/msg/PointStamped": f"{_OTHER_TYPE}PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped": f"{_OTHER_TYPE}PoseStamped",
     "nav_msgs/msg/Odometry": f"{_OTHER_TYPE}PoseStamped",
-    "tf2_msgs/msg/TFMessage": "frames are read, but not proposed: docs/guide/own_robot.md, type tf",
 }
 """Types of topics that somebody may take for a sensor, and what is in the way."""
 _XYZ = ("x", "y", "z")
@@ -50,15 +52,22 @@ class Stream(NamedTuple):
 
     Attributes:
         topic: its full name.
-        kind: wrench, pose, transform or joint.
+        kind: wrench, pose, transform, tf or joint; effort for what the joints' motors push.
         rate_hz: messages a second; 0 if none came.
-        frame: frame of its messages.
+        frame: frame of its messages; of a frame of tf, the one that it is told in.
+        child: of a frame of tf, its name.
     """
 
     topic: str
     kind: str
     rate_hz: float
     frame: str
+    child: str = ""
+
+    @property
+    def name(self) -> str:
+        """How it is called on the command line."""
+        return f"{self.topic}:{self.child}" if self.child else self.topic
 
 
 def find_streams(graph: Graph, seconds: float, patience_s: float = 0.0) -> list[Stream]:
@@ -78,12 +87,17 @@ def find_streams(graph: Graph, seconds: float, patience_s: float = 0.0) -> list[
     counts: dict[str, list[Any]] = {}
     found: dict[str, str] = {}
     subscriptions = []
+    searches: list[FrameSearch] = []
     now = time.monotonic()
     latest = now + max(patience_s, seconds)
     end = latest
     complete = False
     while (now := time.monotonic()) < end:
         for name, types in graph.topics():
+            if FRAMES in types and not name.endswith("_static"):
+                if name not in [search.topic for search in searches]:
+                    searches.append(FrameSearch(graph, name, _frame_keeper(name, counts)))
+                continue
             interface = next((t for t in types if t in kinds), None)
             if interface is None or name in found or name.endswith(f"/{RECONSTRUCTED_WRENCH}"):
                 continue
@@ -96,8 +110,10 @@ def find_streams(graph: Graph, seconds: float, patience_s: float = 0.0) -> list[
             )
         if not graph.spin(min(0.25, end - now)):
             raise KeyboardInterrupt
-        alive = {found[name] for name, heard in counts.items() if heard}
-        if not complete and "wrench" in alive and alive & set(POSITIONS.values()):
+        alive = {found[name] for name in found if counts[name]}
+        if any(search.heard for search in searches):
+            alive.add("tf")
+        if not complete and "wrench" in alive and alive & {"tf", *POSITIONS.values()}:
             complete = True
             end = min(latest, time.monotonic()) + seconds
     for subscription in subscriptions:
@@ -105,7 +121,15 @@ def find_streams(graph: Graph, seconds: float, patience_s: float = 0.0) -> list[
     streams = []
     for name, kind in sorted(found.items()):
         heard = counts[name]
-        streams.append(Stream(name, kind, _rate(heard), heard[-1][2] if heard else ""))
+        streams.append(Stream(name, kind, _rate(heard), heard[-1].frame if heard else ""))
+        if kind == "joint" and any(arrival.has_effort for arrival in heard):
+            streams.append(streams[-1]._replace(kind="effort"))
+    wrench_frames = [s.frame for s in streams if s.kind == "wrench" and s.rate_hz > 0.0]
+    for search in searches:
+        search.close()
+        for frame, root, mover in search.candidates(wrench_frames):
+            rate_hz = _rate(counts.get(f"{search.topic}:{mover}", []))
+            streams.append(Stream(search.topic, "tf", rate_hz, root, frame))
     return streams
 
 
@@ -120,11 +144,14 @@ def unusable(graph: Graph) -> list[str]:
 
 
 def best(streams: list[Stream], kinds: tuple[str, ...]) -> Stream | None:
-    """Return the stream of some kinds to propose: of the first kind that lives, the fastest."""
+    """Return the stream of some kinds to propose: of the first kind that lives, the fastest.
+
+    Frames of tf are in the order in which they are proposed.
+    """
     for kind in kinds:
         alive = [s for s in streams if s.kind == kind and s.rate_hz > 0.0]
         if alive:
-            return max(alive, key=lambda s: s.rate_hz)
+            return alive[0] if kind == "tf" else max(alive, key=lambda s: s.rate_hz)
     return None
 
 
@@ -135,8 +162,10 @@ class Recorder:
         self._graph = graph
         self.topics = (force.topic, position.topic)
         self.is_joint = position.kind == "joint"
+        self.has_effort = force.kind == "effort"
         self._arrived = [time.monotonic(), time.monotonic()]
-        self._subscriptions = []
+        self._subscriptions: list[Any] = []
+        self._frames: FrameListener | None = None
         self._force: list[tuple[float, ...]] = []
         self._position: list[tuple[float, ...]] = []
         self._names: tuple[str, ...] = ()
@@ -147,18 +176,23 @@ class Recorder:
             "transform": lambda m: _mm(m.transform.translation),
             "joint": self._joints,
         }
-        for i, (stream, kind, keep, values) in enumerate(
-            (
-                (force, WRENCH, self._force, _wrench),
-                (position, types[position.kind], self._position, read[position.kind]),
-            )
-        ):
-            self._subscriptions.append(
-                graph.node.create_subscription(
-                    interface_class(kind), stream.topic, self._taker(i, keep, values), SAMPLE_QOS
-                )
-            )
+        if self.has_effort:  # both are in each message
+            self._subscribe(JOINTS, force.topic, self._take_effort)
+        else:
+            self._subscribe(WRENCH, force.topic, self._taker(0, self._force, _wrench))
+            if position.kind == "tf":
+                poses = FramePoses(self._take_frame)
+                poses.follow(position.child, position.frame)
+                self._frames = FrameListener(graph, position.topic, poses)
+            else:
+                take = self._taker(1, self._position, read[position.kind])
+                self._subscribe(types[position.kind], position.topic, take)
         graph.wait_for(lambda: bool(self._force and self._position))
+
+    def _subscribe(self, kind: str, topic: str, take: Callable[[Any], None]) -> None:
+        self._subscriptions.append(
+            self._graph.node.create_subscription(interface_class(kind), topic, take, SAMPLE_QOS)
+        )
 
     def __enter__(self) -> Recorder:
         return self
@@ -166,6 +200,8 @@ class Recorder:
     def __exit__(self, *_exception: object) -> None:
         for subscription in self._subscriptions:
             self._graph.node.destroy_subscription(subscription)
+        if self._frames is not None:
+            self._frames.close()
 
     def start(self) -> None:
         """Forget what was recorded so far."""
@@ -204,7 +240,7 @@ class Recorder:
         """Return force [N] and position [mm] after so many rows, shapes (n, components)."""
         forces, places = np.array(self._force[force:]), np.array(self._position[position:])
         return (
-            forces[:, 1:] if len(forces) else np.empty((0, 3)),
+            forces[:, 1:] if len(forces) else np.empty((0, 1 if self.has_effort else 3)),
             places[:, 1:] if len(places) else np.empty((0, 1)),
         )
 
@@ -224,7 +260,7 @@ class Recorder:
                 raise UserError(f"no message of the {what} came", FAILURE)
         force, position = np.array(self._force), np.array(self._position)
         return (
-            VectorReadings(force[:, 0], force[:, 1:], _XYZ),
+            VectorReadings(force[:, 0], force[:, 1:], self._names if self.has_effort else _XYZ),
             VectorReadings(position[:, 0], position[:, 1:], self._names or _XYZ),
         )
 
@@ -236,14 +272,31 @@ class Recorder:
     ) -> Callable[[Any], None]:
         def take(message: Any) -> None:
             self._arrived[which] = time.monotonic()
-            stamp_ns = nanoseconds_from_stamp(message.header.stamp)
-            if self._origin_ns is None:
-                self._origin_ns = stamp_ns
+            time_s = self._time_s(nanoseconds_from_stamp(message.header.stamp))
             row = values(message)
             if row is not None:
-                keep.append(((stamp_ns - self._origin_ns) * 1e-9, *row))
+                keep.append((time_s, *row))
 
         return take
+
+    def _time_s(self, stamp_ns: int) -> float:
+        """Return the time since the first reading."""
+        if self._origin_ns is None:
+            self._origin_ns = stamp_ns
+        return (stamp_ns - self._origin_ns) * 1e-9
+
+    def _take_frame(self, stamp_ns: int, _base: str, place: Any, _turned: Any) -> None:
+        self._arrived[1] = time.monotonic()
+        self._position.append((self._time_s(stamp_ns), *(METRE_IN_MM * c for c in place)))
+
+    def _take_effort(self, message: Any) -> None:
+        """Take position and effort of the joints out of one message."""
+        self._arrived = [time.monotonic()] * 2
+        row = self._joints(message)
+        if row is not None and len(message.effort) == len(row):
+            time_s = self._time_s(nanoseconds_from_stamp(message.header.stamp))
+            self._position.append((time_s, *row))
+            self._force.append((time_s, *message.effort))
 
     def _joints(self, message: Any) -> tuple[float, ...] | None:
         """Return the joints of a message; those of another set than the first are passed over."""
@@ -254,24 +307,45 @@ class Recorder:
         return tuple(p * METRE_IN_MM for p in message.position)
 
 
+class _Arrival(NamedTuple):
+    """A message that came: when, its stamp (both [s]), its frame, whether it tells an effort."""
+
+    arrived_s: float
+    stamp_s: float
+    frame: str
+    has_effort: bool
+
+
 def _keeper(keep: list[Any]) -> Callable[[Any], None]:
-    """Return what keeps the time of arrival [s], the stamp [s] and the frame of messages."""
-    return lambda message: keep.append(
-        (
-            time.monotonic(),
-            nanoseconds_from_stamp(message.header.stamp) * 1e-9,
-            str(message.header.frame_id),
-        )
-    )
+    """Return what keeps an arrival for each message."""
+
+    def take(message: Any) -> None:
+        has_effort = len(getattr(message, "effort", ())) > 0
+        keep.append(_arrival(message.header.stamp, str(message.header.frame_id), has_effort))
+
+    return take
 
 
-def _rate(heard: list[Any]) -> float:
+def _frame_keeper(topic: str, counts: dict[str, list[Any]]) -> Callable[[str, Any], None]:
+    """Return what keeps an arrival for each transform, by the name of its frame."""
+
+    def take(frame: str, stamp: Any) -> None:
+        counts.setdefault(f"{topic}:{frame}", []).append(_arrival(stamp, "", False))
+
+    return take
+
+
+def _arrival(stamp: Any, frame: str, has_effort: bool) -> _Arrival:
+    return _Arrival(time.monotonic(), nanoseconds_from_stamp(stamp) * 1e-9, frame, has_effort)
+
+
+def _rate(heard: list[_Arrival]) -> float:
     """Return the rate [Hz] of a sensor: by its stamps, by arrivals where it stamps nothing.
 
     Messages that a busy machine hands out late come in one go: their arrivals tell its own rate.
     """
-    for which in (1, 0):
-        steps = np.diff([entry[which] for entry in heard])
+    for times in ([a.stamp_s for a in heard], [a.arrived_s for a in heard]):
+        steps = np.diff(times)
         forward = steps[steps > 0.0]
         if 2 * len(forward) > len(heard):
             return float(1.0 / np.median(forward))

@@ -2,11 +2,13 @@
 
 A request is sent once, for it may do something that must not happen twice. A server that has not
 discovered the client yet answers into the void, so the client waits a moment between finding the
-server and asking it.
+server and asking it. On a busy machine that moment may be too short: what may happen twice is then
+asked for again.
 """
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import Any
@@ -20,6 +22,9 @@ from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
 SETTLE_S = 0.6
 """Three announcements of a participant: by then a server has discovered a new client."""
 ANSWER_S = 10.0
+AGAIN_S = 3.0
+HARMLESS = ("reset", "save", "load")
+"""Done twice, they do what they do once: they are asked for again while no answer comes."""
 _OF_EVERY_NODE = ("_parameters", "_atomically", "/get_parameter_types", "/get_type_description")
 
 
@@ -65,19 +70,27 @@ class Client:
             raise UserError(f"nobody offers the service {name}", FAILURE)
         graph.spin(SETTLE_S)
 
-    def call(self, request: Any, timeout_s: float = ANSWER_S) -> Any:
-        """Send a request once and return the answer.
+    def call(self, request: Any, timeout_s: float = ANSWER_S, again_s: float = math.inf) -> Any:
+        """Send a request and return the answer.
+
+        Args:
+            request: what is asked for.
+            timeout_s: so long an answer is waited for.
+            again_s: so often the request is sent again meanwhile; by default it is sent once.
 
         Raises:
             UserError: if no answer comes in time.
         """
-        future = self._client.call_async(request)
-        if not self._graph.wait_for(future.done, timeout_s):
-            raise UserError(
-                f"{self._name} did not answer within {timeout_s:g} s: is its node busy or stopped?",
-                FAILURE,
-            )
-        return future.result()
+        futures: list[Any] = []
+        end = time.monotonic() + timeout_s
+        while (left := end - time.monotonic()) > 0.0:
+            futures.append(self._client.call_async(request))
+            if self._graph.wait_for(lambda: any(f.done() for f in futures), min(left, again_s)):
+                return next(f for f in futures if f.done()).result()
+        raise UserError(
+            f"{self._name} did not answer within {timeout_s:g} s: is its node busy or stopped?",
+            FAILURE,
+        )
 
 
 class EstimatorServices:
@@ -123,7 +136,8 @@ class EstimatorServices:
 
         client = Client(self._graph, Trigger, f"{self.node}/{service}")
         self._events.clear()
-        answer = client.call(Trigger.Request())
+        again_s = AGAIN_S if service in HARMLESS else math.inf
+        answer = client.call(Trigger.Request(), again_s=again_s)
         if not answer.success:
             raise UserError(answer.message, FAILURE)
         return str(answer.message)

@@ -77,6 +77,9 @@ CONFIGURATION_QOS: Final = QoSProfile(
 )
 """Configurations: who comes late still gets those in force."""
 
+FIXED_FRAMES_QOS: Final = CONFIGURATION_QOS
+"""To subscribe to /tf_static, as tf2 does: who comes late gets what was told once."""
+
 DIAGNOSTICS_QOS: Final = QoSProfile(
     history=HistoryPolicy.KEEP_LAST,
     depth=100,

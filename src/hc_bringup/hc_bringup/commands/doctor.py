@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import shlex
 from typing import Any
 
@@ -64,7 +65,8 @@ def run(arguments: argparse.Namespace) -> int:
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         heartbeat.doing("estimating, and looking for what is wrong")
         diagnosis = diagnose(*rows, surface_std_mm)
-        findings += diagnosis.findings
+        of_effort = settings.get("source") == "effort"
+        findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
     heartbeat.nothing()
     if arguments.json:
         _print_json(findings, diagnosis, settings, type_it, notes)
@@ -73,6 +75,17 @@ def run(arguments: argparse.Namespace) -> int:
             say(f"{where.partition(',')[0]}: {note}")
         _print(where, findings, diagnosis, settings, type_it)
     return FAILURE if findings else 0
+
+
+def _of_one_message(finding: Any) -> Any:
+    """Return a finding where force and position come in one message: no stamp of theirs is late."""
+    if not any("time_offset" in name for name in finding.settings):
+        return finding
+    why = (
+        "both are of one message, so that is inertia or friction that the motor also moves "
+        "(input.effort.mass, damping, dry_friction), or input.effort.bandwidth"
+    )
+    return dataclasses.replace(finding, what=f"{finding.what}: {why}", settings={})
 
 
 def _for_node(node: str) -> Any:

@@ -17,6 +17,7 @@ HELP = "find how your robot's sensors are to be read, write it down and start a 
 COMPILES = True
 HEARTBEAT = True
 ONE_GO_S = 15.0
+EFFORT_PAGE = "docs/teleoperation.md, on the estimator node"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -144,15 +145,24 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
     found = found.corrected(
         corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0)
     )
+    effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")
     say(assumed_line(found.displacement_mm, found.force_n))
     for finding in diagnosis.findings:
         if not _are_zeros(finding.settings):  # those are told above
-            say(f"{finding.what}{' (allowed for)' if finding.settings else ''}")
+            late = any("time_offset" in name for name in finding.settings)
+            allowed = finding.settings and not (effort and late)
+            say(f"{finding.what}{' (allowed for)' if allowed else ''}")
     for note in found.notes:
         say(note)
     say("\n".join(estimate_lines(diagnosis)))
+    if effort:  # both channels of one message, both through one filter
+        say(
+            "the force is what the motor pushes, without inertia and friction of what it moves: "
+            f"say what you know of them under input.effort in the file written ({EFFORT_PAGE})"
+        )
+        return found, {}
     offsets = {
         name: corrections[f"{name}.time_offset"]
         for name in ("force", "position")
@@ -167,7 +177,7 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
         along = "along " + ", ".join(f"{c:.2f}" for c in found.direction)
     zero = "zero not known" if found.zero != found.zero else f"zero {found.zero:.4g} {unit}"
     say(
-        f"{stream.topic}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
+        f"{stream.name}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
         f"{found.rate_hz:.0f} Hz"
     )
 

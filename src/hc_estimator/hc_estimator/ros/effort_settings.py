@@ -27,7 +27,13 @@ def _settings() -> tuple[ParameterSpecification, ...]:
             "force as a state; sir_pf: paper C's particles, equation 26 as printed.",
             choices=METHODS,
         ),
-        one("scale", 1.0, "Newtons per unit of effort; its sign is that of the position."),
+        one(
+            "scale",
+            1.0,
+            "Newtons per unit of effort; the sign of the position turns it as well: negative for a "
+            "driver that tells effort and position with opposite signs.",
+            minimum=-1e6,
+        ),
         one("mass", default.mass_kg, "What the motor moves.", "kg"),
         one("damping", default.damping, "Viscous friction of the joint.", "N s/mm"),
         one("spring", default.spring, "Spring of the joint about position zero.", "N/mm"),

@@ -37,6 +37,15 @@ class FrameTree:
         """Return the frame that a frame hangs on; None if it hangs on none that is known."""
         return self._above[frame][0] if frame in self._above else None
 
+    def frames(self) -> tuple[str, ...]:
+        """Return all frames that hang on another one."""
+        return tuple(self._above)
+
+    def root(self, frame: str) -> tuple[str, list[str]]:
+        """Return what a frame hangs on in the end, and itself and those between, in this order."""
+        chain = self._chain(frame)
+        return chain[-1], chain[:-1]
+
     def between(self, base: str, tip: str) -> frozenset[str] | None:
         """Return the frames whose transforms tell where `tip` is in `base`; None if apart."""
         up, down = self._chain(tip), self._chain(base)

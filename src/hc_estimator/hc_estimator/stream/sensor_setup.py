@@ -103,8 +103,9 @@ def propose(
     """Find out how two sensors are to be read.
 
     Args:
-        force: force readings [N], three components.
-        position: positions [mm], three components, or joint positions, one column a joint.
+        force: force readings [N], three components, or efforts of joints, one column a joint.
+        position: positions [mm], three components, or joint positions, one column a joint; with
+            efforts, those of the same joints at the same stamps.
         rest_s: until when the tool rested free of contact; None if nobody said so.
 
     Raises:
@@ -113,6 +114,8 @@ def propose(
     for readings, what in ((force, "force"), (position, "position")):
         if len(readings.time_s) < LEAST_SAMPLES:
             raise SetupError(f"{len(readings.time_s)} readings of the {what} are too few")
+    if force.names != tuple(_AXES):
+        force, position = _one_joint(force, position)
     resting = None if rest_s is None else force.time_s <= rest_s
     push = _main_direction(force.values)
     pushed = force.values @ push
@@ -158,6 +161,31 @@ def propose(
             position.values[order] @ move - (0.0 if math.isnan(surface_mm) else surface_mm),
         ),
         tuple(notes),
+    )
+
+
+def _one_joint(
+    force: VectorReadings, position: VectorReadings
+) -> tuple[VectorReadings, VectorReadings]:
+    """Return effort and position of the joint whose effort goes with its own position.
+
+    Raises:
+        SetupError: if there is no such joint.
+    """
+    related = []
+    for effort, place in zip(force.values.T, position.values.T, strict=True):
+        low, high = robust_range(effort)
+        clear = high - low > CLEAR * max(noise(effort), 1e-9) and np.ptp(place) > 0.0
+        related.append(abs(float(np.corrcoef(effort, place)[0, 1])) if clear else 0.0)
+    best = int(np.argmax(related))
+    if not related[best] > 0.0:
+        raise SetupError(
+            "no joint has an effort that changes clearly while it moves: press into the tissue "
+            "meanwhile; or is it a revolute joint, or one without a motor?"
+        )
+    return (
+        VectorReadings(force.time_s, force.values[:, [best]], (force.names[best],)),
+        VectorReadings(position.time_s, position.values[:, [best]], (position.names[best],)),
     )
 
 

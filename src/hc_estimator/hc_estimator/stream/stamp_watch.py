@@ -10,7 +10,7 @@ AHEAD_NS: Final = 10_000_000
 """Clocks that a time server holds differ by less, and nothing here minds so much."""
 OLD_NS: Final = 1_000_000_000
 """What is so old when it is used is not of now: clocks that differ, or a recording."""
-STEADY_NS: Final = 100_000_000
+STEADY_NS: Final = 300_000_000
 """Clocks that differ do so by the same from one look to the next."""
 _DIFFER: Final = "the clocks of sensor and computer differ (use PTP or chrony)"
 

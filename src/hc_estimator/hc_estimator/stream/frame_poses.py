@@ -1,0 +1,132 @@
+"""The pose of a tool out of messages of /tf: of every frame between it and a base the newest one.
+
+The tool's pose is told with each message that moves one of these frames, at the stamp of what
+moved; a message of other frames says nothing of the tool.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
+from hc_estimator.stream.frames import FrameTree
+from hc_msgs_py.units import nanoseconds_from_stamp
+
+
+class FramePoses:
+    """Takes tf2_msgs/TFMessage and tells the poses of a frame.
+
+    Attributes:
+        missing: messages while nothing connects the two frames.
+        unusable: transforms whose quaternion has no length.
+    """
+
+    def __init__(self, take: Callable[[int, str, Vector, Quaternion], None]) -> None:
+        """Begin without any frame.
+
+        Args:
+            take: takes a stamp [ns], the base frame, where the tool's frame is in it [m], and its
+                attitude.
+        """
+        self.missing = self.unusable = 0
+        self._take = take
+        self._base = self._tool = ""
+        self._frames = FrameTree()
+        self._moved: dict[str, int] = {}  # stamps [ns] of the frames that are not fixed
+        self._waiting_ns: int | None = None  # of a pose that waits for the rest of its frames
+
+    def follow(self, tool: str, base: str) -> None:
+        """Tell the poses of another frame; without a base, in the frame that it hangs on."""
+        self._tool, self._base = tool, base
+
+    def take_moving(self, message: Any) -> None:
+        """Tell the pose of the tool's frame, if the message says anything new of it.
+
+        Where frames between base and tool come in messages of their own, the pose waits for those
+        of the same stamp: until the first later one.
+        """
+        stamps = {
+            plain_name(t.child_frame_id): nanoseconds_from_stamp(t.header.stamp)
+            for t in message.transforms
+        }
+        waiting_ns = self._waiting_ns
+        if waiting_ns is not None and self._newest(stamps) > waiting_ns:
+            self._tell(waiting_ns)
+        self._moved |= self._add(message)
+        chain = self._chain()
+        if chain is None:
+            self.missing += 1
+            return
+        newest_ns = self._newest(stamps)
+        if newest_ns < 0:
+            return  # of other frames
+        if all(self._moved.get(frame, newest_ns) == newest_ns for frame in chain):
+            self._tell(newest_ns)
+        else:
+            self._waiting_ns = newest_ns
+
+    def take_fixed(self, message: Any) -> None:
+        """Take in frames that do not move (/tf_static)."""
+        self._add(message)
+
+    def moving(self) -> dict[str, str]:
+        """Return the frames that move, those that hang on one that does as well, with their root.
+
+        The root is what the last known frame above hangs on; frames are in the order of how many
+        lie between: the tool of an arm is among the last.
+        """
+        found = {}
+        for frame in self._frames.frames():
+            root, between = self._frames.root(frame)
+            if not self._moved.keys().isdisjoint(between):
+                found[frame] = (len(between), root)
+        ordered = sorted(found.items(), key=lambda item: item[1][0])
+        return {frame: root for frame, (_depth, root) in ordered}
+
+    def parent(self, frame: str) -> str | None:
+        """Return the frame that a frame hangs on."""
+        return self._frames.parent(frame)
+
+    def mover(self, frame: str) -> str:
+        """Return the frame nearest to one, or it itself, that is told again and again."""
+        between = self._frames.root(frame)[1]
+        return next((name for name in between if name in self._moved), "")
+
+    def _chain(self) -> frozenset[str] | None:
+        """Return the frames between base and tool; None if they are not known yet."""
+        base = self._base or self._frames.parent(self._tool)
+        return None if base is None else self._frames.between(base, self._tool)
+
+    def _newest(self, stamps: Mapping[str, int]) -> int:
+        """Return the newest stamp [ns] of frames between base and tool; -1 without any."""
+        return max((stamps[f] for f in self._chain() or () if f in stamps), default=-1)
+
+    def _tell(self, stamp_ns: int) -> None:
+        """Tell the pose of the tool's frame, as it is known now, at a stamp."""
+        self._waiting_ns = None
+        base = self._base or self._frames.parent(self._tool)
+        pose = None if base is None else self._frames.pose(base, self._tool)
+        if base is not None and pose is not None:
+            self._take(stamp_ns, base, *pose)
+
+    def _add(self, message: Any) -> dict[str, int]:
+        """Take in the transforms of a message; return their stamps [ns] by frame."""
+        stamps = {}
+        for transform in message.transforms:
+            place, turn = transform.transform.translation, transform.transform.rotation
+            try:
+                turned = unit_quaternion((turn.x, turn.y, turn.z, turn.w))
+            except ValueError:
+                self.unusable += 1
+                continue
+            child = plain_name(transform.child_frame_id)
+            pose = ((place.x, place.y, place.z), turned)
+            self._frames.add(plain_name(transform.header.frame_id), child, pose)
+            stamps[child] = nanoseconds_from_stamp(transform.header.stamp)
+        return stamps
+
+
+def plain_name(frame: str) -> str:
+    """Return a frame's name; older software writes a slash before it."""
+    return frame.removeprefix("/")
