@@ -95,5 +95,5 @@ def test_a_step_that_lasts_is_told_while_it_lasts(start):
     command = start(work.strip())
     said, errors = command.communicate()
     assert (command.returncode, said) == (0, "works\n")
-    assert errors.startswith("thinking, since ")
+    assert errors.startswith("... thinking, since ")
     assert errors.count("\n") == 1

@@ -44,18 +44,18 @@ def test_a_headless_run_says_what_it_waits_for(monkeypatch: pytest.MonkeyPatch) 
 
     assert pass_time(2.9, "starting estimator") == []  # an ordinary start
     assert pass_time(5.0, "starting estimator") == [
-        "starting estimator, since 3 s",
-        "starting estimator, since 7 s",
+        "... starting estimator, since 3 s",
+        "... starting estimator, since 7 s",
     ]
     assert pass_time(22.0, "running") == []
     load[0] = 15.0
     assert pass_time(4.0, "stopping recorder") == [
-        "stopping recorder, since 3 s (machine busy: load 15.0 on 2 processors)"
+        "... stopping recorder, since 3 s (machine busy: load 15.0 on 2 processors)"
     ]
     load[0] = 1.0
     assert pass_time(2.5, "waiting for the last estimates") == []
     # Nothing was said for a while: the next step is told sooner.
-    assert pass_time(2.0, "stopping estimator") == ["stopping estimator, since 1 s"]
+    assert pass_time(2.0, "stopping estimator") == ["... stopping estimator, since 1 s"]
     assert len(pass_time(180.0, "stopping estimator")) in (22, 23)  # after a minute seldom
     assert pass_time(30.0, "done") == []
     assert pass_time(6.0, "starting estimator", enabled=True) == []  # the panel tells it
@@ -77,7 +77,7 @@ def test_what_the_command_says_itself_puts_the_next_line_off(
     assert beat.due() == ""
     heartbeat.telling("looking", "looking: 3 of 7")  # the same step: what is told of it
     clock[0] += 3.0
-    assert beat.due() == "looking: 3 of 7"
+    assert beat.due() == "... looking: 3 of 7"
     heartbeat.nothing()
     clock[0] += 60.0
     assert beat.due() == ""

@@ -14,6 +14,8 @@ import threading
 import time
 from typing import Final
 
+MARK: Final = "... "
+"""By it a line is known: what a program says of itself is neither a result nor an error."""
 FIRST_S: Final = 3.0
 """So long nothing is said of a step, or less where nothing was said before it either."""
 LEAST_S: Final = 1.0
@@ -82,7 +84,7 @@ class Heartbeat:
                 return ""
             lasted, self._spoken = now - self._since, now
             self._due = now + (AGAIN_S if lasted < _LONG_S else SELDOM_S)
-            return (self._text or f"{self._step}, since {lasted:.0f} s") + busy()
+            return f"{MARK}{self._text or f'{self._step}, since {lasted:.0f} s'}{busy()}"
 
 
 _heartbeat = Heartbeat()

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from hc_bringup import heartbeat
 from hc_bringup.batch import engines
 from hc_bringup.batch.campaign import Campaign, has_pyarrow
 from hc_bringup.batch.work import Answer, Task
@@ -41,7 +42,7 @@ def plain(folder: Path, target: Path) -> dict[str, bytes]:
 
 def complaints(error: str) -> list[str]:
     """What was said on standard error, but for the progress of a slow machine."""
-    return [line for line in error.splitlines() if not line.startswith("results: ")]
+    return [line for line in error.splitlines() if not line.startswith(heartbeat.MARK)]
 
 
 def results(folder: Path) -> int:
