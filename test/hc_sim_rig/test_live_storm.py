@@ -77,7 +77,7 @@ class Storm:
 
 
 @pytest.mark.parametrize("method", ["model_mediated", "wave_variables"])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_through_a_storm_the_bounds_hold_and_after_it_all_is_well(method: str, seed: int) -> None:
     """Jitter, loss, overtaking, doubles, spoilt datagrams, both sides restarted, clocks set."""
     dice = random.Random(seed)

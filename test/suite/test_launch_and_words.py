@@ -43,6 +43,9 @@ NO_WARNINGS = (
     "most messages waiting on",
     "no usable \0 for",
     "waits for the first sample",
+    "listening to \0: ",
+    "recording is played",  # what follows a warning that the page explains
+    "recording that is played at another rate",
 )
 
 

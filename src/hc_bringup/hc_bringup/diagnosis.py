@@ -204,7 +204,9 @@ def diagnose(
         steps = np.diff(samples.time_s[~np.isnan(samples.force_n)])
         forward = steps[steps > 0.0]
         # What the surface leaves open, no stroke can mend.
-        sure = dataclasses.replace(samples, surface_std_mm=0.0).estimate() or after
+        sure = after
+        if samples.surface_std_mm:
+            sure = dataclasses.replace(samples, surface_std_mm=0.0).estimate() or after
         findings += _surface(after, sure, samples.surface_std_mm)
         plans = forecast(
             sure.parameters,
