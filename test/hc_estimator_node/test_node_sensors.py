@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from hc_msgs.msg import IndenterSample
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from hc_estimator import PARAMETER_NAMES
@@ -20,12 +21,25 @@ pytestmark = pytest.mark.process
 
 FORCE_BIAS = 1.7  # N
 SURFACE = 412.0  # mm, in the frame of the position sensor
+KEPT_QOS = QoSProfile(
+    depth=SAMPLE_PUBLISHER_QOS.depth,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 RELIABLY = {
     f"qos_overrides./{topic}.subscription.{name}": value
     for topic in ("wrist", "arm")
-    for name, value in (("reliability", "reliable"), ("depth", SAMPLE_PUBLISHER_QOS.depth))
+    for name, value in (
+        ("reliability", "reliable"),
+        ("durability", "transient_local"),
+        ("depth", KEPT_QOS.depth),
+    )
 }
-"""No reading is lost on the way: counts are exact, but for a stall of two seconds (the backlog)."""
+"""No reading is lost on the way: counts are exact, but for a stall of two seconds (the backlog).
+
+Nor at the start: discovery is one-sided, and on a busy machine the node may see a publisher that
+sees it already only after the first readings, which are then kept for it.
+"""
 
 
 def wrench(stamp_ns, force):
@@ -69,8 +83,8 @@ def play(probe, plant, make_position, position_type, duration_s, latency_s=0.004
 
     Every message comes up to latency_s after its stamp, so that they overtake each other.
     """
-    forces = probe.node.create_publisher(WrenchStamped, "wrist", SAMPLE_PUBLISHER_QOS)
-    positions = probe.node.create_publisher(position_type, "arm", SAMPLE_PUBLISHER_QOS)
+    forces = probe.node.create_publisher(WrenchStamped, "wrist", KEPT_QOS)
+    positions = probe.node.create_publisher(position_type, "arm", KEPT_QOS)
     probe.forces = forces
     probe.wait(lambda: forces.get_subscription_count() and positions.get_subscription_count())
     probe.wait(lambda: probe.call("ready").success, what="~/ready")
