@@ -104,6 +104,53 @@ def test_setup_starts_the_run_that_it_wrote_and_the_run_can_be_computed_again(be
     assert abs(again["parameters"]["stiffness"] - 0.5) < 3.0 * told
 
 
+def ended_at(bench, words, pattern, number):
+    """Start hc, send it a signal once its log shows something; returns status and log."""
+    process = bench.start("-m", "hc_bringup", *words)
+    log = bench.folder / f"process_{len(bench.started) - 1}.log"
+    while re.search(pattern, log.read_text()) is None:
+        assert process.poll() is None, log.read_text()
+        time.sleep(0.02)
+    process.send_signal(number)
+    return process.wait(timeout=60.0), log.read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "moment", ["looking for sensors", r"\.\.\. recording presses: +\d+ s", "recorded; finding axes"]
+)
+def test_setup_says_what_it_does_and_ends_when_it_is_asked_to(bench, moment, number):
+    """Regression: SIGTERM while it computed was lost, and the run was started all the same."""
+    bench.robot(**ROBOT)
+    time.sleep(2.0)
+    status, log = ended_at(bench, ("setup", "--yes", "--seconds", "6"), moment, number)
+    assert status == 128 + number, log
+    assert log.endswith("hc setup: ended: nothing was written\n")
+    assert "Traceback" not in log
+    assert not list(bench.folder.glob("my_robot*"))
+
+
+@pytest.mark.slow
+def test_doctor_payload_and_find_surface_end_when_they_are_asked_to(bench):
+    bench.robot(on_request=1, position={"jitter_s": 0.001})
+    settings = {"source": "sensors", "force.topic": "ft_sensor/wrench", "position.type": "pose"}
+    settings |= {"position.topic": "tool_pose", "position.sign": -1, "position.zero": -200.0}
+    words = [w for name, value in settings.items() for w in ("-p", f"input.{name}:={value}")]
+    bench.start("-m", "hc_estimator.node", "--ros-args", *words)
+    assert bench.patiently("param", "get", "estimator", "input.source").returncode == 0
+    for command, moment in (
+        (("doctor", "--seconds", "60"), "listening to /estimator: "),
+        (("payload", "--yes", "--seconds", "60"), r"\.\.\. recording: "),
+        (("find-surface",), r"\.\.\. waiting for the outcome of find_surface, since "),
+    ):
+        status, log = ended_at(bench, command, moment, signal.SIGTERM)
+        assert status == 128 + signal.SIGTERM, log
+        assert "Traceback" not in log
+    mass = bench.hc("param", "get", "estimator", "input.payload.mass", "--hide-type").stdout
+    assert float(mass) == 0.0  # half of the attitudes are no payload
+
+
 @pytest.mark.slow
 def test_setup_without_a_robot_is_one_line(bench):
     done = bench.hc("setup", "--yes")
