@@ -1,15 +1,17 @@
 """The suite's one histogram: durations counted in fixed memory, for quantiles and shares.
 
 The bins are those of an HDR histogram: exact below 128 ns, above that 64 bins for every doubling,
-so that a quantile is known to 0.8 % of its value whatever its size.
+so that a quantile is known to 0.8 % of its value whatever its size. Only bins that hold something
+are kept: a second at 1 kHz fills some hundred of 3,648, and its quantiles are asked for between two
+samples.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Sequence
 from itertools import accumulate
-from operator import add
 from typing import Any, Final
 
 import numpy as np
@@ -33,7 +35,7 @@ class DurationHistogram:
     __slots__ = ("_bins", "count", "maximum_ns")
 
     def __init__(self) -> None:
-        self._bins = [0] * _BINS
+        self._bins: defaultdict[int, int] = defaultdict(int)
         self.count = 0
         self.maximum_ns = 0
 
@@ -50,7 +52,7 @@ class DurationHistogram:
         elif duration_ns <= _LARGEST:
             self._bins[(shift << _SUB_BITS) + (duration_ns >> shift)] += 1
         else:
-            self._bins[-1] += 1
+            self._bins[_BINS - 1] += 1
 
     def add_s(self, duration_s: float) -> None:
         """Count a duration [s]; NaN counts as zero."""
@@ -100,12 +102,15 @@ class DurationHistogram:
                 raise ValueError(f"fraction = {fraction!r} is not a number from 0 to 1")
         if self.count == 0:
             return [float("nan")] * len(fractions)
-        seen = list(accumulate(self._bins))
+        bins = sorted(self._bins)
+        seen = list(accumulate(self._bins[place] for place in bins))
         largest = float(max(self.maximum_ns, 0))
-        # The first bin up to which so many were seen holds one; of none it is the first that does.
+        # The first bin up to which so many were seen; of none it is the first that holds one.
         places = (bisect_left(seen, max(f * self.count, 0.5)) for f in fractions)
         return [
-            min(float(_CENTRES[place]), largest) if place < _BINS else float(self.maximum_ns)
+            min(float(_CENTRES[bins[place]]), largest)
+            if place < len(bins)
+            else float(self.maximum_ns)
             for place in places
         ]
 
@@ -122,18 +127,20 @@ class DurationHistogram:
         Returns:
             (m + 1,) counts.
         """
-        places = np.searchsorted(edges_ns, _CENTRES)
-        return np.bincount(places, self._bins, minlength=len(edges_ns) + 1).astype(np.int64)
+        places = np.searchsorted(edges_ns, _CENTRES[list(self._bins)])
+        numbers = list(self._bins.values())
+        return np.bincount(places, numbers, minlength=len(edges_ns) + 1).astype(np.int64)
 
     def merge(self, other: DurationHistogram) -> None:
         """Add what another histogram counted."""
         self.count += other.count
         self.maximum_ns = max(self.maximum_ns, other.maximum_ns)
-        self._bins = list(map(add, self._bins, other._bins))
+        for place, number in other._bins.items():
+            self._bins[place] += number
 
     def clear(self) -> None:
         """Forget everything."""
-        self._bins = [0] * _BINS
+        self._bins.clear()
         self.count = 0
         self.maximum_ns = 0
 
