@@ -52,6 +52,7 @@ print(json.dumps({
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_one_line_in_one_file_is_enough(tmp_path):
     package = tmp_path / "hc_estimator"
     source = Path(hc_estimator.__file__).parent
