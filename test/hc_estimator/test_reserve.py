@@ -66,8 +66,8 @@ def test_the_reserve_is_called_and_sent_away(parts):
         assert rows[m].state[EXPONENT] == 1.9
         assert rows[m].covariance[EXPONENT, EXPONENT] == pytest.approx(0.09)  # let go
         assert rows[m].covariance[OWN, OWN] > 0.0
-        assert not choice.counts(rows[m], 5.0 + 0.9 * reserve.WAIT)
-        assert choice.counts(rows[m], 5.0 + 1.1 * reserve.WAIT)
+        assert not choice.counts(rows[m], 5.0 + 0.9 * choice.WAIT)
+        assert choice.counts(rows[m], 5.0 + 1.1 * choice.WAIT)
         assert choice.stands_by(judge, m)
     judge.chosen = FITTED
     for _ in range(1999):

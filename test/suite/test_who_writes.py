@@ -133,7 +133,7 @@ GUESTS = {
         "model_error recent_nis score state",
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
-    "multiple_model/reserve": {"row": "active log_likelihood score state"},
+    "multiple_model/reserve": {"row": "active state"},
     "multiple_model/surface_search": {"row": "covariance model_error position_deviation state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
     "adaptation/change_detection": {

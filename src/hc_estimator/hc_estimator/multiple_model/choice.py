@@ -21,6 +21,7 @@ from hc_estimator.multiple_model.hypotheses import (
     STEADY_SURFACE_ROW,
     SURFACE,
 )
+from hc_estimator.multiple_model.rows import seed
 
 MEMORY = 0.4  # time constant of the scores [s]
 MARGIN = 1.15  # mean square over the best from which on a row predicts worse
@@ -39,6 +40,8 @@ FAR_BETTER = 4.0  # ratio of mean squares above which nothing else counts
 SURFACE_GAIN = 1.3
 UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it explains nothing
 UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
+WAIT = 2.0  # time in contact after which a row seeded from the chosen one counts [s]
+SEEDED_SCORE = 1.5  # mean square over the chosen row's that it begins with
 STEADY_TIME = 4.0  # in contact that a surface at a steady speed has to explain, at least [s]
 
 
@@ -46,6 +49,20 @@ STEADY_TIME = 4.0  # in contact that a surface at a steady speed has to explain,
 def counts(row: Any, clock: float) -> bool:
     """True unless the row is still waiting after it was seeded anew."""
     return bool(row.active != 0 and clock >= row.counts_from)
+
+
+@compiled
+def seed_behind(chosen: Any, row: Any, clock: float) -> None:
+    """Give a row the state of the chosen one; it waits, and its copied past counts less.
+
+    Args:
+        chosen: the row in charge.
+        row: changed.
+        clock: contact clock [s].
+    """
+    seed(chosen, row, clock, clock + WAIT)
+    row.log_likelihood = chosen.log_likelihood - REFUTED
+    row.score = SEEDED_SCORE * chosen.score
 
 
 @compiled

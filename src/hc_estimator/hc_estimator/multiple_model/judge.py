@@ -24,6 +24,7 @@ from hc_estimator.multiple_model.choice import (
     REFUTED,
     REFUTED_AFTER,
     choose,
+    seed_behind,
     stands_by,
     steadiest_nis,
     trusted_motion,
@@ -54,7 +55,6 @@ FIRST_WEIGHT = 0.3  # of the scores, before they count
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
-WAIT = 2.0  # time after which a row seeded anew counts again [s]
 
 
 @compiled
@@ -260,11 +260,7 @@ def _seed_anew(judge: Any, rows: Any, clock: float, elapsed: float) -> None:
             continue
         row.inconsistent_time += elapsed
         if row.inconsistent_time > SEEDED_AFTER:
-            likelihood = chosen.log_likelihood - REFUTED
-            score = 1.5 * chosen.score
-            seed(chosen, row, clock, clock + WAIT)
-            row.log_likelihood = likelihood
-            row.score = score
+            seed_behind(chosen, row, clock)
 
 
 @compiled

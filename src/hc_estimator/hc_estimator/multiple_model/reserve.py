@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model.choice import REFUTED
+from hc_estimator.multiple_model.choice import seed_behind
 from hc_estimator.multiple_model.hypotheses import (
     FITTED,
     FRESH,
@@ -22,14 +22,12 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     is_tried,
 )
-from hc_estimator.multiple_model.rows import free_parameters, seed
+from hc_estimator.multiple_model.rows import free_parameters
 
 NEEDED_TIME = 0.3  # in contact for which constant tissue must not do [s]
 UNNEEDED_TIME = 10.0  # in contact for which it must have done [s]
-WAIT = 2.0  # time in contact after which a row that begins counts [s]
 # Of ln K, ln B, n and p about those of the chosen row: with one thing wrong, n is wrong by as much.
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
-BEGUN_SCORE = 1.5  # mean square over the chosen row's with which it begins
 
 
 @compiled
@@ -69,12 +67,8 @@ def review(settings: Any, judge: Any, rows: Any, clock: float, elapsed: float) -
 @compiled
 def _begin(settings: Any, chosen: Any, row: Any, clock: float) -> None:
     """Begin a row from the chosen one."""
-    likelihood = chosen.log_likelihood - REFUTED
-    score = BEGUN_SCORE * chosen.score
-    seed(chosen, row, clock, clock + WAIT)
+    seed_behind(chosen, row, clock)
     free_parameters(settings, row, DEVIATIONS)
     if SURFACE[row.index] and SURFACE[chosen.index]:
         row.state[OWN] = chosen.state[OWN]
-    row.log_likelihood = likelihood
-    row.score = score
     row.active = 1

@@ -35,6 +35,7 @@ from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
+from hc_estimator.multiple_model.choice import WAIT
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     FITTED,
@@ -270,7 +271,7 @@ def _foresee(settings: Any, bank: Any) -> bool:
         known = noise + row.model_error
         if not foresee_force(settings, row, log_speed, clock.measurement[1], known):
             chosen = bank.rows[bank.judge.chosen]
-            seed(chosen, row, bank.tool.contact_clock, bank.tool.contact_clock + judging.WAIT)
+            seed(chosen, row, bank.tool.contact_clock, bank.tool.contact_clock + WAIT)
             if not foresee_force(settings, row, log_speed, clock.measurement[1], known):
                 return False
         force_noise = UNKNOWN
@@ -293,7 +294,7 @@ def _keep_sound(settings: Any, bank: Any) -> bool:
     for m in range(rows.shape[0]):
         if rows[m].active != 0 and not is_sound(rows[m]):
             clock = bank.tool.contact_clock
-            seed(chosen, rows[m], clock, clock + judging.WAIT)
+            seed(chosen, rows[m], clock, clock + WAIT)
     return True
 
 
