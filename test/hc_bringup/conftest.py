@@ -4,6 +4,7 @@ The latter is for many hostile files one after another.
 """
 
 import json
+import math
 import os
 import re
 import shutil
@@ -13,7 +14,7 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from hc_sim_rig.rig import Rig
 from hc_sim_rig.scenario import load_scenario
 
 HEARTBEAT = re.compile(rf"^{re.escape(heartbeat.MARK)}.*\n", re.MULTILINE)
+NAMES = "time_s,displacement_mm,force_N"
 SHIM = Path(__file__).resolve().parents[1] / "clock_shim.c"
 
 
@@ -205,3 +207,33 @@ def run():
         )
 
     return start
+
+
+PRESSED = {"stiffness": 0.5, "damping": 0.015, "displacement_exponent": 1.5}
+"""Of the tissue below, which never pulls; the speed's exponent is 1."""
+
+
+def _reading(time_s: float) -> tuple[float, float]:
+    depth = 3.0 + 1.5 * math.sin(9.0 * time_s) + 0.5 * math.sin(31.0 * time_s)
+    speed = 13.5 * math.cos(9.0 * time_s) + 15.5 * math.cos(31.0 * time_s)
+    stiffness, damping, exponent = PRESSED.values()
+    return depth, depth**exponent * (stiffness + damping * speed)
+
+
+@pytest.fixture(scope="session")
+def reading() -> Callable[[float], tuple[float, float]]:
+    """Give the true displacement [mm] and force [N] at a time [s]."""
+    return _reading
+
+
+@pytest.fixture
+def press_table(tmp_path: Path) -> Callable[..., Path]:
+    """Write two seconds of presses; `change` makes of time, depth and force what the file has."""
+
+    def write(name: str, change: Callable[..., tuple], names: str = NAMES) -> Path:
+        rows = [change(k * 1e-3, *_reading(k * 1e-3)) for k in range(2000)]
+        path = tmp_path / name
+        path.write_text(f"{names}\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows))
+        return path
+
+    return write

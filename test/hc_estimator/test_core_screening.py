@@ -66,11 +66,11 @@ def hostile(count, seed):
 
 @pytest.mark.parametrize(("filter_name", "state_space"), COMBINATIONS)
 def test_hostile_steps(filter_name, state_space):
-    """10^5 steps, 5000 for the slower particle filters.
+    """30,000 steps, 1,500 for the slower particle filters.
 
     HC_HOSTILE_STEPS=10000000 makes it the nightly run of 10^7.
     """
-    steps = int(os.environ.get("HC_HOSTILE_STEPS", "100000"))
+    steps = int(os.environ.get("HC_HOSTILE_STEPS", "30000"))
     if filter_name in ("sir_pf", "rbpf"):
         steps //= 20
     estimator = hc.create_estimator(filter_name, state_space=state_space)

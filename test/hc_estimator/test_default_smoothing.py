@@ -114,11 +114,11 @@ def test_a_corner_is_no_cubic():
 
 def test_the_variance_of_a_wide_cubic_is_the_one_that_is_said():
     rng, rate, squares = np.random.default_rng(8), 1000.0, []
-    for _ in range(300):
+    for _ in range(120):
         finder, here = gridded(0.01 * rng.standard_normal(250), rate)
         assert smoothing.take_wide(finder, here, 1.0)
         squares.append(finder.wide[0] ** 2)
     value = 0.01**2 * smoothing.VALUE_VARIANCE / grid.readings_of(finder)
     said = smoothing.wide_variance(finder, value)
     assert said < grid.velocity_variance(finder, 0.01**2) / 2.0
-    assert np.mean(squares) == pytest.approx(said, rel=0.3)  # 8 % by chance
+    assert np.mean(squares) == pytest.approx(said, rel=0.3)  # 13 % by chance

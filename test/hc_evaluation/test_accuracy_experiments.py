@@ -25,6 +25,7 @@ needs_recordings = pytest.mark.skipif(
 )
 SEEDS = range(700, 706)
 QUICK = ("reference", "soft_100hz", "tapping")  # one of each kind; the others are `slow`
+CHANGED = ("reference_15_percent", "stiff_softer")
 
 
 def columns(function, scenario, seeds=SEEDS):
@@ -51,7 +52,13 @@ def test_quiet_tissue_is_found_near_the_bound_and_with_honest_uncertainty(scenar
     assert row["changes"] == 0
 
 
-@pytest.mark.parametrize("scenario", catalogue.CHANGES[:4], ids=lambda s: s.name)
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        pytest.param(s, id=s.name, marks=[] if s.name in CHANGED else [pytest.mark.slow])
+        for s in catalogue.CHANGES[:4]
+    ],
+)
 def test_changed_tissue_is_found_again(scenario):
     runs = columns(measure.change_run, scenario)
     assert np.median(runs["settling_s"]) < 0.5

@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from hc_evaluation.accuracy import pictures
+from hc_sim_rig.picture_style import say_cut
 
 
 @pytest.mark.parametrize(("value", "marker"), [(31.4, ">"), (0.5, "<")])
@@ -24,3 +25,18 @@ def test_without_one_there_are_only_dots() -> None:
     (dots,) = axis.get_lines()
     np.testing.assert_array_equal(dots.get_xdata(), [2.0, 2.8])
     assert not axis.texts
+
+
+@pytest.mark.parametrize(("highest", "said"), [(0.9, []), (1.1, ["cut curves go on"])])
+@pytest.mark.parametrize("drawn", ["curve", "band"])
+def test_a_curve_or_a_band_that_leaves_its_frame_is_said(
+    drawn: str, highest: float, said: list[str]
+) -> None:
+    axis = Figure().subplots()
+    if drawn == "curve":
+        axis.plot([0.0, 1.0], [0.5, highest])
+    else:
+        axis.fill_between([0.0, 1.0], [0.2, 0.2], [0.5, highest])
+    axis.set_ylim(0.0, 1.0)
+    say_cut(axis)
+    assert [text.get_text() for text in axis.texts] == said

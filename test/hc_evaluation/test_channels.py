@@ -107,7 +107,7 @@ def test_gaps_are_not_filled_up_until_the_memory_is_full():
         evenly_spaced(time_s * 1e-310, values, values)
 
 
-@pytest.mark.parametrize("seed", [100_014, 100_034])
+@pytest.mark.parametrize("seed", [100_014, pytest.param(100_034, marks=pytest.mark.slow)])
 def test_the_default_filter_takes_no_small_delay_from_a_few_windows(seed):
     """Regression: where the tissue lets go, four windows passed for five deviations from none."""
     scenario = next(s for s in SEPARATIONS if s.name == "viscous_500hz")

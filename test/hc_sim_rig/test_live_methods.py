@@ -82,7 +82,7 @@ def pair(request: pytest.FixtureRequest) -> Iterator[Pair]:
     ("pair", "round_trip_ms"),
     [
         (("position_position", 20.0, -5.0), 20.0),
-        (("wave_variables", 20.0, -5.0), 20.0),
+        pytest.param(("wave_variables", 20.0, -5.0), 20.0, marks=pytest.mark.slow),
         (("wave_variables", 300.0, -5.0), 300.0),
     ],
     indirect=["pair"],

@@ -132,7 +132,7 @@ def _explain_colours(figure: Figure, data: RunData) -> None:
     handles = [
         Line2D([], [], color=MEASURED, linewidth=THICK, label="measured"),
         Line2D([], [], color=ESTIMATED, label="estimate; force: one step ahead"),
-        Patch(color=ESTIMATED, alpha=BAND, label="± 2 standard deviations, cut at the frame"),
+        Patch(color=ESTIMATED, alpha=BAND, label="± 2 standard deviations"),
         Line2D([], [], color=TRUE, linestyle="--", label="true; NIS: ideal"),
     ]
     if data.change_detected.any():

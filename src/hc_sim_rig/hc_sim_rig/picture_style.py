@@ -72,9 +72,10 @@ def legend_below(figure: Figure, *labelled: Any, ncols: int) -> None:
 
 
 def say_cut(axes: Any) -> None:
-    """Say beside the frame if a curve leaves it: call it when limits and curves are there."""
+    """Say beside the frame if a curve or a band leaves it: call it when all is drawn."""
     low, high = axes.get_ylim()
     drawn = [np.asarray(line.get_ydata(), dtype=np.float64) for line in axes.get_lines()]
+    drawn += [path.vertices[:, 1] for band in axes.collections for path in band.get_paths()]
     if any(np.any((values < low) | (values > high)) for values in drawn):
         axes.text(
             1.008, 0.5, "cut curves go on", transform=axes.transAxes, rotation=90,

@@ -123,10 +123,11 @@ def _header(table: Sequence[Sequence[Entry]]) -> str:
         '<button id="theme" type="button" aria-label="light or dark">◐</button></div></header>'
         f'<main class="report"><section class="panel full variants"><h2>Shown</h2>{boxes}'
         f"{true}</section>"
-        '<p class="hint">Drag over a chart to look closer; double-click for the whole. Bands are '
-        "left out here: hc report shows them. Errors and honesty of all are over the same samples: "
-        "those that most of them used in contact, without the first second. Errors of the "
-        "parameters and NEES need a recording that knows the truth.</p>"
+        '<p class="hint">Drag over a chart to look closer; double-click for the whole. '
+        "Curves that a frame cuts go on. Bands are left out here: hc report shows them. "
+        "Errors and honesty of all are over the same samples: those that most of them used in "
+        "contact, without the first second. Errors of the parameters and NEES need a recording "
+        "that knows the truth.</p>"
     )
 
 

@@ -128,6 +128,7 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
 <span class="key measured">measured</span>
 <span class="key estimate">law at rest ± 2 sd, at the end of what is shown</span></p></section>
 <p class="hint">Drag over a chart to look closer; double-click for the whole.
+Curves that a frame cuts go on.
 <span class="key estimate">estimate, band of 2 standard deviations</span>{truth}</p>
 <section class="cards">{cards}</section>
 <section id="force" class="panel"><h2>Force <small>[N]</small></h2><p class="under">

@@ -38,9 +38,10 @@ from hc_sim_rig.picture_style import (
     legend_below,
     new_figure,
     save,
+    say_cut,
 )
 
-LABELS = ("K  N/mmⁿ", "B", "n", "p")
+LABELS = ("K [N/mmⁿ]", "B\n[N(s/mm)ᵖ/mmⁿ]", "n", "p")
 
 
 def _dots(axis: Axes, values: Any, places: Any, limits: tuple[float, float], **look: Any) -> None:
@@ -133,7 +134,7 @@ def picture_change(setup: Setup, folder: Path) -> Path:
     figure = new_figure(7.6)
     axes = figure.subplots(6, 1, sharex=True)
     axes[0].plot(time, contact.force_n, color=MEASURED, lw=THIN)
-    axes[0].set_ylabel("force N")
+    axes[0].set_ylabel("force [N]")
     limits = ((0.0, 0.8), (0.0, 0.12), (1.2, 2.2), (0.85, 1.25))
     for i in range(4):
         _band(
@@ -144,11 +145,12 @@ def picture_change(setup: Setup, folder: Path) -> Path:
             contact.parameters[:, i],
         )
         axes[1 + i].set(ylabel=LABELS[i], ylim=limits[i])
+        say_cut(axes[1 + i])
     legend_above(axes[1], 2)
     kernel = np.ones(200) / 200.0
     axes[5].plot(time, np.convolve(series.nis, kernel, "same"), color=BLUE)
     axes[5].axhspan(1.6, 2.4, color=GREEN, alpha=0.15)
-    axes[5].set(ylabel="NIS, 0.2 s mean", ylim=(0, 6), xlabel="time s")
+    axes[5].set(ylabel="NIS, 0.2 s mean", ylim=(0, 6), xlabel="time [s]")
     for axis in axes:
         axis.axvline(4.0, color=GREY, ls=":")
         axis.axvline(8.0, color=GREY, ls=":")
@@ -180,7 +182,7 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
         left.plot(origins, errors, color=BLUE, label="estimate held")
         left.plot(origins, floor, color=ORANGE, ls="--", label="least squares over all")
         left.plot(time, series.force_noise_std, color=GREY, lw=THIN, label="noise and model error")
-        left.set(yscale="log", ylabel="N")
+        left.set(yscale="log", ylabel="error [N]")
         left.set_title(recording.name)
         _band(
             right,
@@ -189,11 +191,12 @@ def picture_recordings(setup: Setup, folder: Path) -> Path | None:
             series.parameters_std[:, 0],
             np.full(time.size, fit.parameters[0]),
         )
-        right.set(ylabel="K  N/mmⁿ", ylim=(0, 2.0 * fit.parameters[0]))
+        right.set(ylabel=LABELS[0], ylim=(0, 2.0 * fit.parameters[0]))
         _say_beyond(right, time, series.parameters[:, 0], 2.0 * fit.parameters[0])
+        say_cut(right)
     legend_below(figure, *axes[0][0].get_legend_handles_labels(), ncols=3)
-    axes[-1][0].set_xlabel("time s, error over the next 0.5 s")
-    axes[-1][1].set_xlabel("time s")
+    axes[-1][0].set_xlabel("time [s], error over the next 0.5 s")
+    axes[-1][1].set_xlabel("time [s]")
     return save(figure, folder / "accuracy_recordings.png")
 
 

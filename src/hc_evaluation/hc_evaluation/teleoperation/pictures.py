@@ -95,9 +95,9 @@ def draw_delays(result: Mapping[str, Any]) -> Figure:
     axes = figure.subplots(2, 2, sharex=True)
     scores = (
         ("force_error_n", "force error at the hand [N]"),
-        ("transparency", "transparency (1: the tissue itself)"),
+        ("transparency", "transparency (ideal: 1)"),
         ("peak_force_n", "peak force in the tissue [N]"),
-        ("lump_contrast", "lump's contrast at the hand (1: all)"),
+        ("lump_contrast", "contrast of the lump (ideal: 1)"),
     )
     for axis, (name, label) in zip(axes.flat, scores, strict=True):
         for method in METHODS:
