@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, without_tension
+from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, log_uniform, without_tension
 
 REFERENCE_MOTION = Motion(3.0, ((1.6, 0.7, 0.0), (0.8, 2.3, 0.5)))
 _STIFF_MOTION = Motion(2.5, ((1.2, 0.5, 0.3), (0.6, 1.7, 1.0), (0.25, 4.1, 2.0)))
@@ -192,10 +192,10 @@ def random_scenario(seed: int) -> Scenario:
         seed: of the draw.
     """
     draw = np.random.default_rng([seed, 2018])
-    stiffness = float(np.exp(draw.uniform(np.log(0.05), np.log(5.0))))
+    stiffness = log_uniform(draw, 0.05, 5.0)
     tissue = Tissue(
         stiffness,
-        stiffness * float(np.exp(draw.uniform(np.log(0.01), np.log(0.5)))),
+        stiffness * log_uniform(draw, 0.01, 0.5),
         float(draw.uniform(1.1, 2.3)),
         float(draw.uniform(0.8, 1.2)),
     )
@@ -216,6 +216,6 @@ def random_scenario(seed: int) -> Scenario:
         without_tension(tissue, fastest),
         motion,
         float(draw.choice([100.0, 200.0, 500.0, 1000.0, 2000.0])),
-        float(np.exp(draw.uniform(np.log(0.001), np.log(0.01)))),
-        largest * float(np.exp(draw.uniform(np.log(0.001), np.log(0.02)))),
+        log_uniform(draw, 0.001, 0.01),
+        largest * log_uniform(draw, 0.001, 0.02),
     )

@@ -21,6 +21,7 @@ from hc_estimator.contact.arrays import hunt_crossley_force
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.contacts import CONTACTS
 from hc_evaluation.accuracy.measure import Numbers, Setup
+from hc_evaluation.accuracy.scenarios import log_uniform
 from hc_evaluation.hold_forward import Frozen, smooth_motion
 
 FloatArray = NDArray[np.float64]
@@ -56,7 +57,7 @@ def arm_readings(seed: int) -> Readings:
         depth += float(draw.uniform(0.3, 1.0)) * largest * np.sin(angle)
     surface = float(draw.uniform(0.3, 1.5)) * np.sin(2.0 * np.pi * draw.uniform(0.15, 0.3) * time)
     surface += float(draw.uniform(-0.1, 0.1)) * time
-    stiffness = float(np.exp(draw.uniform(np.log(0.1), np.log(0.6))))
+    stiffness = log_uniform(draw, 0.1, 0.6)
     tissue = np.array(
         [stiffness, stiffness * draw.uniform(0.005, 0.05), draw.uniform(1.0, 1.7), 1.0]
     )

@@ -33,6 +33,7 @@ from hc_evaluation.accuracy.scenarios import (
     Scenario,
     SimulatedContact,
     Tissue,
+    log_uniform,
     simulate,
     without_tension,
 )
@@ -97,9 +98,6 @@ def random_scan(kind: Kind, seed: int) -> Scenario:
     """
     draw = np.random.default_rng([seed, 2026, KINDS.index(kind)])
 
-    def log_uniform(low: float, high: float) -> float:
-        return float(np.exp(draw.uniform(np.log(low), np.log(high))))
-
     frequencies = (draw.uniform(0.6, 1.2), draw.uniform(1.9, 3.2))
     amplitudes = (draw.uniform(0.8, 1.6), draw.uniform(0.3, 0.7))
     motion = Motion(
@@ -116,7 +114,7 @@ def random_scan(kind: Kind, seed: int) -> Scenario:
     n = float(draw.uniform(1.3, 2.1))
     inclusions: list[Inclusion] = []
     for centre in centres:
-        factor = log_uniform(*kind.factors)
+        factor = log_uniform(draw, *kind.factors)
         follows = float(draw.uniform(*kind.damping))
         # The tool is fastest in the middle of the way (minimum jerk): 15/8 of its mean speed.
         width = float(draw.uniform(*kind.wide)) * 1.875 * length / there
@@ -136,7 +134,7 @@ def random_scan(kind: Kind, seed: int) -> Scenario:
         )
     way = Way(length, there)
     tissue = Tissue(
-        log_uniform(0.05, 3.0), log_uniform(0.01, 0.2), n, float(draw.uniform(0.9, 1.1))
+        log_uniform(draw, 0.05, 3.0), log_uniform(draw, 0.01, 0.2), n, float(draw.uniform(0.9, 1.1))
     )
     # Where damping goes its own way it must not hold the tool either.
     places = np.linspace(0.0, length, 500)
@@ -153,8 +151,8 @@ def random_scan(kind: Kind, seed: int) -> Scenario:
         tissue,
         motion,
         float(draw.choice(kind.rates)),
-        log_uniform(0.001, 0.005),
-        largest * log_uniform(0.0005, 0.003),
+        log_uniform(draw, 0.001, 0.005),
+        largest * log_uniform(draw, 0.0005, 0.003),
         duration_s=2.0 * there,
         way=way,
         inclusions=tuple(inclusions),

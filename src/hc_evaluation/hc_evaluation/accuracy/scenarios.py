@@ -38,6 +38,11 @@ class Tissue:
         )
 
 
+def log_uniform(draw: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number between two positive ones, every ratio equally likely."""
+    return float(np.exp(draw.uniform(np.log(low), np.log(high))))
+
+
 def without_tension(tissue: Tissue, fastest_mm_s: float) -> Tissue:
     """The tissue with at most the damping at which a retreat does not lose contact.
 

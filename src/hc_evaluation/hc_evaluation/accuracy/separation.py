@@ -16,7 +16,7 @@ from hc_estimator.contact.arrays import separated
 from hc_evaluation.accuracy import catalogue, measure
 from hc_evaluation.accuracy.bench import Bench, Result, target, worst
 from hc_evaluation.accuracy.measure import Task
-from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate
+from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, log_uniform, simulate
 from hc_evaluation.accuracy.simulated import quiet_rows
 
 SMALLEST_SHARE, LARGEST_SHARE = 0.05, 0.4  # of the samples in separation
@@ -61,7 +61,7 @@ def random_separation(seed: int) -> Scenario:
     draw = np.random.default_rng([seed, 413])
     for attempt in range(ATTEMPTS):
         scenario = catalogue.random_scenario(seed + attempt * 1_000_000)
-        ratio = float(np.exp(draw.uniform(np.log(0.02), np.log(0.6))))
+        ratio = log_uniform(draw, 0.02, 0.6)
         motion = scenario.motion
         if draw.random() < 0.5:
             largest = max(amplitude for amplitude, _, _ in motion.sines)

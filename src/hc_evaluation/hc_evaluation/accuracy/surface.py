@@ -16,7 +16,14 @@ import numpy as np
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Task, run_task, sampled
-from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate, without_tension
+from hc_evaluation.accuracy.scenarios import (
+    Motion,
+    Scenario,
+    Tissue,
+    log_uniform,
+    simulate,
+    without_tension,
+)
 from hc_evaluation.accuracy.varying_tissue import Surface
 
 DURATION_S = 20.0
@@ -41,8 +48,8 @@ def _palpation(seed: int) -> Scenario:
         (0.35 * swing, float(draw.uniform(1.0, 1.8)), float(draw.uniform(0.0, 6.28))),
         (0.15 * swing, float(draw.uniform(2.7, 4.5)), float(draw.uniform(0.0, 6.28))),
     )
-    stiffness = float(np.exp(draw.uniform(np.log(0.1), np.log(3.0))))
-    damping = stiffness * float(np.exp(draw.uniform(np.log(0.01), np.log(0.1))))
+    stiffness = log_uniform(draw, 0.1, 3.0)
+    damping = stiffness * log_uniform(draw, 0.01, 0.1)
     tissue = Tissue(
         stiffness, damping, float(draw.uniform(1.3, 2.0)), float(draw.uniform(0.9, 1.1))
     )
@@ -59,7 +66,7 @@ def _palpation(seed: int) -> Scenario:
         duration_s=DURATION_S,
     )
     largest = float(np.max(simulate(scenario, 0).force))
-    noise = float(np.exp(draw.uniform(np.log(0.0003), np.log(0.001))))
+    noise = log_uniform(draw, 0.0003, 0.001)
     return replace(scenario, force_noise_n=noise * largest)
 
 

@@ -16,7 +16,14 @@ from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Task, run_task, sampled
 from hc_evaluation.accuracy.presses import Presses, random_presses
-from hc_evaluation.accuracy.scenarios import Motion, Scenario, Tissue, simulate, without_tension
+from hc_evaluation.accuracy.scenarios import (
+    Motion,
+    Scenario,
+    Tissue,
+    log_uniform,
+    simulate,
+    without_tension,
+)
 from hc_evaluation.accuracy.varying_tissue import Inclusion, Surface, Way
 
 DURATION_S = 24.0
@@ -24,10 +31,6 @@ START_S = 8.0  # from then on the estimate counts
 USUAL = 0.9  # of the samples of a run, and of the runs
 RATES_HZ = (200.0, 500.0, 1000.0)
 LIKELY = 3.0  # deviations
-
-
-def _log_uniform(draw: np.random.Generator, low: float, high: float) -> float:
-    return float(np.exp(draw.uniform(np.log(low), np.log(high))))
 
 
 def _contact(
@@ -46,10 +49,10 @@ def _contact(
         draw: where everything is drawn from.
         presses: in place of the motion.
     """
-    stiffness = _log_uniform(draw, 0.1, 2.0)
+    stiffness = log_uniform(draw, 0.1, 2.0)
     tissue = Tissue(
         stiffness,
-        stiffness * _log_uniform(draw, 0.005, 0.05),
+        stiffness * log_uniform(draw, 0.005, 0.05),
         float(draw.uniform(1.2, 2.0)),
         float(draw.uniform(0.9, 1.1)),
     )
@@ -58,13 +61,13 @@ def _contact(
         without_tension(tissue, fastest),
         motion,
         float(draw.choice(RATES_HZ)),
-        _log_uniform(draw, 0.001, 0.008),
+        log_uniform(draw, 0.001, 0.008),
         0.0,
         duration_s=DURATION_S,
         presses=presses,
     )
     largest = float(np.max(simulate(scenario, 0).force))
-    return replace(scenario, force_noise_n=largest * _log_uniform(draw, 0.0005, 0.003))
+    return replace(scenario, force_noise_n=largest * log_uniform(draw, 0.0005, 0.003))
 
 
 def _pressed(name: str, seed: int) -> tuple[Scenario, np.random.Generator]:
@@ -107,7 +110,7 @@ def _out_of_step(scenario: Scenario, draw: np.random.Generator) -> Scenario:
 def _lumps(scenario: Scenario, draw: np.random.Generator) -> Scenario:
     way = Way(40.0, DURATION_S / 2.0)
     lump = Inclusion(
-        float(draw.uniform(15.0, 25.0)), float(draw.uniform(3.0, 6.0)), _log_uniform(draw, 0.5, 3.0)
+        float(draw.uniform(15.0, 25.0)), float(draw.uniform(3.0, 6.0)), log_uniform(draw, 0.5, 3.0)
     )
     return replace(
         scenario, way=way, inclusions=(replace(lump, damping_factor=lump.stiffness_factor),)
