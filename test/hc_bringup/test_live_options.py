@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hc_bringup import bench_latency
-from hc_bringup.commands.run import with_array_messages, with_parameters
+from hc_bringup.array_messages import with_array_messages
+from hc_bringup.commands.run import with_parameters
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 

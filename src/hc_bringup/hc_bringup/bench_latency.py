@@ -24,7 +24,8 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from hc_bringup.commands.run import with_array_messages, with_parameters
+from hc_bringup.array_messages import with_array_messages
+from hc_bringup.commands.run import with_parameters
 from hc_bringup.errors import UserError
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
@@ -59,13 +60,13 @@ Case = dict[str, Any]
 class _Run:
     """Subscribers and load of one case; they begin with the samples."""
 
-    def __init__(self, folder: Path, subscribers: int, loaded: bool) -> None:
+    def __init__(self, folder: Path, subscribers: int, loaded: bool, form: str) -> None:
         self._files = [folder / f"listener_{i}.npz" for i in range(subscribers)]
         self._load: subprocess.Popen[bytes] | None = None
         self._folder, self._loaded = folder, loaded
         self._listeners = [
             subprocess.Popen(
-                [sys.executable, "-m", "hc_bringup.latency_listener", str(file)],
+                [sys.executable, "-m", "hc_bringup.latency_listener", str(file), form],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
             )
@@ -123,7 +124,8 @@ def bench_latency(
         loads: whether a compiler runs beside.
         filter_name: of the estimator; None takes that of its configuration.
         together_hz: messages a second at most: samples of higher rates travel together in
-            hc_msgs/IndenterSamples. None: each in a message of its own.
+            hc_msgs/IndenterSamples, and their estimates in hc_msgs/HuntCrossleyEstimates. None:
+            each in a message of its own.
         show: called about ten times a second with the state of the run.
 
     Returns:
@@ -166,7 +168,9 @@ def _measure(
             ("recorder", {"output": str(folder / "bag")}),
         ):
             plan = with_parameters(plan, node, parameters)
-        beside = _Run(folder, subscribers, loaded)
+        plan = with_array_messages(plan)
+        form = "arrays" if together > 1 else "each"
+        beside = _Run(folder, subscribers, loaded, form)
 
         def look(state: RunState) -> None:
             beside.look(state)
@@ -174,7 +178,7 @@ def _measure(
 
         seen: list[dict[str, NDArray[Any]]] = []
         try:
-            state = Runner(with_array_messages(plan), look, with_estimates=False).run()
+            state = Runner(plan, look, with_estimates=False).run()
         finally:
             seen = beside.close()
     skipped = int(float(state.diagnostics.get("estimator", {}).get("skipped", "nan")))

@@ -18,17 +18,19 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
-from hc_bringup.dashboard.parsing import RecordParser
+from hc_bringup.dashboard.parsing import EstimatesParser, RecordParser
 from hc_bringup.dashboard.security import TOKEN_VARIABLE
 from hc_bringup.dashboard.taps import Arrival, Taps
 from hc_bringup.reach import speak_to_nodes
-from hc_bringup.statistics import PARAMETERS, EstimateStatistics
+from hc_bringup.statistics import PARAMETERS, EstimateStatistics, estimate_rows
+from hc_logger.type_names import ESTIMATES_TYPE
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.diagnostics import Level
 from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import (
     DIAGNOSTICS,
     ESTIMATE,
+    ESTIMATES,
     EVENTS,
     NODE_DASHBOARD,
     NODE_ESTIMATOR,
@@ -41,6 +43,8 @@ NOT_STARTED = "not started"
 _ERROR = str(int(Level.ERROR))
 SERVICE_TIMEOUT_S = 5.0
 REPEAT_S = 0.5
+ARRAYS_S = 1.0
+"""Whoever told estimates on hc/estimate so lately is not listened to on hc/estimates as well."""
 
 
 class _MonitorNode(Node):  # type: ignore[misc]  # rclpy ships no types
@@ -66,7 +70,7 @@ class Monitor:
         self._with_estimates = with_estimates
         self.statistics = EstimateStatistics()
         self.diagnostics: dict[str, dict[str, str]] = {}
-        self.last_estimate_at = 0.0
+        self.last_estimate_at = self._estimate_at = 0.0  # the second: of hc/estimate
         self.answer = ""
         self._truth: list[float] | None = None
 
@@ -78,6 +82,13 @@ class Monitor:
         if self._with_estimates:
             self._subscription = self._node.create_subscription(
                 HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
+            )
+            self._node.taps.acquire(
+                self._node.resolve_topic_name(ESTIMATES),
+                ESTIMATES_TYPE,
+                partial(self._on_arrays, EstimatesParser()),
+                local=False,
+                reliable=True,
             )
         self._node.create_subscription(
             DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
@@ -138,10 +149,10 @@ class Monitor:
         end = time.monotonic() + duration_s
         while (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
+        self._node.taps.drain()
 
     def truth(self) -> list[float] | None:
-        """Return the rig's true K, B, n, p of now; None where nobody tells them."""
-        self._node.taps.drain()
+        """Return the rig's true K, B, n, p as of the last `spin`; None where nobody tells them."""
         return self._truth
 
     def page(self) -> str:
@@ -177,7 +188,7 @@ class Monitor:
         message = EstimatorEvent(
             kind=EstimatorEvent.MARK, reason="marked", sequence=latest.sequence
         )
-        message.header.stamp = stamp
+        message.header.stamp.sec, message.header.stamp.nanosec = stamp.sec, stamp.nanosec
         message.configuration_revision = latest.configuration_revision
         self._marks.publish(message)
         self.answer = f"marked sample {latest.sequence}"
@@ -238,7 +249,16 @@ class Monitor:
 
     def _on_estimate(self, message: Any) -> None:
         self.statistics.add(message)
-        self.last_estimate_at = time.monotonic()
+        self.last_estimate_at = self._estimate_at = time.monotonic()
+
+    def _on_arrays(self, parser: EstimatesParser, arrivals: list[Arrival]) -> None:
+        table, _stamps = parser.parse(arrivals)
+        now = time.monotonic()
+        if now - self._estimate_at < ARRAYS_S:
+            return  # they come on both topics
+        for row in estimate_rows(table):
+            self.statistics.add(row)
+        self.last_estimate_at = now if len(table) else self.last_estimate_at
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:

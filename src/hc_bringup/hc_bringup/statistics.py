@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections import Counter, deque
+from collections import Counter, deque, namedtuple
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
+
+from numpy.typing import NDArray
 
 from hc_bringup.explanation import RecentMotion
 from hc_bringup.force_error import SETTLING_S, one_step_error
@@ -24,11 +28,38 @@ REJECTION_NAMES: Final = {
 
 PARAMETERS: Final = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
+_STAMP_FIELDS: Final = {"header.stamp.sec": "stamp_sec", "header.stamp.nanosec": "stamp_nanosec"}
 _RECENT = 1000
 LONGEST_COUNTED_GAP = 1_000_000
 """A jump of the sequence beyond this is no loss: somebody counts otherwise, or not at all."""
 _MOST_JUMPS = 0.01
 """Share of the estimates; where more of them jump, the sequence is no counter."""
+
+
+class _Stamp(NamedTuple):
+    sec: int
+    nanosec: int
+
+
+class _Header(NamedTuple):
+    stamp: _Stamp
+
+
+@functools.cache
+def _row_type(names: tuple[str, ...]) -> Any:
+    row = namedtuple("EstimateRow", [_STAMP_FIELDS.get(name, name) for name in names])  # type: ignore[misc]
+    row.header = property(lambda self: _Header(_Stamp(self.stamp_sec, self.stamp_nanosec)))
+    return row
+
+
+def estimate_rows(table: NDArray[Any]) -> Iterator[Any]:
+    """Yield the estimates of a table, to be read as hc_msgs/HuntCrossleyEstimate is.
+
+    Args:
+        table: records of such messages without frame_id (hc_bringup.dashboard.parsing).
+    """
+    make = _row_type(table.dtype.names or ())._make
+    return map(make, table.tolist())
 
 
 @dataclass

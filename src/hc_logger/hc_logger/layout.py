@@ -30,33 +30,46 @@ from hc_msgs_py.cdr import (
 )
 
 LONGEST_RECORD = 65536
-"""Bytes; the longest message of the suite has a few hundred."""
+"""Bytes; the longest message of the suite that holds one sample has a few hundred."""
+LONGEST_ARRAYS = 1 << 22
+"""Bytes of a message that holds many."""
+LENGTH = "length of "
+"""Before the name of a sequence: no field of a message is called so."""
 
 
 @functools.lru_cache(maxsize=64)
-def record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
+def record_dtype(
+    definition: TypeDefinition, frame_bytes: int, elements: int = 0
+) -> np.dtype[Any]:
     """Return the dtype of a message that has no variable part but its header's frame_id.
 
     Fields have the names of the message's fields, nested ones joined by dots; the header gives
-    header.stamp.sec, header.stamp.nanosec and header.frame_id (fixed bytes).
+    header.stamp.sec, header.stamp.nanosec and header.frame_id (fixed bytes). Of a sequence
+    LENGTH + its name stands before it.
 
     Args:
         definition: the message type.
         frame_bytes: length of frame_id with its closing zero byte.
+        elements: of every bounded sequence with the smallest bound, where there are sequences; one
+            whose bound is a multiple of that has so many times the elements. 0: there are none.
 
     Raises:
         BagError: if the type has other variable parts, or its definition is damaged.
     """
     try:
-        return _record_dtype(definition, frame_bytes)
+        return _record_dtype(definition, frame_bytes, elements)
     except BagError:
         raise
     except Exception as error:  # rosbags and numpy over a damaged definition
         raise BagError(damaged_definition(definition)) from error
 
 
-def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]:
+def _record_dtype(
+    definition: TypeDefinition, frame_bytes: int, elements: int
+) -> np.dtype[Any]:
     types = get_types_from_msg(definition.text, definition.name)
+    smallest = _smallest_bound(types[definition.name][1]) if elements else 0
+    longest = LONGEST_ARRAYS if elements else LONGEST_RECORD
     names: list[str] = []
     formats: list[Any] = []
     offsets: list[int] = []
@@ -70,7 +83,7 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
         formats.append(dtype if count is None else (dtype, (count,)))
         offsets.append(position)
         position += dtype.itemsize * (1 if count is None else count)
-        if position > HEAD + LONGEST_RECORD:
+        if position > HEAD + longest:
             raise BagError(damaged_definition(definition))
 
     def walk(type_name: str, prefix: str) -> None:
@@ -87,6 +100,15 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
                 and detail[0][1][0] in NUMBERS
             ):
                 place(full, detail[0][1][0], detail[1])
+            elif (
+                node == Nodetype.SEQUENCE
+                and smallest
+                and detail[0][0] == Nodetype.BASE
+                and detail[0][1][0] in NUMBERS
+                and detail[1] % smallest == 0
+            ):
+                place(LENGTH + full, "uint32", None)
+                place(full, detail[0][1][0], elements * (detail[1] // smallest))
             elif node == Nodetype.BASE and full == "header.frame_id":
                 position = aligned(position, 4) + 4
                 names.append(full)
@@ -105,6 +127,11 @@ def _record_dtype(definition: TypeDefinition, frame_bytes: int) -> np.dtype[Any]
             "itemsize": position,
         }
     )
+
+
+def _smallest_bound(fields: Any) -> int:
+    """Return the smallest bound of a message's sequences, 0 if one has none or there are none."""
+    return min((d[1] for _, (node, d) in fields if node == Nodetype.SEQUENCE), default=0)
 
 
 INTEGER, REAL, FLAG = "iu", "f", "biu"

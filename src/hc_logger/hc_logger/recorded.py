@@ -15,16 +15,18 @@ from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.definitions import damaged_definition
 from hc_logger.errors import BagError
+from hc_logger.estimate_arrays import estimates_of_bag, log_times, merged
 from hc_logger.foreign import open_bag
 from hc_logger.layout import FLAG, INTEGER, REAL, records
 from hc_logger.selection import full_name
 from hc_logger.type_names import (
     CONFIGURATION_TYPE,
     ESTIMATE_TYPE,
+    ESTIMATES_TYPE,
     FORCE_TYPE,
     POSITION_TYPES,
 )
-from hc_msgs_py.topics import CONFIGURATION, ESTIMATE
+from hc_msgs_py.topics import CONFIGURATION, ESTIMATE, ESTIMATES
 from hc_msgs_py.units import NANOSECONDS
 
 _PARAMETER_FIELDS = (
@@ -145,18 +147,25 @@ class Recording:
 
     @cached_property
     def estimates(self) -> NDArray[Any]:
-        """Recorded hc_msgs/HuntCrossleyEstimate messages as records; empty where there are none.
+        """Recorded estimates as records of hc_msgs/HuntCrossleyEstimate; empty without any.
 
-        Fields have the message's names, numbers the message's units.
+        Fields have the message's names, numbers the message's units. Estimates that were recorded
+        in hc_msgs/HuntCrossleyEstimates are among them, each once.
 
         Raises:
             BagError: if the recording is not a bag, or has several topics of estimates.
         """
         with self._bag() as reader:
+            tables = []
             topic = only_topic(reader, ESTIMATE_TYPE, ESTIMATE)
-            if topic is None:
-                return np.empty(0, [("sequence", "<u8")])
-            return records(reader.topics[topic].definition, reader.columns(topic), _ESTIMATE_FIELDS)
+            if topic is not None:
+                columns = reader.columns(topic)
+                table = records(reader.topics[topic].definition, columns, _ESTIMATE_FIELDS)
+                tables.append((table, log_times(columns)))
+            topic = only_topic(reader, ESTIMATES_TYPE, ESTIMATES)
+            if topic is not None:
+                tables.append(estimates_of_bag(reader, topic))
+            return merged(tables)
 
     @cached_property
     def configurations(self) -> list[RecordedConfiguration]:

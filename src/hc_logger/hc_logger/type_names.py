@@ -5,6 +5,7 @@ from __future__ import annotations
 SAMPLE_TYPE = "hc_msgs/msg/IndenterSample"
 SAMPLES_TYPE = "hc_msgs/msg/IndenterSamples"
 ESTIMATE_TYPE = "hc_msgs/msg/HuntCrossleyEstimate"
+ESTIMATES_TYPE = "hc_msgs/msg/HuntCrossleyEstimates"
 CONFIGURATION_TYPE = "hc_msgs/msg/EstimatorConfiguration"
 FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
 JOINT_TYPE = "sensor_msgs/msg/JointState"

@@ -51,20 +51,21 @@ class Samples(NamedTuple):
 
 @functools.lru_cache(maxsize=512)
 def record_layout(message_type: Any, frame_bytes: int, count: int) -> np.dtype[Any]:
-    """Return the layout of a message whose sequences all have `count` elements.
+    """Return the layout of a message whose sequences all have `count` elements, or a multiple.
 
-    Fields are encapsulation, sec, nanosec, frame_length and frame (bytes), then those of the
+    A sequence whose bound is k times the smallest has k elements for each of `count`. Fields are encapsulation, sec, nanosec, frame_length and frame (bytes), then those of the
     message by name; of a sequence `NAME_length` stands before NAME.
 
     Args:
         message_type: class of a message that is a std_msgs/Header, numbers, and arrays or
             sequences of numbers.
         frame_bytes: length of frame_id with its closing zero.
-        count: elements of every sequence, at least 1.
+        count: elements of every sequence with the smallest bound, at least 1.
 
     Raises:
         ValueError: if the message has other parts.
     """
+    widths = _widths(message_type)
     fields: list[tuple[str, Any, int]] = [
         ("encapsulation", (np.uint8, 4), 0),
         ("sec", "<i4", 4),
@@ -92,7 +93,7 @@ def record_layout(message_type: Any, frame_bytes: int, count: int) -> np.dtype[A
         size = np.dtype(dtype).itemsize
         if sequence:
             place(f"{name}_length", "<u4", 4, None)
-            place(name, dtype, size, count)
+            place(name, dtype, size, count * widths[name])
         else:
             place(name, dtype, size, int(fixed[:-1]) if fixed else None)
     names, formats, offsets = zip(*fields, strict=True)
@@ -101,9 +102,15 @@ def record_layout(message_type: Any, frame_bytes: int, count: int) -> np.dtype[A
     )
 
 
-def _sequences(message_type: Any) -> list[str]:
+def _widths(message_type: Any) -> dict[str, int]:
+    """Return the sequences of a message, and how many elements each has for one of the shortest."""
     kinds = message_type.get_fields_and_field_types().items()
-    return [name for name, kind in kinds if kind.startswith("sequence<")]
+    bounds = {
+        name: int(kind.rstrip(">").partition(",")[2] or 1)
+        for name, kind in kinds
+        if kind.startswith("sequence<")
+    }
+    return {name: bound // min(bounds.values()) for name, bound in bounds.items()}
 
 
 class ArraysEncoder:
@@ -111,7 +118,7 @@ class ArraysEncoder:
 
     def __init__(self, message_type: Any, frame_id: str = FRAME_INDENTER_TIP) -> None:
         self._message_type = message_type
-        self._lengths = [f"{name}_length" for name in _sequences(message_type)]
+        self._widths = _widths(message_type)
         self.set_frame(frame_id)
 
     def set_frame(self, frame_id: str) -> None:
@@ -134,15 +141,15 @@ class ArraysEncoder:
             record["encapsulation"] = np.frombuffer(ENCAPSULATION, np.uint8)
             record["frame_length"] = len(self._frame)
             record["frame"] = self._frame
-            for name in self._lengths:
-                record[name] = count
+            for name, width in self._widths.items():
+                record[f"{name}_length"] = count * width
             self._records[count] = record
         record["sec"], record["nanosec"] = divmod(stamp_ns, NANOSECONDS)
         return record
 
 
 class ArraysDecoder:
-    """Reads messages whose sequences all have the same length.
+    """Reads messages whose sequences all have the same length, or a multiple (`record_layout`).
 
     Attributes:
         frame_id: frame of the message read last.
@@ -152,7 +159,8 @@ class ArraysDecoder:
         self.frame_id = ""
         self._frame = b"\0"
         self._message_type = message_type
-        self._lengths = [f"{name}_length" for name in _sequences(message_type)]
+        self._lengths = {f"{name}_length": w for name, w in _widths(message_type).items()}
+        self._first = next(name for name, width in self._lengths.items() if width == 1)
 
     def decode(self, data: bytes) -> tuple[int, Any]:
         """Return stamp [ns] and record of a serialised message; the record shares its memory.
@@ -177,7 +185,7 @@ class ArraysDecoder:
                 raise ValueError(f"{len(data)} bytes are no {name}: {error}") from None
             self._frame = frame
         shortest = record_layout(self._message_type, frame_bytes, 1)
-        start = shortest.fields[self._lengths[0]][1]  # type: ignore[index]
+        start = shortest.fields[self._first][1]  # type: ignore[index]
         count = int.from_bytes(data[start : start + 4], "little")
         # The count is believed only where so many elements fit, before anything is made of it.
         if count < 1 or count > len(data):
@@ -186,7 +194,7 @@ class ArraysDecoder:
         if len(data) < layout.itemsize:
             raise ValueError(f"{name} with {count} elements in {len(data)} bytes")
         record = np.frombuffer(data, layout, 1)[0]
-        if any(record[length] != count for length in self._lengths):
+        if any(record[length] != count * width for length, width in self._lengths.items()):
             raise ValueError(f"{name} whose arrays differ in length")
         return int(record["sec"]) * NANOSECONDS + int(record["nanosec"]), record
 
@@ -324,8 +332,7 @@ def fill_estimate_arrays(
 
     Args:
         record: of HuntCrossleyEstimates or TactileEstimate, as ArraysEncoder gives it.
-        series: hc_estimator.EstimateSeries, as many as the record's arrays have elements; or one
-            hc_estimator.Estimate for a record of one.
+        series: hc_estimator.EstimateSeries, as many as the record's arrays have elements.
         names: fields beside the parameters; lengths become metres.
     """
     deviations = series.parameters_std

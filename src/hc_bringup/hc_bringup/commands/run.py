@@ -26,7 +26,6 @@ from hc_msgs_py.realtime import (
     processors,
     wanted_priority,
 )
-from hc_msgs_py.topics import SAMPLE, SAMPLES
 
 HEARTBEAT = True
 HELP = "run rig, estimator and recorder, with live status and a summary at the end"
@@ -91,6 +90,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # ROS and rich are imported here so that `hc --help` need not wait for them.
+    from hc_bringup.array_messages import with_array_messages
     from hc_bringup.conclusion import conclude
     from hc_bringup.live import Display
     from hc_bringup.paths import find_config
@@ -184,26 +184,6 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
             raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
         found[node][name] = value
     return found
-
-
-def with_array_messages(plan: Any) -> Any:
-    """Return a plan in which all others take many samples in a message where the rig sends such."""
-    rig, estimator, recorder = map(plan.node, ("indenter", "estimator", "recorder"))
-    if rig is None:
-        return plan
-    together = (file_parameters(rig) | dict(rig.parameters)).get("samples_per_message", 1)
-    if together == 1:
-        return plan
-    if estimator is not None:
-        settings = file_parameters(estimator) | dict(estimator.parameters)
-        if settings.get("input.source", "sample") == "sample":
-            plan = with_parameters(plan, "estimator", {"input.source": "samples"})
-    if recorder is not None:
-        settings = file_parameters(recorder) | dict(recorder.parameters)
-        topics = settings.get("expected_topics", [])
-        renamed = [SAMPLES if name == SAMPLE else name for name in topics]
-        plan = with_parameters(plan, "recorder", {"expected_topics": renamed or [""]})
-    return plan
 
 
 def show_ending(bag: Path) -> None:

@@ -20,14 +20,14 @@ from hc_bringup.dashboard.columns import INDEX
 from hc_bringup.dashboard.digest import Digest
 from hc_bringup.dashboard.latency import LatencyWindow
 from hc_bringup.dashboard.palpation import PalpationMap
-from hc_bringup.dashboard.parsing import RecordParser
+from hc_bringup.dashboard.parsing import EstimatesParser, RecordParser
 from hc_bringup.dashboard.rare_messages import RareMessages
 from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
 from hc_bringup.dashboard.taxels import TaxelMap
 from hc_bringup.explanation import BackgroundExplainer, RecentMotion
 from hc_msgs_py.interface_class import UnknownInterfaceError
-from hc_msgs_py.topics import ESTIMATE, SAMPLE, TACTILE_ESTIMATE, TIP, TRUTH
+from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, TACTILE_ESTIMATE, TIP, TRUTH
 from hc_msgs_py.units import METRE_IN_MM
 
 GRACE_S: Final = 10.0
@@ -39,11 +39,14 @@ LOOK_PERIOD_S: Final = 1.0
 FLUSH_S: Final = 0.1
 """Without messages for so long, the row that is not complete is shown."""
 RATE_SPAN_S: Final = 1.0
+ARRAYS_S: Final = 1.0
+"""Whoever told estimates in arrays so lately is not listened to on hc/estimate as well."""
 MOTION_EVERY: Final = 4
 """Of so many estimates one is remembered to explain a misfit by."""
 
 _TYPES = {
     ESTIMATE: "hc_msgs/msg/HuntCrossleyEstimate",
+    ESTIMATES: "hc_msgs/msg/HuntCrossleyEstimates",
     SAMPLE: "hc_msgs/msg/IndenterSample",
     TRUTH: "hc_msgs/msg/IndenterTruth",
 }
@@ -106,7 +109,11 @@ class Feed:
         self._explainer = BackgroundExplainer()
         self._mismatch = False
         self._counts = _Counts()
-        self._parsers = {name: RecordParser(kind) for name, kind in _TYPES.items()}
+        self._parsers: dict[str, RecordParser | EstimatesParser] = {
+            name: EstimatesParser() if name == ESTIMATES else RecordParser(kind)
+            for name, kind in _TYPES.items()
+        }
+        self._arrays_at = -ARRAYS_S
         self._acquired: dict[str, tuple[str, Any, int]] = {}
         self._viewers = 0
         self._nobody_since = -GRACE_S
@@ -174,6 +181,8 @@ class Feed:
     def _look(self) -> None:
         """Listen to the streams that somebody publishes: samples only while nobody estimates."""
         estimated = self._taps.publishers(self._names[ESTIMATE]) > 0
+        # The arrays first: the taps are emptied in this order, and what they told counts once.
+        self._want(ESTIMATES, _TYPES[ESTIMATES], self._on_arrays, wanted=estimated)
         self._want(ESTIMATE, _TYPES[ESTIMATE], self._on_estimates, wanted=estimated)
         self._want(SAMPLE, _TYPES[SAMPLE], self._on_samples, wanted=not estimated)
         # Of the truth the latest of each turn is enough: it is shown at the rate of the page.
@@ -210,8 +219,15 @@ class Feed:
 
     # What the streams say.
 
+    def _on_arrays(self, arrivals: list[Arrival]) -> None:
+        self._arrays_at = time.monotonic()
+        self._estimated(*self._parsers[ESTIMATES].parse(arrivals))
+
     def _on_estimates(self, arrivals: list[Arrival]) -> None:
-        table, stamps = self._parsers[ESTIMATE].parse(arrivals)
+        if time.monotonic() - self._arrays_at >= ARRAYS_S:  # else they come on both topics
+            self._estimated(*self._parsers[ESTIMATE].parse(arrivals))
+
+    def _estimated(self, table: NDArray[Any], stamps: NDArray[np.int64]) -> None:
         if len(table):
             self._latency.add(table["latency"], time.monotonic())
             self._counts.rejected += int(np.count_nonzero(table["rejected"]))

@@ -1,7 +1,8 @@
-"""CDR messages of fixed size as record arrays, as they come from the taps."""
+"""CDR messages of fixed size, and of many estimates, as record arrays, as the taps have them."""
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Sequence
 from typing import Any, Final
@@ -11,7 +12,10 @@ from numpy.typing import NDArray
 
 from hc_bringup.dashboard.taps import Arrival
 from hc_logger.definitions import installed_definition
+from hc_logger.errors import BagError
+from hc_logger.estimate_arrays import dtype_of_bytes, each_estimate
 from hc_logger.layout import record_dtype, stamps
+from hc_logger.type_names import ESTIMATE_TYPE, ESTIMATES_TYPE
 from hc_msgs_py.cdr import ENCAPSULATION, FRAME_LENGTH_OFFSET
 
 _LENGTH: Final = struct.Struct("<I")
@@ -61,3 +65,45 @@ class RecordParser:
         if not 0 < frame <= len(data):
             return None
         return frame if record_dtype(self._definition, frame).itemsize <= len(data) else None
+
+
+class EstimatesParser:
+    """Reads hc_msgs/HuntCrossleyEstimates as records of hc_msgs/HuntCrossleyEstimate.
+
+    Attributes:
+        damaged: messages that were no such thing and were left out.
+        counts: estimates of each message that was parsed last.
+    """
+
+    def __init__(self) -> None:
+        self._definition = installed_definition(ESTIMATES_TYPE)
+        whole = record_dtype(installed_definition(ESTIMATE_TYPE), 1)
+        kept = [name for name in whole.names or () if name != "header.frame_id"]
+        self._nothing = np.empty(0, np.dtype([(name, whole[name]) for name in kept]))
+        self.damaged = 0
+        self.counts: list[int] = []
+
+    def parse(self, arrivals: Sequence[Arrival]) -> tuple[NDArray[Any], NDArray[np.int64]]:
+        """Return the estimates as records without their frame_id, and their stamps [ns]."""
+        self.counts = []
+        parts = [self._nothing]
+        for dtype, group in itertools.groupby(arrivals, self._dtype):
+            messages = [arrival.data for arrival in group]
+            each = 0
+            if dtype is not None:
+                data = b"".join(message[: dtype.itemsize] for message in messages)
+                try:
+                    parts.append(each_estimate(np.frombuffer(data, dtype)))
+                    each = len(parts[-1]) // len(messages)
+                except BagError:
+                    dtype = None
+            self.damaged += 0 if dtype is not None else len(messages)
+            self.counts += [each] * len(messages)
+        table = np.concatenate(parts)
+        return table, stamps(table)
+
+    def _dtype(self, arrival: Arrival) -> np.dtype[Any] | None:
+        try:
+            return dtype_of_bytes(self._definition, np.frombuffer(arrival.data, np.uint8))
+        except BagError:
+            return None

@@ -59,6 +59,7 @@ class Taps:
         *,
         depth: int = STREAM_DEPTH,
         local: bool | None = None,
+        reliable: bool = False,
     ) -> None:
         """Hand all messages of a topic to a taker from now on.
 
@@ -68,6 +69,7 @@ class Taps:
             take: called by `drain`; at once with what a transient-local topic has kept.
             depth: length of the queue; 1 keeps the latest only.
             local: whether its publishers keep messages for who comes late; None looks.
+            reliable: ask for what was lost on the way, where nothing else makes it so.
 
         Raises:
             hc_msgs_py.interface_class.UnknownInterfaceError: if the type is not installed.
@@ -79,7 +81,9 @@ class Taps:
                 history=HistoryPolicy.KEEP_LAST,
                 depth=depth,
                 # Transient-local messages of the past come to reliable subscribers only.
-                reliability=ReliabilityPolicy.RELIABLE if local else ReliabilityPolicy.BEST_EFFORT,
+                reliability=(
+                    ReliabilityPolicy.RELIABLE if local or reliable else ReliabilityPolicy.BEST_EFFORT
+                ),
                 durability=(
                     DurabilityPolicy.TRANSIENT_LOCAL if local else DurabilityPolicy.VOLATILE
                 ),

@@ -19,9 +19,11 @@ from hc_msgs.msg import (
     HuntCrossleyEstimate,
     HuntCrossleyEstimates,
 )
+from numpy.typing import NDArray
 from rclpy.node import Node
 
 from hc_estimator import Estimate, EstimateSeries, Estimator, __version__
+from hc_estimator.ros.estimate_arrays import EstimateArraysEncoder
 from hc_estimator.ros.estimate_messages import EstimateEncoder, fill_contact
 from hc_estimator.stream import contacts
 from hc_estimator.stream.latency import LatencyClock
@@ -43,27 +45,10 @@ from hc_msgs_py.topics import (
     RECONSTRUCTED_WRENCH,
 )
 from hc_msgs_py.wire import publish_bytes
-from hc_msgs_py.wire_arrays import (
-    ArraysEncoder,
-    Samples,
-    encode_estimates,
-    fill_estimate_arrays,
-)
+from hc_msgs_py.wire_arrays import Samples, encode_estimates
 
 EACH: Final = "each"
 ARRAYS: Final = "arrays"
-_COLUMNS: Final = (
-    "displacement",
-    "velocity",
-    "force_predicted",
-    "force_reconstructed",
-    "nis",
-    "contact",
-    "change_detected",
-    "model_mismatch",
-    "rejected",
-)
-"""Of HuntCrossleyEstimates, beside the parameters and what comes from the sample."""
 
 
 class Outputs:
@@ -86,7 +71,7 @@ class Outputs:
         self._contacts = node.create_publisher(ContactSummary, CONTACTS, CONFIGURATION_QOS)
         self._arrays = node.create_publisher(HuntCrossleyEstimates, ESTIMATES, ESTIMATE_QOS)
         self._encoder = EstimateEncoder()
-        self._arrays_encoder = ArraysEncoder(HuntCrossleyEstimates)
+        self._arrays_encoder = EstimateArraysEncoder()
         self.form = EACH
         self._clock = node.get_clock()
         self._latency = LatencyClock()
@@ -131,7 +116,8 @@ class Outputs:
         latency_ns = self._latency_of(stamp_ns)
         if self.form != EACH:
             one = np.array([stamp_ns]), np.array([sequence]), np.empty(1), np.array([force_n])
-            self._publish_arrays(Batch(*one), estimate, computation_ns, latency_ns, revision)
+            rows = np.array([estimate.values])
+            self._publish_arrays(Batch(*one), rows, computation_ns, latency_ns, revision)
             if self.form == ARRAYS:
                 self._publish_wrench(stamp_ns, estimate.force_reconstructed)
                 return latency_ns
@@ -167,7 +153,8 @@ class Outputs:
         latency_ns = self._latency_of(newest_ns)
         now_ns = newest_ns + latency_ns
         if self.form != EACH:
-            self._publish_arrays(batch, series, computation_ns * count, latency_ns, revision)
+            total_ns = computation_ns * count
+            self._publish_arrays(batch, series.values, total_ns, latency_ns, revision)
         if self.form != ARRAYS:
             seconds = computation_ns * 1e-9
             samples = Samples(*batch)
@@ -191,21 +178,14 @@ class Outputs:
     def _publish_arrays(
         self,
         batch: Batch,
-        series: EstimateSeries | Estimate,
+        rows: NDArray[np.float64],
         computation_ns: int,
         latency_ns: int,
         revision: int,
     ) -> None:
-        first = int(batch.stamps_ns[0])
-        record = self._arrays_encoder.record(len(batch.stamps_ns), first)
-        record["configuration_revision"] = revision
-        record["computation_time"] = computation_ns * 1e-9
-        record["latency"] = latency_ns * 1e-9
-        record["time_offset"] = batch.stamps_ns - first
-        record["sequence"] = batch.sequences
-        record["force_measured"] = batch.forces_n
-        fill_estimate_arrays(record, series, _COLUMNS)
-        self._arrays.publish(record.tobytes())
+        seconds = computation_ns * 1e-9, latency_ns * 1e-9
+        data = self._arrays_encoder.encode(batch, rows, revision, *seconds)
+        publish_bytes(self._arrays, (data,))
 
     def _publish_wrench(self, stamp_ns: int, force_n: float) -> None:
         if self.wrench_wanted:
