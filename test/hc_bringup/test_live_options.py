@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import yaml
 
 from hc_bringup import bench_latency
 from hc_bringup.array_messages import with_array_messages
 from hc_bringup.commands.run import with_parameters
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
+from hc_sim_rig.scenario import SCENARIO_FOLDER
 
 
 def test_all_nodes_take_arrays_where_the_rig_sends_them():
@@ -16,7 +18,28 @@ def test_all_nodes_take_arrays_where_the_rig_sends_them():
     plan = with_array_messages(with_parameters(plan, "indenter", {"samples_per_message": 4}))
     assert plan.node("estimator").parameters["input.source"] == "samples"
     topics = plan.node("recorder").parameters["expected_topics"]
-    assert topics == ["indenter/samples", "hc/estimate"]
+    assert topics == ["indenter/samples", "hc/estimates"]
+    assert plan.node("estimator").parameters["output.estimates"] == "arrays"
+    plan = with_parameters(load_plan(find_config("run")), "estimator", {"output.estimates": "both"})
+    plan = with_array_messages(with_parameters(plan, "indenter", {"samples_per_message": 4}))
+    assert plan.node("estimator").parameters["output.estimates"] == "both"
+    assert plan.node("recorder").parameters["expected_topics"][1] == "hc/estimate"
+
+
+def test_a_fast_rig_sends_arrays_by_itself(tmp_path):
+    slow = load_plan(find_config("run"))
+    scenario = yaml.safe_load((SCENARIO_FOLDER / "multisine.yaml").read_text())
+    (tmp_path / "fast.yaml").write_text(yaml.safe_dump(scenario | {"rate_hz": 4000.0}))
+    fast = with_parameters(slow, "indenter", {"scenario": str(tmp_path / "fast.yaml")})
+    plan = with_array_messages(fast)
+    assert plan.node("indenter").parameters["samples_per_message"] == 4
+    assert plan.node("estimator").parameters["input.source"] == "samples"
+    alone = with_parameters(fast, "indenter", {"samples_per_message": 1})
+    assert with_array_messages(alone) == alone
+    other = with_parameters(fast, "indenter", {"time": "simulated"})
+    assert with_array_messages(other) == other
+    nothing = with_parameters(slow, "indenter", {"scenario": str(tmp_path / "none.yaml")})
+    assert with_array_messages(nothing) == nothing
 
 
 @pytest.mark.parametrize(

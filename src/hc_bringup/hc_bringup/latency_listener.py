@@ -1,9 +1,9 @@
 """A subscriber of hc/estimate, or hc/estimates, for a measurement, in a process of its own.
 
-Usage: python -m hc_bringup.latency_listener FILE [arrays]. Says `ready` once it listens; takes what has come
-some fifty times a second, without waking for every message; when its input is closed it writes to
-FILE (.npz) the sequence of every estimate, its latency as the estimator told it [s] and the time
-from the sample's stamp to the arrival of the message [s].
+Usage: python -m hc_bringup.latency_listener FILE [arrays]. Says `ready` once it listens; takes
+what has come some fifty times a second, without waking for every message; when its input is
+closed it writes to FILE (.npz) the sequence of every estimate, its latency as the estimator told
+it [s] and the time from the sample's stamp to the arrival of the message [s].
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ class _Header(NamedTuple):
 
 @functools.cache
 def _row_type(names: tuple[str, ...]) -> Any:
-    row = namedtuple("EstimateRow", [_STAMP_FIELDS.get(name, name) for name in names])  # type: ignore[misc]
+    row: Any = namedtuple("EstimateRow", [_STAMP_FIELDS.get(name, name) for name in names])  # type: ignore[misc]
     row.header = property(lambda self: _Header(_Stamp(self.stamp_sec, self.stamp_nanosec)))
     return row
 

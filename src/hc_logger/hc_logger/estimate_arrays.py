@@ -168,14 +168,17 @@ def merged(tables: Sequence[tuple[NDArray[Any], NDArray[np.int64]]]) -> NDArray[
     first = filled[0][0]
     if len(filled) == 1:
         return first
-    common = [n for n in first.dtype.names or () if all(n in t.dtype.names for t, _ in filled)]
+    names = first.dtype.names or ()
+    common = [n for n in names if all(n in (t.dtype.names or ()) for t, _ in filled)]
     dtype = np.dtype([(name, first.dtype[name]) for name in common])
     table = np.concatenate([_fields(t, dtype) for t, _ in filled])
-    keys = list(zip(*(table[n].tolist() for n in (_SECONDS, _NANOSECONDS, "sequence")), strict=True))
+    columns = (table[name].tolist() for name in (_SECONDS, _NANOSECONDS, "sequence"))
+    keys = list(zip(*columns, strict=True))
     told = set(keys[: len(first)])
     once = np.array([i < len(first) or key not in told for i, key in enumerate(keys)])
     order = np.argsort(np.concatenate([times for _, times in filled]), kind="stable")
-    return table[order][once[order]]
+    result: NDArray[Any] = table[order][once[order]]
+    return result
 
 
 def _fields(table: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:

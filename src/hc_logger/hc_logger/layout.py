@@ -38,9 +38,7 @@ LENGTH = "length of "
 
 
 @functools.lru_cache(maxsize=64)
-def record_dtype(
-    definition: TypeDefinition, frame_bytes: int, elements: int = 0
-) -> np.dtype[Any]:
+def record_dtype(definition: TypeDefinition, frame_bytes: int, elements: int = 0) -> np.dtype[Any]:
     """Return the dtype of a message that has no variable part but its header's frame_id.
 
     Fields have the names of the message's fields, nested ones joined by dots; the header gives
@@ -64,9 +62,7 @@ def record_dtype(
         raise BagError(damaged_definition(definition)) from error
 
 
-def _record_dtype(
-    definition: TypeDefinition, frame_bytes: int, elements: int
-) -> np.dtype[Any]:
+def _record_dtype(definition: TypeDefinition, frame_bytes: int, elements: int) -> np.dtype[Any]:
     types = get_types_from_msg(definition.text, definition.name)
     smallest = _smallest_bound(types[definition.name][1]) if elements else 0
     longest = LONGEST_ARRAYS if elements else LONGEST_RECORD

@@ -53,7 +53,9 @@ class Samples(NamedTuple):
 def record_layout(message_type: Any, frame_bytes: int, count: int) -> np.dtype[Any]:
     """Return the layout of a message whose sequences all have `count` elements, or a multiple.
 
-    A sequence whose bound is k times the smallest has k elements for each of `count`. Fields are encapsulation, sec, nanosec, frame_length and frame (bytes), then those of the
+    A sequence whose bound is k times the smallest has k elements for each of `count`.
+
+    Fields are encapsulation, sec, nanosec, frame_length and frame (bytes), then those of the
     message by name; of a sequence `NAME_length` stands before NAME.
 
     Args:

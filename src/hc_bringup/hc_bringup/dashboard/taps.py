@@ -82,7 +82,9 @@ class Taps:
                 depth=depth,
                 # Transient-local messages of the past come to reliable subscribers only.
                 reliability=(
-                    ReliabilityPolicy.RELIABLE if local or reliable else ReliabilityPolicy.BEST_EFFORT
+                    ReliabilityPolicy.RELIABLE
+                    if local or reliable
+                    else ReliabilityPolicy.BEST_EFFORT
                 ),
                 durability=(
                     DurabilityPolicy.TRANSIENT_LOCAL if local else DurabilityPolicy.VOLATILE

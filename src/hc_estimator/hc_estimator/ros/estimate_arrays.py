@@ -72,7 +72,7 @@ _NUMBERS: Final[dict[str, tuple[int, int, float]]] = {
     "covariance": (COVARIANCE, 16, 1.0),
     "hypothesis_scores": (HYPOTHESIS_SCORES, 6, 1.0),
 }
-"""Of each field of doubles: its first column, how many an estimate, and what they are divided by."""
+"""Of each field of doubles: its first column, how many an estimate, what divides them."""
 _CODES: Final = {
     "contact": CONTACT,
     "change_detected": CHANGE_DETECTED,
