@@ -47,8 +47,9 @@ class _Header(NamedTuple):
 
 @functools.cache
 def _row_type(names: tuple[str, ...]) -> Any:
-    row: Any = namedtuple("EstimateRow", [_STAMP_FIELDS.get(name, name) for name in names])  # type: ignore[misc]
-    row.header = property(lambda self: _Header(_Stamp(self.stamp_sec, self.stamp_nanosec)))
+    row = namedtuple("EstimateRow", [_STAMP_FIELDS.get(name, name) for name in names])  # type: ignore[misc]
+    header = property(lambda self: _Header(_Stamp(self.stamp_sec, self.stamp_nanosec)))
+    setattr(row, "header", header)  # noqa: B010 - mypy knows the fields of the tuple alone
     return row
 
 

@@ -174,8 +174,8 @@ def merged(tables: Sequence[tuple[NDArray[Any], NDArray[np.int64]]]) -> NDArray[
     table = np.concatenate([_fields(t, dtype) for t, _ in filled])
     columns = (table[name].tolist() for name in (_SECONDS, _NANOSECONDS, "sequence"))
     keys = list(zip(*columns, strict=True))
-    told = set(keys[: len(first)])
-    once = np.array([i < len(first) or key not in told for i, key in enumerate(keys)])
+    known = set(keys[: len(first)])
+    once = np.array([i < len(first) or key not in known for i, key in enumerate(keys)])
     order = np.argsort(np.concatenate([times for _, times in filled]), kind="stable")
     result: NDArray[Any] = table[order][once[order]]
     return result
