@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from hc_logger.csv_file import read_csv
-from hc_logger.csv_layout import CsvOptions, find_layout
+from hc_logger.csv_file import CsvReader
+from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
 from hc_logger.recording import read_recording
 
@@ -235,18 +235,13 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_said(
         ("0,1,2\n0.1,1,2\n", "the columns have no names; say it with --columns"),
         ("a,b,c\n0,1,2\n", "no column is known to be the time"),
         ("Zeit,Weg,Kraft\n0,1, 2,5, 3,7\n0,2, 2,6, 3,8\n", "no names; say it with --columns"),
-        ("time,d,f\n2024-03-01 12:00:00.1,1,2\n", "as on a clock (12:00:00): write it as seconds"),
+        ("time,d,f\n2024-03-01_12:00:00.1,1,2\n", "as on a clock (12:00:00), in a way that is not"),
         ("[t, pos, force]\n[0.0, 1, 2],\n", "written as JSON, with brackets"),
         (
             "Force (gf),Distance (mm)\n1.5,2\n1.6,3\n",
             "two columns of numbers, and three are needed",
         ),
-        ("Zeit [s];Weg [mm];Kraft [mN]\n0,1;2,5;1.234,5\n", "between the thousands (1.234,5)"),
         ("Time [s],Pos [mm],Load [tonf]\n0,1,2\n", "the unit of 'Load [tonf]' is not known"),
-        (
-            "Zeit [s];Weg [um];Kraft [mN]\n0,1;2\N{NO-BREAK SPACE}500,0;3,1\n",
-            "between the thousands (2\N{NO-BREAK SPACE}500,0)",
-        ),
         (
             "Time,Pos,Load\n0.1 s,2.5 mm,1.2 N\n0.2 s,2.6 mm,1.3 N\n",
             "their unit behind them (s, mm, N): export them without it",
@@ -267,7 +262,7 @@ def test_a_doubt_is_refused_with_the_option_that_settles_it(
 
 def test_a_second_table_in_a_file_is_named_and_not_left_out(tmp_path: Path) -> None:
     specimen = "Time,Extension,Load\n(s),(mm),(N)\n" + rows("{:.3f},{},{}", TIME, DEPTH, FORCE)
-    with pytest.raises(BagError, match="line 63: Time is 'Time' instead of a number"):
+    with pytest.raises(BagError, match="another table begins in line 65; .* --header-lines 64"):
         read_recording(write(tmp_path / "two.csv", specimen + specimen))
 
 
@@ -298,7 +293,7 @@ def test_options_settle_what_is_in_doubt(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        (CsvOptions(units={"force": "mm"}), "'mm' is no unit of force: give N, mN, kN, gf, kgf"),
+        (CsvOptions(units={"force": "mm"}), "'mm' is no unit of force: give N, mN, uN, nN, kN, gf"),
         (CsvOptions(separator="x"), "is no separator: give one of comma, semicolon"),
         (CsvOptions(decimal="'"), "is no decimal sign"),
         (CsvOptions(separator=",", decimal=","), "cannot be both"),
@@ -363,5 +358,5 @@ def test_any_way_of_writing_gives_the_same_numbers(
 ) -> None:
     path = tmp_path / "export.csv"
     path.write_bytes(drawn[0])
-    table = np.concatenate(list(read_csv(path, find_layout(path))))
+    table = np.concatenate(list(CsvReader(path).blocks()))
     np.testing.assert_allclose(table, np.column_stack([TIME, DEPTH, FORCE]), rtol=1e-9, atol=1e-12)

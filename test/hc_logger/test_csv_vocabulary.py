@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hc_logger.csv_layout import parse_assignments
+from hc_logger.csv_options import parse_assignments
 from hc_logger.csv_vocabulary import split_name, unit_of
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment, natural
+from hc_bringup.options import assignment, natural, positive
 from hc_msgs_py.units import NANOSECONDS
 
 ZEROS = ("force.zero", "position.zero")
@@ -130,8 +130,8 @@ def add_csv_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--units",
         metavar="UNITS",
-        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um, in; mN, kN, gf, kgf, "
-        "lbf",
+        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um, nm, in; mN, uN, nN, kN, "
+        "gf, kgf, lbf",
     )
     group.add_argument(
         "--separator", metavar="C", help="comma, semicolon, tab, bar or space (or the character)"
@@ -141,15 +141,18 @@ def add_csv_options(parser: argparse.ArgumentParser) -> None:
         "--header-lines", type=natural, metavar="N", help="lines before the first row of numbers"
     )
     group.add_argument("--encoding", metavar="NAME", help="utf-8, cp1252, utf-16-le, ...")
+    group.add_argument(
+        "--rate", type=positive, metavar="HZ", help="rows in a second, of a file without a time"
+    )
 
 
 def csv_options(arguments: argparse.Namespace) -> Any:
-    """Return what the options say of a CSV file (hc_logger.csv_layout.CsvOptions).
+    """Return what the options say of a CSV file (hc_logger.csv_options.CsvOptions).
 
     Raises:
         UserError: if one is not of its form.
     """
-    from hc_logger.csv_layout import CsvOptions, parse_assignments
+    from hc_logger.csv_options import CsvOptions, parse_assignments
     from hc_logger.csv_table import SEPARATORS
 
     given = {}
@@ -168,6 +171,7 @@ def csv_options(arguments: argparse.Namespace) -> Any:
         decimal=arguments.decimal or "",
         header_lines=arguments.header_lines,
         encoding=arguments.encoding or "",
+        rate_hz=arguments.rate or 0.0,
     )
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.bag import Bag, Columns
-from hc_logger.csv_file import read_csv, write_csv
-from hc_logger.csv_layout import CsvLayout
+from hc_logger.csv_file import CsvReader, write_csv
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
@@ -100,7 +99,7 @@ def csv_to_bag(
     source: str | os.PathLike[str],
     target: str | os.PathLike[str],
     *,
-    layout: CsvLayout | None = None,
+    reader: CsvReader | None = None,
     progress: Progress = nothing,
 ) -> int:
     """Convert a CSV recording into a bag with the topic indenter/sample.
@@ -111,7 +110,7 @@ def csv_to_bag(
     Args:
         source: CSV file.
         target: bag folder; must not exist.
-        layout: how the file is written; None finds out.
+        reader: of the source; None finds out how it is written.
         progress: told the done share.
 
     Returns:
@@ -121,7 +120,7 @@ def csv_to_bag(
         BagError: if the source is bad or the target exists; no target is left behind then.
     """
     source = Path(source)
-    blocks = read_csv(source, layout)
+    blocks = (reader or CsvReader(source)).blocks()
     first = next(blocks, None)  # a bad file is found before the target is made
     if first is None or not len(first):
         raise BagError(f"{source} has no rows")

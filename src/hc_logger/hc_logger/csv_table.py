@@ -1,29 +1,23 @@
-"""Where the rows of numbers of a CSV file are: cut into cells, below which header, or why not.
+"""Where the rows of numbers of a CSV file are, cut into cells, or why there are none.
 
-Testing machines write their own results above the table of readings (Instron's Bluehill), LabVIEW
-two headers with the units between them.
+Testing machines write their own results above the table of readings (Instron's Bluehill).
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
-from hc_logger.csv_text import MISSING, number, split_line
+from hc_logger.csv_number import MISSING, number, time_of_day
+from hc_logger.csv_text import split_line
 from hc_logger.csv_vocabulary import NAMES, QUANTITIES, split_name
 
 SEPARATORS: Final = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", " ": "space"}
-LABVIEW: Final = "LabVIEW Measurement"
-"""First cell of a file of LabVIEW (.lvm)."""
 _NUMERIC_SHARE: Final = 0.9
-_LARGEST_SUMMARY: Final = 20
-"""Rows; as many numbers above another header are results, more are readings."""
+LARGEST_SUMMARY: Final = 20
+"""Rows; as many numbers above another header, or below the readings, are results, no readings."""
 _CLOCK: Final = re.compile(r"\d{1,2}:\d{2}:\d{2}")
-_THOUSANDS: Final = re.compile(
-    r"(?<![\d.,])[1-9]\d{0,2}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+|"
-    r"(?:['\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}]\d{3})+"
-    r"(?:[.,]\d+)?)(?![\d.,])"
-)
 _WITH_UNIT: Final = re.compile(r"^\s*[-+]?\d+(?:[.,]\d+)?\s*(?P<unit>[^\W\d_]+)\s*$")
 
 
@@ -35,6 +29,7 @@ class Table(NamedTuple):
     first: int  # line of the first row of numbers
     width: int  # cells in a row
     numeric: tuple[int, ...]  # columns that hold numbers
+    clocks: tuple[int, ...]  # columns that hold times of day
 
 
 def cut(
@@ -43,6 +38,7 @@ def cut(
     decimal: str,
     first: int | None,
     least: int = len(QUANTITIES),
+    decimal_is_sure: bool = False,
 ) -> Table | None:
     """Cut lines into cells.
 
@@ -51,31 +47,48 @@ def cut(
         separator: between cells.
         decimal: sign in numbers.
         first: line of the first row of numbers; None finds out.
-        least: columns of numbers that there must be.
+        least: columns of numbers (or times of day) that there must be.
+        decimal_is_sure: that the user said what the decimal sign is.
 
     Returns:
         The table, None if that gives no rows of so many numbers.
     """
     rows = [split_line(line, separator) if line.strip() else [] for line in lines]
+
+    def is_number(cell: str) -> bool:
+        return number(cell, decimal, decimal_is_sure=decimal_is_sure) is not None
+
     if first is None:
-        first = _first_row(rows, decimal, least)
+        first = _first_row(rows, is_number, least)
     body = [row for row in rows[first:] if row] if first is not None else []
+    for _ in range(min(LARGEST_SUMMARY, len(body) - 1)):
+        if sum(map(is_number, body[-1])) + any(map(_is_time_of_day, body[-1])) >= least:
+            break
+        body.pop()  # below the readings
     if first is None or not body:
         return None
     width = max(set(map(len, body)), key=[len(row) for row in body].count)
     same = [row for row in body if len(row) == width]
-    numeric = tuple(
-        i
-        for i in range(width)
-        if sum(number(row[i], decimal) is not None for row in same) >= _NUMERIC_SHARE * len(same)
-        and any(row[i].strip().lower() not in MISSING for row in same)
+    numeric, clocks = (
+        tuple(
+            i
+            for i in range(width)
+            if sum(map(test, (row[i] for row in same))) >= _NUMERIC_SHARE * len(same)
+            and any(row[i].strip().lower() not in MISSING for row in same)
+        )
+        for test in (is_number, _is_time_of_day)
     )
-    if len(numeric) < least or len(same) < _NUMERIC_SHARE * len(body):
+    enough = len(numeric) + bool(clocks) >= least
+    if not enough or len(same) < _NUMERIC_SHARE * len(body):
         return None
-    return Table(separator, decimal, first, width, numeric)
+    return Table(separator, decimal, first, width, numeric, clocks)
 
 
-def _first_row(rows: list[list[str]], decimal: str, least: int) -> int | None:
+def _is_time_of_day(cell: str) -> bool:
+    return time_of_day(cell) is not None
+
+
+def _first_row(rows: list[list[str]], is_number: Callable[[str], bool], least: int) -> int | None:
     """Return the first line that is a row: so many numbers, as many cells as the last ones.
 
     A few such rows above a line that names the quantities are a summary of the test, no readings.
@@ -87,46 +100,31 @@ def _first_row(rows: list[list[str]], decimal: str, least: int) -> int | None:
     count = 0
     for line, row in enumerate(rows):
         given = [cell for cell in row if cell.strip().lower() not in MISSING]
-        numbers = sum(number(cell, decimal) is not None for cell in given)
+        numbers = sum(map(is_number, given)) + any(map(_is_time_of_day, given))
         if len(row) == usual and numbers >= least:
             first = line if first is None else first
             count += 1
-        elif count <= _LARGEST_SUMMARY and not numbers and _named(row) >= len(QUANTITIES) - 1:
+        elif count <= LARGEST_SUMMARY and not numbers and names_quantities(row):
             first, count = None, 0
-    while first is not None and first > 0 and _lacks_a_reading(rows[first - 1], usual, decimal):
+    while first is not None and first > 0 and _lacks_a_reading(rows[first - 1], usual, is_number):
         first -= 1
     return first
 
 
-def _lacks_a_reading(row: list[str], usual: int, decimal: str) -> bool:
+def _lacks_a_reading(row: list[str], usual: int, is_number: Callable[[str], bool]) -> bool:
     """Whether a row that is no first row is one of numbers but for readings that are missing."""
     filled = [cell for cell in row if cell.strip().lower() not in MISSING]
-    numbers = sum(number(cell, decimal) is not None for cell in filled)
+    numbers = sum(map(is_number, filled))
     return len(row) == usual and numbers == len(filled) > 1
 
 
-def _named(row: list[str]) -> int:
-    """Return how many quantities a row names."""
-    return sum(
+def names_quantities(row: Sequence[str]) -> bool:
+    """Whether a row names two of the quantities at least: it stands above a table."""
+    named = sum(
         any(split_name(cell, quantity)[0] in NAMES[quantity] for cell in row)
         for quantity in QUANTITIES
     )
-
-
-def labview_header(above: list[list[str]], width: int) -> tuple[list[str], list[str]]:
-    """Return names and units of the columns of a file of LabVIEW, each empty if there are none.
-
-    Args:
-        above: the cells of the lines above the first row of numbers.
-        width: cells in a row.
-    """
-    by_name = {row[0]: row for row in above}
-    units = [*by_name.get("Y_Unit_Label", []), *[""] * width][:width]
-    names = [*by_name.get("X_Value", []), *[""] * width][:width]
-    if "Time" in by_name.get("X_Dimension", ["Time"]):
-        names = ["Time" if name == "X_Value" else name for name in names]
-        units[0] = "s"
-    return (names if any(names) else []), (units if any(units) else [])
+    return named >= len(QUANTITIES) - 1
 
 
 def why_no_rows(lines: list[str]) -> str:
@@ -139,10 +137,10 @@ def why_no_rows(lines: list[str]) -> str:
         )
     clock = _CLOCK.search(last)
     if clock is not None:
-        return f"the time is written as on a clock ({clock[0]}): write it as seconds from the start"
-    thousands = next((found for line in lines[-50:] if (found := _THOUSANDS.search(line))), None)
-    if thousands is not None:
-        return f"numbers have a sign between the thousands ({thousands[0]}): export them without it"
+        return (
+            f"the time is written as on a clock ({clock[0]}), in a way that is not known: write it "
+            "as seconds from the start"
+        )
     for separator in SEPARATORS:
         matches = [_WITH_UNIT.match(cell) for cell in split_line(last, separator)]
         units = [found["unit"] for found in matches if found is not None]
@@ -154,9 +152,19 @@ def why_no_rows(lines: list[str]) -> str:
     for separator in SEPARATORS:
         for decimal in ".,":
             table = cut(lines, separator, decimal, None, least=2) if separator != decimal else None
-            if table is not None and len(table.numeric) == 2 == table.width:
+            if table is not None and len(table.numeric) == 2:
                 return (
                     "it has two columns of numbers, and three are needed: export time, "
-                    "displacement and force"
+                    f"displacement and force, or say how many rows a second: --rate {_rate(lines)}"
                 )
     return ""
+
+
+def _rate(lines: list[str]) -> str:
+    """Return the rate that a file of LabVIEW without a column of time tells, else three points."""
+    for line in lines:
+        name, *steps = line.split("\t")
+        step = number(steps[0], "," if "," in steps[0] else ".") if steps else None
+        if name == "Delta_X" and step:
+            return f"{1.0 / step:g}"
+    return "..."

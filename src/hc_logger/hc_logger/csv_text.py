@@ -1,26 +1,21 @@
-"""The text of a CSV file: its encoding, its lines with a bound, cells and numbers in them."""
+"""The text of a CSV file: its encoding, its lines with a bound, the cells in them."""
 
 from __future__ import annotations
 
 import codecs
 import csv
-import math
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
 from hc_logger.errors import BagError
 
-MISSING: Final = ("", "-", "--", "---", "n/a", "#n/a", "na")
-"""What is written where there is no reading, in lower case."""
-MINUS: Final = "\N{MINUS SIGN}"
-"""What some programs write before a number, in Swedish settings for example."""
 LOOKED_AT_BYTES: Final = 256 * 1024
 LOOKED_AT_LINES: Final = 400
+_KEPT_LINES: Final = 50
+"""From the beginning of a file, whatever is left out after them."""
 _LATIN_SHARE: Final = 0.9
 """Of the characters of a table in UTF-16: as many are digits, separators and plain letters."""
-LONGEST_END: Final = 64 * 1024
 LONGEST_LINE: Final = 1024 * 1024
 """Characters; a file without line ends would have to be kept in memory as a whole."""
 _BYTE_ORDER_MARKS: Final = (
@@ -79,16 +74,31 @@ def _with_zeros(path: Path, start: bytes) -> str:
     )
 
 
-def first_lines(path: Path, encoding: str) -> list[str]:
-    """Return some lines from the beginning, without their ends; see limited_lines()."""
+def first_lines(path: Path, encoding: str, around: int = 0) -> tuple[list[str], int]:
+    """Return some lines to look at, without their ends; see limited_lines().
+
+    Args:
+        path: the file.
+        encoding: as Python names it.
+        around: a line that is to be among them: of many lines before it some in the middle are
+            left out.
+
+    Returns:
+        The lines, and how many were left out.
+    """
     lines: list[str] = []
+    left_out = max(0, around - LOOKED_AT_LINES)
     size = 0
-    for line in limited_lines(path, encoding):
+    for count, line in enumerate(limited_lines(path, encoding)):
+        if _KEPT_LINES <= count < _KEPT_LINES + left_out:
+            continue
         lines.append(line.rstrip("\n"))
-        size += len(line)
-        if len(lines) >= LOOKED_AT_LINES or size >= LOOKED_AT_BYTES:
+        size += len(line) if count >= around else 0
+        if len(lines) >= 2 * LOOKED_AT_LINES or size >= LOOKED_AT_BYTES:
             break
-    return lines
+        if count + 1 >= around + LOOKED_AT_LINES:
+            break
+    return lines, left_out
 
 
 def limited_lines(path: Path, encoding: str) -> Iterator[str]:
@@ -111,17 +121,6 @@ def limited_lines(path: Path, encoding: str) -> Iterator[str]:
         raise BagError(f"{path} is not a text in {encoding}: give its encoding") from None
 
 
-def last_line(path: Path, encoding: str) -> str:
-    """Return what stands behind the last line end, nothing if that is the end of the file."""
-    with open(path, "rb") as file:
-        mark = file.read({"utf-16": 2, "utf-32": 4}.get(encoding, 0))
-        size = file.seek(0, os.SEEK_END)
-        # No character of two or four bytes is cut there.
-        file.seek(max(len(mark), (size - LONGEST_END) // 4 * 4))
-        text = (mark + file.read()).decode(encoding, errors="replace")
-    return text.replace("\r", "\n").rpartition("\n")[2]
-
-
 def is_cut_off(line: str, separator: str, indices: Sequence[int]) -> bool:
     """Whether a line has no end and too few cells: the writing of the file ended within it."""
     unfinished = bool(line.strip()) and not line.endswith("\n")
@@ -138,21 +137,3 @@ def split_line(line: str, separator: str) -> list[str]:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:
         return line.split(separator)
-
-
-def number(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, NaN for one that says there is none, None for other text."""
-    text = cell.strip()
-    if text.lower() in MISSING:
-        return math.nan
-    text = text.replace(MINUS, "-")
-    if decimal == ",":
-        if "." in text:
-            return None
-        text = text.replace(",", ".")
-    if "_" in text:  # Python's own digit grouping
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return None

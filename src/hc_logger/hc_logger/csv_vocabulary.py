@@ -11,10 +11,12 @@ STANDARD_GRAVITY: Final = 9.80665
 
 UNITS: Final[dict[str, dict[str, float]]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-    "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "in": 25.4},
+    "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "in": 25.4},
     "force": {
         "N": 1.0,
         "mN": 1e-3,
+        "uN": 1e-6,
+        "nN": 1e-9,
         "kN": 1e3,
         "gf": STANDARD_GRAVITY * 1e-3,
         "kgf": STANDARD_GRAVITY,
@@ -51,6 +53,9 @@ _OTHER_SPELLINGS: Final = {
     "micron": "um",
     "microns": "um",
     "mikrometer": "um",
+    "nanometre": "nm",
+    "nanometer": "nm",
+    "µn": "uN",
     "micrometre": "um",
     "micrometer": "um",
     "inch": "in",
@@ -75,7 +80,8 @@ _OTHER_SPELLINGS: Final = {
 _ONLY_AS_FORCE: Final = ("g", "gramm", "kg", "lb", "lbs")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
     "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
-             "prüfzeit", "messzeit", "temps", "tiempo", "tempo"),
+             "running time", "date time", "datetime", "time of day", "zeitstempel", "uhrzeit",
+             "prüfzeit", "messzeit", "laufzeit", "temps", "tiempo", "tempo"),
     "displacement": ("displacement", "disp", "distance", "position", "pos", "depth", "indentation",
                      "indentation depth", "penetration", "penetration depth", "deformation",
                      "compression", "extension", "compressive extension", "crosshead position",
@@ -87,6 +93,12 @@ NAMES: Final[dict[str, tuple[str, ...]]] = {
               "kraft", "standardkraft", "charge", "fuerza", "forza"),
 }  # fmt: skip
 """Names in lower case, without units; the first one is ours."""
+NOT_MEASURED: Final = frozenset(
+    ("target", "setpoint", "demand", "command", "commanded", "desired", "reference", "sollwert",
+     "soll", "error", "limit", "rate", "speed", "velocity", "max", "maximum", "min", "minimum",
+     "peak", "mean", "remaining", "number")
+)  # fmt: skip
+"""Words that say that a column is something else than the reading that the other words name."""
 
 _IN_BRACKETS: Final = re.compile(r"^(?P<name>.*?)\s*[\[({<]\s*(?P<unit>[^\])}>]*?)\s*[\])}>]\s*$")
 _AFTER_SIGN: Final = re.compile(
@@ -107,8 +119,8 @@ def unit_of(text: str, quantity: str | None = None) -> str | None:
             if unit in units and quantity in (None, kind):
                 return unit
     lower = {u.lower(): u for kind in UNITS for u in UNITS[kind] if quantity in (None, kind)}
-    # MM or n are no other unit than mm or N; M and MN are.
-    return lower.get(bare.lower()) if bare.lower() not in ("m", "mn") else None
+    # MM or n are no other unit than mm or N; M, MN and Nm (of a torque) are.
+    return lower.get(bare.lower()) if bare.lower() not in ("m", "mn", "nm") else None
 
 
 def split_name(cell: str, quantity: str | None = None) -> tuple[str, str | None]:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.bag import Bag
-from hc_logger.csv_file import read_csv
-from hc_logger.csv_layout import CsvOptions, find_layout
+from hc_logger.csv_file import CsvReader
+from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
@@ -65,10 +65,10 @@ def read_recording(
             f"{path} is neither a CSV file (.csv) nor a bag (a folder, or .mcap); a table in text "
             f"ends in one of {' '.join(TEXT_SUFFIXES)}"
         )
-    layout = find_layout(path, csv_options)
+    reader = CsvReader(path, csv_options)
     blocks = [np.empty((0, 3))]
     size = 0
-    for block in read_csv(path, layout):
+    for block in reader.blocks():
         size += block.nbytes
         check_in_memory(size, str(path))
         blocks.append(block)
@@ -85,7 +85,7 @@ def read_recording(
         np.arange(len(rows), dtype=np.uint64),
         displacement_mm,
         force_n,
-        findings_of(rows, _steps(time_s), ())._replace(notes=layout.notes),
+        findings_of(rows, _steps(time_s), ())._replace(notes=reader.notes),
     )
 
 

@@ -156,30 +156,27 @@ def _recover(arguments: argparse.Namespace) -> int:
 def _convert(arguments: argparse.Namespace) -> int:
     from hc_bringup.progress import progress_bar
     from hc_logger.convert import bag_to_bag, bag_to_csv, csv_to_bag
-    from hc_logger.csv_file import read_csv, write_csv
-    from hc_logger.csv_layout import find_layout
+    from hc_logger.csv_file import CsvReader, write_csv
     from hc_logger.recording import is_text
 
     source, target = Path(arguments.source), Path(arguments.target)
     to_csv = target.suffix.lower() == ".csv"
     from_csv = is_text(source) and not source.is_dir()
-    layout = None
-    if from_csv:
-        layout = find_layout(source, recording_input.csv_options(arguments))
+    reader = CsvReader(source, recording_input.csv_options(arguments)) if from_csv else None
     what = "samples"
-    problems: list[str] = list(layout.notes) if layout is not None else []
+    problems: list[str] = []
     with progress_bar(f"{source.name} to {target.name}") as progress:
-        if from_csv and to_csv:
-            count = write_csv(target, read_csv(source, layout))
+        if reader is not None and to_csv:
+            count = write_csv(target, reader.blocks())
         elif to_csv:
             count, problems = bag_to_csv(source, target, topic=arguments.topic, progress=progress)
-        elif from_csv:
-            count = csv_to_bag(source, target, layout=layout, progress=progress)
+        elif reader is not None:
+            count = csv_to_bag(source, target, reader=reader, progress=progress)
         else:
             what = "messages"
             counts, problems = bag_to_bag(source, target, progress=progress)
             count = sum(counts.values())
-    for problem in problems:
+    for problem in reader.notes if reader is not None else problems:
         print(f"{source}: {problem}")
     print(f"{count} {what} written to {target}")
     return 0

@@ -1,0 +1,42 @@
+"""Which columns of a CSV file a quantity may be in, by what they are called."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hc_logger.csv_vocabulary import NAMES, NOT_MEASURED, split_name
+
+
+def candidates(
+    quantity: str, names: Sequence[str], numeric: Sequence[int]
+) -> tuple[list[int], str]:
+    """Return the columns that a quantity may be in, and why one of several was taken.
+
+    Args:
+        quantity: one of QUANTITIES.
+        names: of all columns.
+        numeric: the columns that hold numbers.
+
+    Returns:
+        The columns, one if it is clear; and a note, empty if none of several was taken.
+    """
+    plain = {i: split_name(names[i], quantity)[0] for i in numeric if i < len(names)}
+    known = [i for i, name in plain.items() if name == quantity]
+    known = known or [i for i, name in plain.items() if name in NAMES[quantity]]
+    known = known or [i for i, name in plain.items() if _contains(name, quantity)]
+    if len(known) > 1:
+        pressed = [i for i in known if plain[i].startswith("compress")]
+        if len(pressed) == 1:
+            return pressed, f"of {len(known)} columns of {quantity} the one of compression"
+        axes = {i: plain[i].replace("(", " ").replace(")", " ").split()[-1] for i in known}
+        along_z = [i for i in known if axes[i] == "z"]
+        if len(along_z) == 1 and all(axis in ("x", "y", "z") for axis in axes.values()):
+            return along_z, f"of {len(known)} columns of {quantity} the one along z"
+    return known, ""
+
+
+def _contains(name: str, quantity: str) -> bool:
+    words = name.split()
+    if not NOT_MEASURED.isdisjoint(words):
+        return False
+    return any(word in words for word in NAMES[quantity] if len(word) > 1)

@@ -1,0 +1,166 @@
+"""What stands in a cell of a CSV file: a number in somebody's way of writing, or a time of day."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Final
+
+MISSING: Final = ("", "-", "--", "---", "n/a", "#n/a", "na")
+"""What is written where there is no reading, in lower case."""
+MINUS: Final = "\N{MINUS SIGN}"
+"""What some programs write before a number, in Swedish settings for example."""
+DAY_S: Final = 86_400.0
+_PLAIN_GROUP_SIGNS: Final = (
+    " '\N{RIGHT SINGLE QUOTATION MARK}\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}"
+)
+"""Between thousands, and never a decimal sign."""
+_OTHER_SIGN: Final = {".": ",", ",": "."}
+_GROUP_SIGNS: Final = {decimal: _OTHER_SIGN[decimal] + _PLAIN_GROUP_SIGNS for decimal in ".,"}
+_GROUPED: Final = {
+    (decimal, sign): re.compile(
+        rf"(?P<whole>[-+]?[1-9]\d{{0,2}}(?:{re.escape(sign)}\d{{3}})+)"
+        rf"(?P<rest>{re.escape(decimal)}\d*)?"
+    )
+    for decimal in ".,"
+    for sign in _GROUP_SIGNS[decimal]
+}
+_ONE_GROUP: Final = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
+_CLOCK: Final = re.compile(
+    r"(?:\d{1,4}[-./ ](?:\d{1,2}|[A-Za-z]{3,9})[-./ ]\d{1,4},?[ T]+)?"
+    r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2})(?:[.,](?P<part>\d{1,12})|:(?P<ms>\d{3}))?"
+    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?(?:\s*(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
+)
+
+
+def number(cell: str, decimal: str, *, decimal_is_sure: bool = False) -> float | None:
+    """Return the number in a cell, NaN for one that says there is none, None for other text.
+
+    Signs between thousands are taken out where they can be nothing else: "1,234.5", "1.234.567",
+    "1'234".
+
+    Args:
+        cell: the text.
+        decimal: "." or ",".
+        decimal_is_sure: that the user said so: of "1.234" with a decimal comma it is then known
+            that the point stands between thousands.
+    """
+    text = cell.strip()
+    if text.lower() in MISSING:
+        return math.nan
+    text = text.replace(MINUS, "-")
+    if any(sign in text for sign in _GROUP_SIGNS[decimal]):
+        ungrouped = _without_groups(text, decimal, decimal_is_sure)
+        if ungrouped is None:
+            return None
+        text = ungrouped
+    if decimal == ",":
+        text = text.replace(",", ".")
+    if "_" in text:  # Python's own digit grouping
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _without_groups(text: str, decimal: str, decimal_is_sure: bool) -> str | None:
+    """Return a number without the signs between its thousands; None if there may be none."""
+    for sign in _GROUP_SIGNS[decimal]:
+        found = _GROUPED[decimal, sign].fullmatch(text)
+        if found is None:
+            continue
+        is_sure = (
+            sign in _PLAIN_GROUP_SIGNS
+            or found["rest"] is not None
+            or found["whole"].count(sign) > 1
+            or decimal_is_sure
+        )
+        return found["whole"].replace(sign, "") + (found["rest"] or "") if is_sure else None
+    return None
+
+
+def has_groups(cell: str, decimal: str) -> bool:
+    """Whether a cell holds a number with signs between its thousands; see number()."""
+    text = cell.strip().replace(MINUS, "-")
+    return any(sign in text for sign in _GROUP_SIGNS[decimal]) and (
+        _without_groups(text, decimal, True) is not None
+    )
+
+
+def shows_decimal_sign(cells: Iterable[str], decimal: str) -> bool:
+    """Whether a sign in one of these cells cannot stand between thousands: "0.5", "12.25"."""
+    return any(decimal in cell and not _ONE_GROUP.fullmatch(cell.strip()) for cell in cells)
+
+
+def pair_in_doubt(cells: Iterable[str], decimal: str) -> tuple[str, str] | None:
+    """Return two cells of a column of which the second may be a number of thousands.
+
+    "998" and then "1.002": the point may stand between thousands, for a column of whole numbers.
+
+    Args:
+        cells: of one column.
+        decimal: the sign that is taken for the decimal one.
+    """
+    whole = grouped = ""
+    for cell in cells:
+        text = cell.strip()
+        if text.lstrip("+-").isdigit() and len(text.lstrip("+-")) <= 3:
+            whole = text if len(text) >= len(whole) else whole
+        elif decimal in text and _ONE_GROUP.fullmatch(text):
+            grouped = grouped or text
+        elif text.lower() not in MISSING:
+            return None
+    return (whole, grouped) if whole and grouped else None
+
+
+def thousands_in_doubt(name: str, pair: tuple[str, str], decimal: str) -> str:
+    """Say that numbers may have a sign between their thousands, and what settles it."""
+    other = "," if decimal == "." else "."
+    return (
+        f"{name!r} has {pair[0]} and {pair[1]}: say with --decimal {other} that the sign stands "
+        f"between thousands, with --decimal {decimal} that it does not"
+    )
+
+
+def time_of_day(cell: str) -> float | None:
+    """Return the seconds since midnight of a time as on a clock, with a date before it or not.
+
+    NaN for a cell that says there is none, None for other text.
+    """
+    text = cell.strip()
+    if text.lower() in MISSING:
+        return math.nan
+    found = _CLOCK.fullmatch(text)
+    if found is None:
+        return None
+    hour, minute, second = (int(found[name]) for name in ("hour", "minute", "second"))
+    if found["half"]:
+        if not 1 <= hour <= 12:
+            return None
+        hour = hour % 12 + (12 if found["half"] in "Pp" else 0)
+    if hour > 23 or minute > 59 or second > 60:
+        return None
+    part = float(f"0.{found['part']}") if found["part"] else float(found["ms"] or 0) * 1e-3
+    return 3600.0 * hour + 60.0 * minute + second + part
+
+
+class Stopwatch:
+    """Makes times that only go on of times of day: from the first one, midnights counted."""
+
+    def __init__(self) -> None:
+        self._first: float | None = None
+        self._days_s = 0.0
+        self._last = math.nan
+
+    def elapsed(self, time_of_day_s: float) -> float:
+        """Return the seconds since the first time of day; NaN for NaN."""
+        if math.isnan(time_of_day_s):
+            return time_of_day_s
+        if self._first is None:
+            self._first = time_of_day_s
+        elif time_of_day_s < self._last - DAY_S / 2.0:
+            self._days_s += DAY_S
+        self._last = time_of_day_s
+        return self._days_s + time_of_day_s - self._first

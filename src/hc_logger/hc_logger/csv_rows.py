@@ -1,0 +1,306 @@
+"""The rows of numbers of a CSV file, block by block, and what stands between and below them.
+
+Machines write a header anew on every page or for every cycle, more than one table into a file, and
+results below the readings. A header that comes again while the time goes on is passed over, a few
+lines at the end are left out, and both are said; a second table is refused with the option that
+chooses one. Text in the midst of the rows is an error that names its line.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_logger.csv_header import row_of_header
+from hc_logger.csv_layout import NO_COLUMN, CsvLayout
+from hc_logger.csv_number import (
+    Stopwatch,
+    number,
+    pair_in_doubt,
+    shows_decimal_sign,
+    thousands_in_doubt,
+    time_of_day,
+)
+from hc_logger.csv_table import LARGEST_SUMMARY, names_quantities
+from hc_logger.csv_text import is_cut_off, limited_lines, split_line
+from hc_logger.errors import BagError
+
+BLOCK_ROWS: Final = 65536
+_QUANTITIES: Final = 3
+_SHOWN: Final = 40
+
+
+class _Interruption:
+    """Lines within the rows that are none, and the few rows behind them."""
+
+    def __init__(self, line: int, cell: str) -> None:
+        self.line = line  # the first one
+        self.cell = cell  # that stands where a time should
+        self.last_line = line
+        self.header = ""  # "same" or "other" if a line of names is among them
+        self.resumes = 0  # line of the first row behind it
+        self.rows = 0  # behind it
+
+
+class RowReader:
+    """Reads the rows of one file, once.
+
+    Attributes:
+        notes: what was passed over or left out, one line each; complete after the last block.
+    """
+
+    def __init__(self, path: Path, layout: CsvLayout) -> None:
+        """Begin.
+
+        Args:
+            path: the file.
+            layout: how it is written.
+        """
+        self.notes: list[str] = []
+        self._path = path
+        self._layout = layout
+        self._indices = [i for i in layout.indices if i != NO_COLUMN]
+        self._count = 0  # rows given
+        self._time = -math.inf  # of the last row, as it is written
+        self._watch = Stopwatch()
+        self._interruption: _Interruption | None = None
+        self._repeated: list[int] = []  # lines of headers that came again
+        self._has_ended = False
+        self._is_open = layout.decimal_is_open
+
+    def blocks(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the rows in blocks (rows, 3): s, mm, N.
+
+        Raises:
+            BagError: if the file cannot be read, or holds something else than such rows; names line
+                and column.
+        """
+        layout = self._layout
+        stream = limited_lines(self._path, layout.encoding)
+        for _ in islice(stream, layout.header_lines):
+            pass
+        line = layout.header_lines + 1
+        factors = np.array(layout.factors)
+        while not self._has_ended and (lines := list(islice(stream, BLOCK_ROWS))):
+            if is_cut_off(lines[-1], layout.separator, layout.indices):
+                lines.pop()
+                self.notes.append("the last line is cut off in its middle: it is left out")
+            rows = self._parse(lines, line)
+            if self._is_open and any(layout.decimal in line for line in lines):
+                self._check_thousands(lines)
+            yield rows if (factors == 1.0).all() else rows * factors
+            line += len(lines)
+        self._end()
+
+    def _parse(self, lines: list[str], first: int) -> NDArray[np.float64]:
+        """Return the rows of some lines, times as they are written."""
+        if all(map(str.isspace, lines)):
+            return np.empty((0, _QUANTITIES))
+        if not self._is_plain(lines):
+            return self._parse_slowly(lines, first)
+        comma = self._layout.decimal == ","
+        try:
+            rows = np.loadtxt(
+                [line.replace(",", ".") for line in lines] if comma else lines,
+                delimiter=None if self._layout.separator == " " else self._layout.separator,
+                usecols=self._indices,
+                comments=None,
+                ndmin=2,
+            )
+        except ValueError:
+            return self._parse_slowly(lines, first)
+        if self._layout.rate_hz:
+            rows = np.column_stack([self._counted(len(rows)), rows])
+        times = rows[np.isfinite(rows[:, 0]), 0]
+        self._time = float(times[-1]) if len(times) else self._time
+        self._count += len(rows)
+        return rows
+
+    def _is_plain(self, lines: list[str]) -> bool:
+        """Whether the lines may be read all at once: cells are where they should be."""
+        layout = self._layout
+        if self._interruption is not None or layout.clock or layout.separator == layout.decimal:
+            return False
+        if layout.decimal == "," and any("." in line for line in lines):
+            return False
+        if layout.separator == " ":
+            return max(len(line.split()) for line in lines) <= layout.width
+        return max(line.count(layout.separator) for line in lines) < layout.width
+
+    def _counted(self, count: int) -> NDArray[np.float64]:
+        return (self._count + np.arange(count)) / self._layout.rate_hz
+
+    def _parse_slowly(self, lines: list[str], first: int) -> NDArray[np.float64]:
+        """Convert row by row: for blocks with something else than numbers in them."""
+        rows: list[list[float]] = []
+        for where, cells in self._rows_of_cells(lines, first):
+            values = self._values(where, cells)
+            if values is None:
+                self._interrupt(where, cells)
+            elif self._goes_on(where, values[0]):
+                self._count += 1
+                self._time = values[0] if math.isfinite(values[0]) else self._time
+                rows.append(values)
+            if self._has_ended:
+                break
+        return np.array(rows, float).reshape(-1, _QUANTITIES)
+
+    def _rows_of_cells(self, lines: list[str], first: int) -> Iterator[tuple[int, list[str]]]:
+        """Yield the cells of each line that has some, with its number."""
+        separator = self._layout.separator
+        if separator == " ":
+            for where, line in enumerate(lines, start=first):
+                if not line.isspace():
+                    yield where, line.split()
+            return
+        reader = csv.reader(lines, delimiter=separator)
+        while True:
+            try:
+                cells = next(reader, None)
+            except csv.Error as error:
+                where = first + max(reader.line_num - 1, 0)
+                raise BagError(f"{self._path}, line {where} cannot be read: {error}") from None
+            if cells is None:
+                return
+            if any(cell.strip() for cell in cells):
+                yield first + reader.line_num - 1, cells
+
+    def _number(self, cell: str) -> float | None:
+        layout = self._layout
+        return number(cell, layout.decimal, decimal_is_sure=layout.decimal_is_sure)
+
+    def _values(self, where: int, cells: list[str]) -> list[float] | None:
+        """Return time, displacement and force of a line, None if it is no row.
+
+        Raises:
+            BagError: if it is one with text in it, or with too few or too many cells.
+        """
+        layout = self._layout
+        found = [
+            (time_of_day if layout.clock and quantity == 0 else self._number)(cells[index])
+            if index < len(cells)
+            else None
+            for quantity, index in enumerate(layout.indices)
+            if index != NO_COLUMN
+        ]
+        no_number = [value is None for value in found]
+        is_none = [value is None or math.isnan(value) for value in found]
+        if all(no_number) if layout.rate_hz else no_number[0] or (is_none[0] and any(no_number)):
+            return None
+        names = [n for n, i in zip(layout.names, layout.indices, strict=True) if i != NO_COLUMN]
+        values = []
+        for name, index, value in zip(names, self._indices, found, strict=True):
+            if index >= len(cells):
+                raise BagError(
+                    f"{self._path}, line {where}: {len(cells)} columns, {name} is number "
+                    f"{index + 1}"
+                )
+            if value is None:
+                raise self._no_number(where, name, cells[index])
+            values.append(value)
+        beyond = cells[layout.width] if len(cells) > layout.width else ""
+        if beyond.strip() and self._number(beyond) is not None:
+            raise BagError(
+                f"{self._path}, line {where} has {len(cells)} cells and the others {layout.width}: "
+                "does a number hold the sign that separates them?"
+            )
+        if layout.rate_hz:
+            values.insert(0, float(self._counted(1)[0]))
+        elif layout.clock:
+            values[0] = self._watch.elapsed(values[0])
+        return values
+
+    def _no_number(self, where: int, name: str, cell: str) -> BagError:
+        shown = "".join(c if c.isprintable() else " " for c in cell[:_SHOWN])
+        layout = self._layout
+        why = ""
+        if number(cell, layout.decimal, decimal_is_sure=True) is not None:
+            why = f": if a sign stands between its thousands, say --decimal {layout.decimal}"
+        return BagError(f"{self._path}, line {where}: {name} is {shown!r} instead of a number{why}")
+
+    def _interrupt(self, where: int, cells: list[str]) -> None:
+        """Note a line that is no row."""
+        shown = next((cell.strip() for cell in cells if cell.strip()), "")
+        if self._interruption is None:
+            self._interruption = _Interruption(where, shown)
+        found = self._interruption
+        found.last_line = where
+        if not found.rows or not found.header:
+            cells = row_of_header(cells)
+            if tuple(cells) == self._layout.header:
+                found.header = "same"
+            elif names_quantities(cells):
+                found.header = "other"
+
+    def _goes_on(self, where: int, time: float) -> bool:
+        """Whether a row belongs to the table: none is behind a line that is no row.
+
+        Raises:
+            BagError: if so many rows are behind such a line that they are no results.
+        """
+        found = self._interruption
+        if found is None:
+            return True
+        layout = self._layout
+        if found.header == "same" and not found.rows and not layout.rate_hz and time >= self._time:
+            self._repeated.append(found.line)
+            self._interruption = None
+            return True
+        found.resumes = found.resumes or where
+        found.last_line = where
+        found.rows += 1
+        if found.rows <= LARGEST_SUMMARY:
+            return False
+        if not found.header:
+            name = next(n for n, i in zip(layout.names, layout.indices, strict=True) if i >= 0)
+            raise self._no_number(found.line, name, found.cell)
+        if not layout.is_chosen:
+            raise BagError(
+                f"{self._path}: another table begins in line {found.resumes}; say which one is to "
+                f"be read with --header-lines {layout.header_lines} or --header-lines "
+                f"{found.resumes - 1}"
+            )
+        self._has_ended = True
+        return False
+
+    def _end(self) -> None:
+        """Say what was passed over and left out."""
+        if self._repeated:
+            times = f" {len(self._repeated)} times" if len(self._repeated) > 1 else ""
+            self.notes.append(
+                f"the header comes again{times} within the rows (line {self._repeated[0]}): "
+                "passed over"
+            )
+        found = self._interruption
+        if found is not None and self._has_ended:
+            self.notes.append(f"the table ends at line {found.line}: what follows is left out")
+        elif found is not None:
+            lines = (
+                f"lines {found.line} to {found.last_line} are"
+                if found.last_line > found.line
+                else f"line {found.line} is"
+            )
+            self.notes.append(f"{lines} below the readings ({found.cell[:_SHOWN]!r}): left out")
+
+    def _check_thousands(self, lines: list[str]) -> None:
+        """See that whole numbers are not followed by ones with a sign between their thousands.
+
+        Raises:
+            BagError: if they may be.
+        """
+        layout = self._layout
+        rows_of_cells = [split_line(line, layout.separator) for line in lines]
+        names = [n for n, i in zip(layout.names, layout.indices, strict=True) if i >= 0]
+        columns = [[cells[i] for cells in rows_of_cells if i < len(cells)] for i in self._indices]
+        self._is_open = not any(shows_decimal_sign(cells, layout.decimal) for cells in columns)
+        for name, cells in zip(names, columns, strict=True):
+            pair = pair_in_doubt(cells, layout.decimal) if self._is_open else None
+            if pair is not None:
+                raise BagError(f"{self._path}: {thousands_in_doubt(name, pair, layout.decimal)}")
