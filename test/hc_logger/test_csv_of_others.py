@@ -262,7 +262,7 @@ def test_a_doubt_is_refused_with_the_option_that_settles_it(
 
 def test_a_second_table_in_a_file_is_named_and_not_left_out(tmp_path: Path) -> None:
     specimen = "Time,Extension,Load\n(s),(mm),(N)\n" + rows("{:.3f},{},{}", TIME, DEPTH, FORCE)
-    with pytest.raises(BagError, match="another table begins in line 65; .* --header-lines 64"):
+    with pytest.raises(BagError, match=r"another table begins in line 65; .* --header-lines 64"):
         read_recording(write(tmp_path / "two.csv", specimen + specimen))
 
 

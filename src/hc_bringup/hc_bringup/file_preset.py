@@ -13,11 +13,11 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.nearest import hint
 from hc_bringup.paths import find_config
 
-OF_THE_FILE = {
-    "separator": (str, "a word"),
-    "decimal": (str, "a word"),
-    "encoding": (str, "a word"),
-    "header_lines": (int, "a whole number"),
+OF_THE_FILE: dict[str, tuple[tuple[type, ...], str]] = {
+    "separator": ((str,), "a word"),
+    "decimal": ((str,), "a word"),
+    "encoding": ((str,), "a word"),
+    "header_lines": ((int,), "a whole number"),
     "rate": ((int, float), "a number"),
 }
 KEYS = ("columns", "units", *OF_THE_FILE, "input", "find_surface")
@@ -39,11 +39,11 @@ def apply(arguments: argparse.Namespace) -> None:
         if getattr(arguments, key) is None and key in content:
             parts = _mapping(path, key, content[key])
             setattr(arguments, key, ",".join(f"{k}={v}" for k, v in parts.items()))
-    for key, (kind, called) in OF_THE_FILE.items():
+    for key, (kinds, called) in OF_THE_FILE.items():
         value = content.get(key)
         if value is None:
             continue
-        if not isinstance(value, kind) or isinstance(value, bool) or (kind is int and value < 0):
+        if type(value) not in kinds or (kinds == (int,) and value < 0):
             raise UserError(f"--preset {path}: {key}: {value} is not {called}", WRONG_USE)
         if getattr(arguments, key) is None:
             setattr(arguments, key, value)

@@ -10,7 +10,7 @@ from hc_bringup.batch.tables import CONTACTS, RECORDINGS, table_columns
 from hc_bringup.commands.estimate import COLUMNS as ESTIMATE_COLUMNS
 from hc_bringup.report import contact_file, map_file
 from hc_estimator.stream.state_file import RUNNING, SAVED, SET_ASIDE
-from hc_logger.csv_file import COLUMNS as RECORDING_COLUMNS
+from hc_logger.csv_layout import COLUMNS as RECORDING_COLUMNS
 
 _PAGE: Final = """# Files
 
