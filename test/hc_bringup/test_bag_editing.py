@@ -108,13 +108,16 @@ def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["filter", "whole", "part", "--topics", "/no"], "no such topic; it has /a, /b"),
+        (["filter", "whole", "part", "--topics", "/no"], "no topic /no; it has: /a, /b"),
+        (["filter", "whole", "part", "--topics", "/no*"], "no such topic; it has /a, /b"),
+        (["filter", "whole", "part", "--exclude", "/setings"], "did you mean /setting?"),
         (["filter", "whole", "part", "--start", "9"], "is 1.900 s long: nothing is left"),
         (["filter", "whole", "whole"], "exists already"),
         (["merge", "whole", "-o", "all"], "give two bags at least"),
         (["merge", "whole", "other", "-o", "all"], "in one bag and std_msgs/msg/Int32 in other"),
         (["split", "none", "part", "--every", "1"], "none"),
         (["split", "whole", "part", "--every", "0"], "'0' is not a number > 0"),
+        (["split", "whole", "part", "--every", "1e-6"], "would be 1900001, and 10000 are the most"),
         (["splt", "whole"], "there is no 'splt'; did you mean 'split'?"),
     ],
 )

@@ -1,7 +1,7 @@
 """The word that was meant, and a preset by its bare name."""
 
-from hc_bringup.nearest import hint
 from hc_bringup.paths import find_config
+from hc_msgs_py.nearest import hint
 
 
 def test_a_near_word_is_named_alone_and_else_all() -> None:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.nearest import hint
 from hc_bringup.paths import find_config
+from hc_msgs_py.nearest import hint
 
 OF_THE_FILE: dict[str, tuple[tuple[type, ...], str]] = {
     "separator": ((str,), "a word"),

@@ -14,13 +14,15 @@ from collections.abc import Callable
 from typing import Any, Final
 
 import rclpy
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.parameter_client import AsyncParameterClient
+from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from hc_bringup.errors import FAILURE, UserError
-from hc_bringup.nearest import hint
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.reach import speak_to_nodes
+from hc_msgs_py.nearest import hint
 
 _LEAST_WAIT_S: Final = 0.8
 _QUIET_S: Final = 0.4
@@ -61,7 +63,7 @@ class Graph:
             return False
         return True
 
-    def wait_for(self, condition: Callable[[], bool], timeout_s: float = _MOST_WAIT_S) -> bool:
+    def wait_for(self, condition: Callable[[], object], timeout_s: float = _MOST_WAIT_S) -> bool:
         """Spin until a condition holds; return whether it did in time."""
         end = time.monotonic() + timeout_s
         while not condition():
@@ -127,19 +129,22 @@ class Graph:
         Raises:
             UserError: if nobody does; the message lists the topics that there are.
         """
-        full = absolute(name)
+        full = topic_name(name)
 
         def types() -> list[str]:
             return next((t for n, t in self.topics(hidden=True) if n == full), [])
 
         if not self.wait_for(lambda: self.node.count_publishers(full) > 0 and bool(types())):
-            known = hint(full, (name for name, _ in self.topics()), "topics")
-            raise UserError(f"nobody publishes {full}; {known}", FAILURE)
+            raise UserError(f"nobody publishes {full}; {self.known_topics(full)}", FAILURE)
         if len(types()) > 1:
             raise UserError(
                 f"{full} is published with several types: {', '.join(types())}", FAILURE
             )
         return full, types()[0]
+
+    def known_topics(self, name: str) -> str:
+        """Return "did you mean ...?" for the name of a topic, or the topics that there are."""
+        return hint(name, (other for other, _ in self.topics() if other != name), "topics")
 
     def parameter_client(self, node_name: str) -> AsyncParameterClient:
         """Return a client for the parameters of a node that has been discovered.
@@ -179,3 +184,21 @@ class Graph:
 def absolute(name: str) -> str:
     """Return a topic or node name with its leading slash."""
     return name if name.startswith("/") else f"/{name}"
+
+
+def topic_name(name: str) -> str:
+    """Return the full name of a topic.
+
+    Args:
+        name: of a topic, or a pattern of several with * and ?.
+
+    Raises:
+        UserError: if no topic can be called so.
+    """
+    full = name if name.startswith("*") else absolute(name)
+    try:
+        validate_full_topic_name("/" + full.translate(str.maketrans("*?", "xx")).lstrip("/"))
+    except InvalidTopicNameException as error:
+        reason = str(error).split(":")[1].replace("topic name", "it").strip()
+        raise UserError(f"{name!r} is no name of a topic: {reason}", WRONG_USE) from error
+    return full

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.nearest import hint
+from hc_msgs_py.nearest import hint
 
 
 def checkout_root() -> Path | None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph, absolute
-from hc_bringup.nearest import hint
+from hc_msgs_py.nearest import hint
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
 
@@ -23,6 +23,8 @@ SETTLE_S = 0.6
 """Three announcements of a participant: by then a server has discovered a new client."""
 ANSWER_S = 10.0
 AGAIN_S = 3.0
+GONE_S = 3.0
+"""A server that is not seen for so long has ended: on a busy machine one vanishes for a moment."""
 HARMLESS = ("reset", "save", "load")
 """Done twice, they do what they do once: they are asked for again while no answer comes."""
 _OF_EVERY_NODE = ("_parameters", "_atomically", "/get_parameter_types", "/get_type_description")
@@ -66,6 +68,7 @@ class Client:
         self._graph = graph
         self._name = name
         self._client = graph.node.create_client(service_type, name)
+        self._seen_s = time.monotonic()
         if not graph.wait_for(self._client.service_is_ready):
             raise UserError(f"nobody offers the service {name}", FAILURE)
         graph.spin(SETTLE_S)
@@ -79,18 +82,33 @@ class Client:
             again_s: so often the request is sent again meanwhile; by default it is sent once.
 
         Raises:
-            UserError: if no answer comes in time.
+            UserError: if no answer comes in time, or the server ends before it answers.
         """
         futures: list[Any] = []
         end = time.monotonic() + timeout_s
+
+        def answers() -> list[Any]:
+            return [future for future in futures if future.done()]
+
+        self._seen_s = time.monotonic()
         while (left := end - time.monotonic()) > 0.0:
             futures.append(self._client.call_async(request))
-            if self._graph.wait_for(lambda: any(f.done() for f in futures), min(left, again_s)):
-                return next(f for f in futures if f.done()).result()
+            self._graph.wait_for(lambda: answers() or self._is_gone(), min(left, again_s))
+            if answers():
+                return answers()[0].result()
+            if self._is_gone():
+                raise UserError(f"the node of {self._name} ended before it answered", FAILURE)
         raise UserError(
             f"{self._name} did not answer within {timeout_s:g} s: is its node busy or stopped?",
             FAILURE,
         )
+
+    def _is_gone(self) -> bool:
+        """Whether the server has not been seen for a while."""
+        now = time.monotonic()
+        if self._client.service_is_ready():
+            self._seen_s = now
+        return now - self._seen_s > GONE_S
 
 
 class EstimatorServices:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import Any
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, Final
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
-from hc_bringup.nearest import hint
 from hc_bringup.options import natural, positive
 from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
+
+_SILENCE_S: Final = 2.0
+_LOOKED_AT: Final = 100
+"""Messages; the last ones tell how often one is due."""
 
 
 def configure(commands: Any) -> None:
@@ -41,16 +46,15 @@ def configure(commands: Any) -> None:
 
 def info(arguments: argparse.Namespace) -> int:
     """Print who publishes and who subscribes."""
-    from hc_bringup.graph import Graph, absolute
+    from hc_bringup.graph import Graph, topic_name
 
+    name = topic_name(arguments.topic)
     with Graph() as graph:
-        name = absolute(arguments.topic)
         # A busy machine tells of a subscriber long before it tells of the publisher.
         graph.settle(expected=lambda: graph.node.count_publishers(name) > 0)
         types = dict(graph.topics(hidden=True)).get(name)
         if types is None:
-            known = hint(name, (n for n, _ in graph.topics()), "topics")
-            raise UserError(f"there is no topic {name}; {known}", FAILURE)
+            raise UserError(f"there is no topic {name}; {graph.known_topics(name)}", FAILURE)
         publishers = graph.node.get_publishers_info_by_topic(name)
         subscribers = graph.node.get_subscriptions_info_by_topic(name)
     print(f"Type: {', '.join(types)}")
@@ -76,17 +80,26 @@ def bandwidth(arguments: argparse.Namespace) -> int:
     with Graph() as graph:
         topic, type_name = graph.require_topic(arguments.topic)
         sizes: list[int] = []
+        arrivals: deque[float] = deque(maxlen=_LOOKED_AT)
+
+        def take(data: bytes) -> None:
+            sizes.append(len(data))
+            arrivals.append(time.monotonic())
+
         graph.node.create_subscription(
             interface_class(type_name),
             topic,
-            lambda data: sizes.append(len(data)),
+            take,
             matching_qos(graph, topic),
             raw=True,
         )
         start = time.monotonic()
         while graph.spin(1.0):
             elapsed = time.monotonic() - start
-            if sizes:
+            quiet = silence(graph, topic, list(arrivals))
+            if quiet:
+                print(quiet, flush=True)
+            elif sizes:
                 print(
                     f"{sum(sizes) / elapsed:.0f} B/s from {len(sizes)} messages; message size mean "
                     f"{sum(sizes) / len(sizes):.0f} B, min {min(sizes)} B, max {max(sizes)} B",
@@ -99,15 +112,34 @@ def bandwidth(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def silence(graph: Any, topic: str, arrivals: Sequence[float]) -> str:
+    """Return that nothing comes on a topic any more; nothing while messages come as they did.
+
+    Args:
+        graph: where the topic is.
+        topic: its full name.
+        arrivals: times of the last messages, by the monotonic clock.
+    """
+    if not arrivals:
+        return ""
+    usual_s = (arrivals[-1] - arrivals[0]) / max(len(arrivals) - 1, 1)
+    silent_s = time.monotonic() - arrivals[-1]
+    if silent_s < max(_SILENCE_S, 3.0 * usual_s):
+        return ""
+    why = "" if graph.node.count_publishers(topic) else " (nobody publishes it any more)"
+    return f"no message on {topic} for {silent_s:.0f} s{why}"
+
+
 def publish(arguments: argparse.Namespace) -> int:
     """Publish until the wanted number is reached, or a signal."""
     from rclpy.qos import QoSProfile
 
-    from hc_bringup.graph import Graph, absolute
+    from hc_bringup.graph import Graph, topic_name
     from hc_bringup.message_text import as_yaml
     from hc_bringup.message_values import fill
     from hc_msgs_py.interface_class import interface_class
 
+    topic = topic_name(arguments.topic)
     kind = interface_class(arguments.type)
     try:
         values = load_plain_yaml(arguments.values) or {}
@@ -122,9 +154,23 @@ def publish(arguments: argparse.Namespace) -> int:
     if listeners is None:
         listeners = int(wanted is not None)
     with Graph() as graph:
-        topic = absolute(arguments.topic)
         publisher = graph.node.create_publisher(kind, topic, QoSProfile(depth=10))
-        if not graph.wait_for(lambda: publisher.get_subscription_count() >= listeners, 10.0):
+
+        def other_types() -> list[str]:
+            types = dict(graph.topics(hidden=True)).get(topic, [])
+            own = arguments.type.replace("/msg/", "/")
+            return [name for name in types if name.replace("/msg/", "/") != own]
+
+        graph.wait_for(
+            lambda: publisher.get_subscription_count() >= listeners or bool(other_types()), 10.0
+        )
+        if other_types():
+            raise UserError(
+                f"{topic} carries {', '.join(other_types())}, and {arguments.type} on it would "
+                "reach nobody",
+                FAILURE,
+            )
+        if publisher.get_subscription_count() < listeners:
             raise UserError(
                 f"{publisher.get_subscription_count()} of {listeners} subscribers on {topic} "
                 "after 10 s; -w 0 waits for none",

@@ -21,6 +21,7 @@ from hc_logger.errors import BagError, BagExistsError
 from hc_logger.foreign import open_bag
 from hc_logger.selection import TopicSelection
 from hc_logger.writer import BagWriter, os_errors
+from hc_msgs_py.nearest import hint
 from hc_msgs_py.units import NANOSECONDS
 
 
@@ -51,6 +52,10 @@ class _Part:
             message.sequence,
         )
         self.count += 1
+
+
+MOST_PARTS = 10_000
+"""Of a bag that is split: each is a folder."""
 
 
 def filter_bag(
@@ -151,7 +156,7 @@ def split_bag(
         Folder and number of messages of each part; seconds without a message make no part.
 
     Raises:
-        BagError: if a target exists, or there is no message.
+        BagError: if a target exists, there is no message, or there would be too many parts.
     """
     with open_bag(source) as bag:
         span = bag.time_range()
@@ -160,7 +165,13 @@ def split_bag(
         first, last = span
         length = max(1, round(seconds * NANOSECONDS))
         stem = Path(target)
-        for index in range((last - first) // length + 1):
+        count = (last - first) // length + 1
+        if count > MOST_PARTS:
+            raise BagError(
+                f"{source} is {(last - first) / NANOSECONDS:.3f} s long: parts of {seconds:g} s "
+                f"would be {count}, and {MOST_PARTS} are the most"
+            )
+        for index in range(count):
             path = stem.with_name(f"{stem.name}_{index}")
             if path.exists():
                 raise BagExistsError(f"{path} exists already and is not overwritten")
@@ -221,6 +232,9 @@ class _Latched:
 
 
 def _chosen(bag: Bag, selection: TopicSelection | None) -> list[str]:
+    for name in selection.names() if selection is not None else ():
+        if name not in bag.topics:
+            raise BagError(f"{bag.path} has no topic {name}; {hint(name, bag.topics, 'it has')}")
     topics = [name for name in bag.topics if selection is None or name in selection]
     if not topics:
         raise BagError(f"{bag.path} has no such topic; it has {', '.join(bag.topics) or 'none'}")

@@ -20,11 +20,12 @@ from hc_logger import __version__
 from hc_logger.errors import BagError
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.ros.qos_profiles import mapping_from_profile, subscription_profile
-from hc_logger.selection import TopicSelection, full_name
+from hc_logger.selection import TopicSelection, full_name, is_pattern
 from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
 from hc_logger.writer import BagWriter, new_numbered_bag
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
+from hc_msgs_py.nearest import hint
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import KEPT_DEPTH
@@ -35,6 +36,8 @@ DRAIN_PERIOD_S = 0.025
 """How often the queues are emptied: they hold seconds of messages, so this loses none. Every second
 time it is flushed as well, so that what is killed loses no more than with shorter periods."""
 DISCOVERY_PERIOD_S = 0.1
+NAMING_S = 3.0
+"""Then a topic that was named has been seen, if somebody publishes it."""
 FULL_DISCOVERY_EVERY = 10
 """Looks at all that is known of every publisher; in between, at topics whose number changed."""
 MOST_AT_ONCE = 5000
@@ -143,6 +146,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if not output:
             raise NodeStartError("parameter output is empty; give the folder of the new bag")
         namespace = self.get_namespace()
+        # A pattern may fit what comes later; a name that nobody publishes may be misspelt.
+        self._named = [full_name(name, namespace) for name in topics if not is_pattern(name)]
         self._expected = [full_name(name, namespace) for name in expected if name]
         self._selection = TopicSelection([*topics, *self._expected], exclude, namespace)
         self._skipped: dict[str, str] = {}
@@ -159,6 +164,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DRAIN_PERIOD_S, self._drain, clock=steady)
         self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
+        self._naming = self.create_timer(NAMING_S, self._name_the_silent, clock=steady)
         add_ready_service(self, self._missing)
         self._diagnostics = DiagnosticsPublisher(self, str(writer.path), self._status)
         self._discover()
@@ -210,6 +216,17 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 self.destroy_subscription(tap.subscription)
                 tap.subscription = self._subscribe(interface_class(types[0]), topic, profile)
                 tap.reliable, tap.transient_local = reliable, local
+
+    def _name_the_silent(self) -> None:
+        """Say once which topics that were named are not there."""
+        self._naming.cancel()
+        there = [name for name, _ in self.get_topic_names_and_types()]
+        for name in self._named:
+            if name and name not in self._taps and name not in self._skipped:
+                meant = hint(name, (t for t in there if t != name), "there are")
+                self.get_logger().warning(
+                    f"nobody publishes {name} yet ({meant}); it is recorded once somebody does"
+                )
 
     def _subscribe(self, kind: Any, topic: str, profile: Any) -> Any:
         subscription = self.create_subscription(kind, topic, _never_called, profile, raw=True)

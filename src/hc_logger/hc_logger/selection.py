@@ -13,6 +13,11 @@ def full_name(name: str, namespace: str = "/") -> str:
     return f"{namespace.rstrip('/')}/{name}"
 
 
+def is_pattern(name: str) -> bool:
+    """Whether a name stands for all topics that fit it."""
+    return not set("*?[").isdisjoint(name)
+
+
 class TopicSelection:
     """Names and patterns to take and to leave out; leaving out wins."""
 
@@ -22,6 +27,10 @@ class TopicSelection:
         """Prepare a selection; empty texts are ignored (a ROS list parameter cannot be empty)."""
         self._take = [full_name(name, namespace) for name in take if name]
         self._leave = [full_name(name, namespace) for name in leave if name]
+
+    def names(self) -> list[str]:
+        """Return the names that are no patterns."""
+        return [name for name in (*self._take, *self._leave) if not is_pattern(name)]
 
     def __contains__(self, topic: str) -> bool:
         return any(fnmatchcase(topic, p) for p in self._take) and not any(

@@ -6,8 +6,9 @@ import argparse
 from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
-from hc_bringup.nearest import hint
+from hc_msgs_py.nearest import hint
 
+_TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
 HELP = "look at and change the lifecycle state of a managed node (the estimator is one)"
 
 
@@ -22,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     change.add_argument(
         "transition",
         metavar="TRANSITION",
-        help="configure, activate, deactivate, cleanup, shutdown",
+        help=", ".join(_TRANSITIONS),
     )
 
 
@@ -53,10 +54,9 @@ def run(arguments: argparse.Namespace) -> int:
         wanted = possible.get(arguments.transition)
         if wanted is None:
             state = _ask(graph, GetState, node, "get_state").current_state.label
-            # activate is no slip of the pen for deactivate.
-            words = [w for w in possible if arguments.transition not in w]
-            meant = hint(arguments.transition, words, "possible")
-            if "did you" not in meant:
+            # What was meant may be impossible now, and is then no other one that sounds alike.
+            meant = hint(arguments.transition, _TRANSITIONS, "")
+            if not any(meant == hint(word, [word], "") for word in possible):
                 meant = f"possible: {', '.join(possible)}"
             raise UserError(
                 f"{node} is {state} and cannot {arguments.transition}; {meant}", WRONG_USE

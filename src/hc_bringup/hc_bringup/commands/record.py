@@ -43,12 +43,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command: the recorder node in this process, so that its signals are its own."""
     from hc_bringup.commands.run import new_bag_folder
+    from hc_bringup.graph import topic_name
+    from hc_logger.metadata import read_information
     from hc_logger.recorder_node import main
     from hc_msgs_py.topics import NODE_RECORDER
 
     if bool(arguments.topics) == arguments.all:
         raise UserError("name topics, or give -a for all of them", WRONG_USE)
-    bag = new_bag_folder(arguments.output)
+    for name in (*arguments.topics, *arguments.exclude):
+        topic_name(name)
+    bag = new_bag_folder(arguments.output, "-o")
     parameters = {
         "output": str(bag),
         "topics": ["*"] if arguments.all else arguments.topics,
@@ -63,6 +67,10 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"recording into {bag}; Ctrl-C ends it", flush=True)
         before, sys.argv = sys.argv, ["hc record", "--ros-args", "--params-file", file.name]
         try:
-            return main()
+            status = main()
         finally:
             sys.argv = before
+    information = read_information(bag)
+    if information is not None:
+        print(f"{information['message_count']} messages written to {bag}")
+    return status

@@ -264,15 +264,19 @@ def scenario_name(plan: Any) -> str:
     return Path(str(settings.get("scenario", "multisine"))).stem
 
 
-def new_bag_folder(given: str | None) -> Path:
+def new_bag_folder(given: str | None, option: str = "--bag") -> Path:
     """Return the absolute path of a bag folder that does not exist yet.
+
+    Args:
+        given: what the user said, nothing for a folder with the date.
+        option: the option that says it.
 
     Raises:
         UserError: if the folder exists or cannot be made.
     """
     folder = Path(given or f"bags/run_{datetime.now():%Y%m%d_%H%M%S}").absolute()
     if folder.exists():
-        raise UserError(f"{folder} exists already: choose another folder with --bag", WRONG_USE)
+        raise UserError(f"{folder} exists already: choose another folder with {option}", WRONG_USE)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

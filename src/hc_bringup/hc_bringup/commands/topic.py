@@ -70,7 +70,7 @@ def _list(arguments: argparse.Namespace) -> int:
 
 
 def _echo(arguments: argparse.Namespace) -> int:
-    from hc_bringup.graph import Graph, absolute
+    from hc_bringup.graph import Graph, topic_name
     from hc_bringup.message_text import as_csv, as_yaml, field
     from hc_msgs_py.interface_class import interface_class
 
@@ -78,7 +78,7 @@ def _echo(arguments: argparse.Namespace) -> int:
         if arguments.type is None:
             topic, type_name = graph.require_topic(arguments.topic)
         else:
-            topic, type_name = absolute(arguments.topic), arguments.type
+            topic, type_name = topic_name(arguments.topic), arguments.type
         received: deque[Any] = deque()
         graph.node.create_subscription(
             interface_class(type_name),
@@ -121,7 +121,11 @@ def _hz(arguments: argparse.Namespace) -> int:
         )
         end = None if arguments.timeout is None else time.monotonic() + arguments.timeout
         while graph.spin(1.0):
-            _print_rate(topic, list(arrivals))
+            silence = topic_tools.silence(graph, topic, list(arrivals))
+            if silence:
+                print(silence, flush=True)
+            else:
+                _print_rate(topic, list(arrivals))
             if end is not None and time.monotonic() >= end:
                 return 0
     return 0
