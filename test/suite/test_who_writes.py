@@ -78,6 +78,8 @@ OWNERS = {
         "multiple_model/smoothing",
         "multiple_model/window_fit",
         "multiple_model/delay_exponent",
+        "multiple_model/delay_joint",
+        "multiple_model/delay_evidence",
     ),
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/sample",),

@@ -16,12 +16,14 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     batch_fit,
     beginning,
+    delay_evidence,
     delay_sensitivity,
     sample,
     surface_search,
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.delay_rules import BEGIN_ANEW
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.screening import ACCEPTED
@@ -194,6 +196,8 @@ def _take_point(settings: Any, bank: Any) -> None:
     """Let the batch fit and the finder of the delay take the next point of the grid."""
     finder, rows = bank.delay, bank.rows
     before = finder.grid_count
+    if bank.change.detected != 0:
+        delays.forget_tissue(finder)
     full = grids.advance(finder)
     if finder.grid_count > before and bank.calibrated != 0:
         surface_search.look(settings, bank, finder.grid_step)
@@ -210,12 +214,26 @@ def _take_point(settings: Any, bank: Any) -> None:
 @compiled
 def _look_for_delay(settings: Any, bank: Any) -> None:
     """Let the finder take the full window; begin anew with a delay that it has found."""
-    finder = bank.delay
+    finder, rows, noise = bank.delay, bank.rows, bank.sensor_noise
     before = finder.delay
     constant = bank.judge.chosen <= FITTED
-    if delays.learn_window(settings, finder, bank.sensor_noise[0], constant):
-        bank.held.first = bank.held.count
-        if abs(finder.delay - before) > delays.BEGIN_ANEW:
-            beginning.begin_aligned(settings, bank)
-        else:
-            delay_sensitivity.correct(bank.rows, finder.delay - before)
+    # What the innovations say is of the filter's own row, not of the fit beside it.
+    row = rows[0 if constant else bank.judge.chosen]
+    misses = row.model_error > noise[1]
+    changes = delays.learn_window(settings, finder, noise, constant, misses)
+    # Damping that goes its own way looks like a small delay, where none is known yet.
+    asked = not changes and (constant or finder.delay != 0.0)
+    asked = asked and not (misses and finder.agreed != 0)
+    found = delay_evidence.learn(finder, rows, row, asked)
+    if not (changes or found):
+        return
+    if abs(finder.delay - before) > BEGIN_ANEW:
+        delay_evidence.reset(finder)
+    bank.held.first = bank.held.count
+    if found or abs(finder.delay - before) <= BEGIN_ANEW:
+        delay_sensitivity.correct(rows, finder.delay - before)
+    if abs(finder.delay - before) <= BEGIN_ANEW:
+        return
+    if found:
+        delay_evidence.note_fit(finder, row)
+    beginning.begin_aligned(settings, bank)

@@ -16,6 +16,7 @@ from hc_estimator.multiple_model import (
     surface_search,
     tempering,
 )
+from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
@@ -117,7 +118,7 @@ def begin_at_onset(settings: Any, bank: Any) -> None:
     """Begin every row anew, now that the zeros are known better."""
     contact_onset.move_zeros(bank)
     _forget_tissue(settings, bank)
-    bank.delay.windows = 0
+    delays.forget_zeros(bank.delay)
 
 
 @compiled
@@ -141,7 +142,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     bank.history.unfitted = bank.history.count
     bank.rows[FITTED].active = 0
     _go_on_moving(settings, bank)
-    bank.delay.windows = 0
+    delays.forget_zeros(bank.delay)
     _choose_anew(bank)
 
 

@@ -11,6 +11,10 @@ keeps its information on both, and both are found from the sum, with the prior o
 filters would not do: next to a wrong delay they find the p that goes with it.) Where p is so wrong
 that no window has a fine value near the likeliest candidate, as a quick tool's may be, a few others
 are tried.
+
+Where the tissue stays, one fit to all windows says which candidate it is (`delay_joint`), and near
+it the innovations of the filter say the value (`delay_evidence`); the windows remain for tissue that
+varies and for a law that misses.
 """
 
 from __future__ import annotations
@@ -21,9 +25,15 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import delay_evidence, delay_joint, smoothing
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.delay_exponent import FEWEST_WINDOWS, LEAD, find_exponent
+from hc_estimator.multiple_model.delay_rules import (
+    CORRECTED,
+    CORRECTION,
+    SMALLEST,
+    student_quantile,
+)
 from hc_estimator.multiple_model.records import (
     CANDIDATES,
     WINDOWS,
@@ -57,16 +67,11 @@ CONTRADICTED = 0.75  # of a step, between the fine value and the likeliest candi
 INFLUENCE = 4.0  # of a window's log likelihood ratio in that mean, at most
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best rival
-SMALLEST = 0.001  # delay worth the name [s]
 SIGNIFICANT = 4.5  # standard deviations
-SMALL = 4.0  # the same, of a normal distribution, for a delay of less than a step
 DOUBTFUL = 3.0  # the same, from which on it is no longer believed that there is none
 LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
 AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
 FEWEST_AGREEING = 8  # windows of which that is so, at least
-CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
-CORRECTED = 2.0  # standard deviations by which it is corrected, at least
-BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 
 
 @compiled
@@ -79,11 +84,30 @@ def reset(finder: Any) -> None:
     finder.velocity_exponent = 1.0
     finder.exponent_windows = 0
     finder.exponent_chosen = 0
+    finder.agreed = 0
+    delay_joint.reset(finder)
+    delay_evidence.reset(finder)
     grids.restart(finder)
 
 
 @compiled
-def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bool:
+def forget_tissue(finder: Any) -> None:
+    """It is another tissue: what was fitted to all windows together is none of it."""
+    delay_joint.reset(finder)
+
+
+@compiled
+def forget_zeros(finder: Any) -> None:
+    """The zeros are others: what was said of the delay rests on the old ones."""
+    finder.windows = 0
+    delay_joint.reset(finder)
+    delay_evidence.reset(finder)
+
+
+@compiled
+def learn_window(
+    settings: Any, finder: Any, sensor_noise: Any, constant: bool, misses: bool
+) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
     The new delay is then finder.delay, and the window's K, B and n at it are finder.fit.
@@ -91,9 +115,12 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
     Args:
         settings: settings record.
         finder: changed.
-        noise: variance of the displacement [mm^2].
+        sensor_noise: variances of displacement and force [mm^2], [N^2].
         constant: False where tissue or surface seem to vary: that looks like a small delay.
+        misses: True if the law of the filter misses more than the noise; else the filter's own
+            innovations (`delay_evidence`) say the delay more finely than the windows.
     """
+    noise = sensor_noise[0]
     if finder.neighbours > 0:
         readings = grids.readings_of(finder)
         finder.velocity_variance = smoothing.velocity_variance(finder, noise, readings)
@@ -116,6 +143,8 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
             finder.guess[2] = exponent
             finder.noise_left = noise_left(finder, count)
     take_profile(finder, finder.profile[slot])
+    delay_joint.take(finder)
+    common = delay_joint.decide(finder, sensor_noise[1])
     finder.windows += 1
     chosen = _choose(finder)
     start = (chosen - centre) * finder.grid_step
@@ -130,7 +159,22 @@ def learn_window(settings: Any, finder: Any, noise: float, constant: bool) -> bo
     elif windows >= FEWEST_WINDOWS and find_exponent(settings, finder, finder.profile[slot]):
         finder.windows = 0
         return False
-    return _decide(settings, finder, chosen, constant)
+    far = abs(finder.joint_delay - finder.delay) > finder.grid_step
+    if common and far:
+        _take_joint(finder)
+        return True
+    return _decide(settings, finder, chosen, constant, misses, common)
+
+
+@compiled
+def _take_joint(finder: Any) -> None:
+    """Take the delay of the common fit; what the window says with it is then in finder.fit."""
+    finder.delay = finder.joint_delay
+    finder.deviation = 0.5 * finder.grid_step
+    finder.doubt = finder.deviation**2
+    count = gather(finder, finder.delay)
+    finder.fit[2] = finder.guess[2]
+    refine_exponent(finder, count)
 
 
 @compiled
@@ -230,10 +274,13 @@ def _variance_between(finder: Any, windows: int) -> float:
 
 
 @compiled
-def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
+def _decide(
+    settings: Any, finder: Any, chosen: int, constant: bool, misses: bool, common: bool
+) -> bool:
     """Value and deviation of the delay; True if the one in use is to change."""
     windows = min(finder.windows, WINDOWS)
     step = finder.grid_step
+    finder.agreed = 0
     for j in range(CANDIDATES):
         apart = abs(j - chosen) * step > APART
         if apart and finder.total[j] - finder.total[chosen] < RIVAL:
@@ -243,7 +290,11 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         return False
     mean, deviation = finder.fine[0], finder.fine[1]
     distance = abs(mean - finder.delay)
-    few = _used_windows(finder, chosen, windows) < FEWEST_WINDOWS
+    if common and distance > step:  # the fit to all windows agrees with the delay in use
+        return False
+    near = _used_windows(finder, chosen, windows)
+    few = near < FEWEST_WINDOWS
+    finder.agreed = 1 if not few and near > LEAST_NEAR * windows else 0
     if few and (finder.delay != 0.0 or not _each_decides(finder, chosen, windows)):
         return False
     if finder.delay == 0.0:
@@ -253,15 +304,15 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
         finder.doubt = finder.deviation**2 if doubtful else 0.0
         significant = SIGNIFICANT
         if distance < step:  # the scatter of the fine values alone decides
-            significant = _quantile(_used_windows(finder, chosen, windows) - 1)
+            significant = student_quantile(near - 1)
         changes = distance > max(significant * deviation, SMALLEST)
         changes = changes and (constant or distance > step)
         changes = changes and (few or _is_clear(finder, chosen, windows))
         # Windows of a tissue that lets go may prefer a delay, but find none near it.
-        near = _used_windows(finder, chosen, windows)
         changes = changes and near > LEAST_NEAR * windows
     else:
         changes = distance > max(CORRECTED * deviation, CORRECTION)
+        changes = changes and (misses or distance > step)
         if changes and distance > step:
             # Back towards none it takes less: the first windows may have been wrong.
             used = min(max(CANDIDATES // 2 + round(finder.delay / step), 0), CANDIDATES - 1)
@@ -270,16 +321,10 @@ def _decide(settings: Any, finder: Any, chosen: int, constant: bool) -> bool:
             changes = back or _is_clear(finder, chosen, windows)
     if changes:
         finder.delay = mean
-    if changes or finder.delay != 0.0:
+    if changes or (finder.delay != 0.0 and misses):
         finder.deviation = math.hypot(deviation, mean - finder.delay)
         finder.doubt = finder.deviation**2
     return bool(changes)
-
-
-@compiled
-def _quantile(freedom: int) -> float:
-    """Student's distribution at `SMALL` deviations of the normal one (Cornish and Fisher 1937)."""
-    return SMALL + (SMALL**3 + SMALL) / (4.0 * max(freedom, 1))
 
 
 @compiled

@@ -48,6 +48,13 @@ def reset(row: Any) -> None:
 
 
 @compiled
+def forget_evidence(row: Any) -> None:
+    """The innovations have said nothing of the delay."""
+    row.delay_score = 0.0
+    row.delay_information = 0.0
+
+
+@compiled
 def clear_motion(row: Any) -> None:
     """The motion does not depend on the delay: it is what the displacement alone says."""
     row.by_delay[DEPTH] = 0.0

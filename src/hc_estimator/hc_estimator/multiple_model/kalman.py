@@ -235,6 +235,8 @@ def _apply(
     inverse = 1.0 / variance
     if hold == HOLD_NOTHING:
         scaled = innovation * inverse
+        row.delay_score -= scaled * by_delay
+        row.delay_information += by_delay * by_delay * inverse
         log_speed = log_speed_of(row, log_speed)
         k, b, p = state[LOG_STIFFNESS], state[LOG_DAMPING], state[VELOCITY_EXPONENT]
         for i in range(count):

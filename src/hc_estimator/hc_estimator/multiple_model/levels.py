@@ -166,6 +166,11 @@ def follow(row: Any, k: float, b: float, p: float, log_speed: float) -> None:
         along = turn * (along + log_speed * covariance[i, VELOCITY_EXPONENT])
         covariance[i, LOG_STIFFNESS] += along
         covariance[i, LOG_DAMPING] += along
+    slope = row.by_delay
+    along = slope[LOG_DAMPING] - slope[LOG_STIFFNESS]
+    along = turn * (along + log_speed * slope[VELOCITY_EXPONENT])
+    slope[LOG_STIFFNESS] += along
+    slope[LOG_DAMPING] += along
 
 
 @compiled

@@ -34,6 +34,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import ADHESIVE, HUNT_CROSSLEY
 from hc_estimator.linear_algebra import copy_matrix, copy_vector
 from hc_estimator.multiple_model import change as changes
+from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
@@ -315,6 +316,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
         row.recent_nis = kept.recent_nis
         row.inconsistent_time = kept.inconsistent_time
         row.alarm_sum = 0.0
+        delay_sensitivity.forget_evidence(row)
         for k in range(row.alarm_line.shape[0]):
             for j in range(row.alarm_line.shape[1]):
                 row.alarm_line[k, j] = 0.0

@@ -27,6 +27,9 @@ ROW = record_type(
         Field("covariance", np.float64, (STATES, STATES)),
         # Derivative of the state by the error of the delay in use; see `delay_sensitivity`.
         Field("by_delay", np.float64, (STATES,)),
+        # What its innovations say of that error; see `delay_evidence`.
+        Field("delay_score", np.float64),  # [1/s]
+        Field("delay_information", np.float64, (), 0.0),  # [1/s^2]
         # Of a contact position that stays, at the row's start [mm]; 0: it moves, or is given.
         Field("position_deviation", np.float64, (), 0.0),
         # Variance of the force that the law misses [N^2].
@@ -242,6 +245,7 @@ GRID = 80  # points of the grid: a window of half a second at 100 a second, and 
 NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made of, at most
 CANDIDATES = 13  # delays at steps of the grid, about zero
 WINDOWS = 24  # that are remembered
+JOINT_POINTS = 240  # of the fit that is common to the windows
 
 # By how much is the force late?
 DELAY = record_type(
@@ -293,6 +297,19 @@ DELAY = record_type(
         Field("slope", np.float64, (5,)),
         Field("column", np.float64, (5,)),
         Field("fine", np.float64, (2,)),  # delay and its deviation [s]
+        Field("agreed", np.int64, (), 0, 1),  # 1 if most windows have a fine value near it
+        # The fit that is common to the windows; see `delay_joint`. Ring of points: by the candidate
+        # ln d, ln |v| and the sign of v; force [N], and variance of the noise of |v|^p.
+        Field("joint", np.float64, (JOINT_POINTS, CANDIDATES, 3)),
+        Field("joint_force", np.float64, (JOINT_POINTS, 2)),
+        Field("joint_count", np.int64, (), 0),  # points so far
+        Field("joint_from", np.int64, (), 0),  # grid_count from which on it is this tissue
+        Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits
+        Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # squares left [N^2]
+        Field("joint_delay", np.float64),  # of it [s]
+        # Delay [s] and its variance [s^2] by the filter's innovations of each half second.
+        Field("evidence", np.float64, (WINDOWS, 2)),
+        Field("evidence_count", np.int64, (), 0),
     )
 )
 

@@ -76,6 +76,7 @@ def clear_adaptation(row: Any) -> None:
     row.inconsistent_time = 0.0
     row.alarmed = 0
     row.change_lead = 0.0
+    delay_sensitivity.forget_evidence(row)
 
 
 @compiled
@@ -208,24 +209,30 @@ def take_motion(settings: Any, row: Any, motion: Any, noise: float, ahead: float
 
 
 @compiled
+def _keep(row: Any, i: int, low: float, high: float) -> None:
+    """Keep a state between two limits; at a limit it does not depend on the delay."""
+    if not low <= row.state[i] <= high:
+        row.state[i] = min(max(row.state[i], low), high)
+        row.by_delay[i] = 0.0
+
+
+@compiled
 def limit(settings: Any, row: Any) -> None:
     """Keep the mean of the parameters where the contact law means something."""
     state = row.state
-    state[LOG_STIFFNESS] = min(
-        max(state[LOG_STIFFNESS], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS
-    )
+    _keep(row, LOG_STIFFNESS, -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS)
     if settings.initial_damping_log_std > 0.0 and settings.initial_stiffness_log_std > 0.0:
         ratio = state[LOG_DAMPING] - state[LOG_STIFFNESS]
-        ratio = min(max(ratio, SMALLEST_LOG_RATIO), LARGEST_LOG_RATIO)
-        state[LOG_DAMPING] = state[LOG_STIFFNESS] + ratio
+        if not SMALLEST_LOG_RATIO <= ratio <= LARGEST_LOG_RATIO:
+            ratio = min(max(ratio, SMALLEST_LOG_RATIO), LARGEST_LOG_RATIO)
+            state[LOG_DAMPING] = state[LOG_STIFFNESS] + ratio
+            row.by_delay[LOG_DAMPING] = row.by_delay[LOG_STIFFNESS]
     if settings.initial_displacement_exponent_std > 0.0:
-        state[EXPONENT] = min(max(state[EXPONENT], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+        _keep(row, EXPONENT, SMALLEST_EXPONENT, LARGEST_EXPONENT)
     if settings.initial_velocity_exponent_std > 0.0:
-        state[VELOCITY_EXPONENT] = min(
-            max(state[VELOCITY_EXPONENT], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT
-        )
+        _keep(row, VELOCITY_EXPONENT, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
     for i in range(OWN, COUNTS[row.index]):
-        state[i] = min(max(state[i], -LARGEST_RATE), LARGEST_RATE)
+        _keep(row, i, -LARGEST_RATE, LARGEST_RATE)
 
 
 @compiled

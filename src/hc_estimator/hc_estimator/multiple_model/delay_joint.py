@@ -1,0 +1,186 @@
+"""One fit of the law to all windows of the delay: where the tissue stays, it says more than they.
+
+A window of its own has three parameters, and in half a second of a press or of a tap these take up
+what a delay does. Tissue that stays has the same K, B and n in all windows. So some points of each
+window are kept, as they are for each candidate delay, and what a fit to all of them leaves says
+which candidate it is. It is asked where that fit leaves little, and the tool has gone both ways:
+along one way a delay is nothing but another depth. (Ours; `hc bench accuracy together`, presses and
+tapping out of step.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
+from hc_estimator.multiple_model.window_fit import (
+    LARGEST_EXPONENT,
+    LEAST_MOTION,
+    LEAST_RESIDUAL,
+    SMALLEST_EXPONENT,
+    gather,
+)
+
+EVERY = 5  # points of the grid between two that are kept
+INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
+ALIKE = 0.1  # the same where the law misfits: half a second apart
+MISFITTING = 20.0  # squares that are left, over those of the noise, from which on it does
+FEWEST = 24  # points
+REFINEMENTS = 3  # secant steps for n
+WIDTH = 0.1  # of the first of them
+LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
+LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
+APART = 0.012  # delays further apart are rivals [s]
+RIVAL = 4.0  # log likelihood ratio to the best of them
+LEAD = 8.0  # log likelihood ratio to the delay in use
+# Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
+# known well leave is alike in all points, however many they are.
+LEAST_RATIO = 3.0
+
+
+@compiled
+def reset(finder: Any) -> None:
+    """There is no common fit; what is felt from now on may make one."""
+    finder.joint_count = 0
+    finder.joint_from = finder.grid_count
+
+
+@compiled
+def take(finder: Any) -> None:
+    """Take some points of a window that is in contact, and whose n is found."""
+    finder.joint_from = min(finder.joint_from, finder.grid_count)  # the grid has begun anew
+    if finder.first < finder.joint_from:
+        return  # the tissue before it is in this window
+    if finder.joint_count == 0:
+        for j in range(CANDIDATES):
+            finder.joint_exponent[j] = finder.guess[2]
+    centre, added = CANDIDATES // 2, 0
+    for j in range(centre - finder.reach, centre + finder.reach + 1):
+        count = gather(finder, (j - centre) * finder.grid_step)
+        added = 0
+        for k in range(EVERY // 2, count, EVERY):
+            slot = (finder.joint_count + added) % JOINT_POINTS
+            point = finder.points_of[k]
+            finder.joint[slot, j, 0] = point[0]
+            finder.joint[slot, j, 1] = math.log(abs(point[1])) / finder.velocity_exponent
+            finder.joint[slot, j, 2] = math.copysign(1.0, point[1])
+            finder.joint_force[slot, 0] = point[3]
+            finder.joint_force[slot, 1] = point[5]
+            added += 1
+    finder.joint_count += added
+
+
+@compiled
+def _left(finder: Any, j: int, exponent: float) -> float:
+    """Squares that the best K and B >= 0 leave at a candidate and an n [N^2].
+
+    Less what noise of the velocities adds, as in `window_fit.linear_fit`.
+    """
+    g00, g01, g11, r0, r1, total, noise = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    p = finder.velocity_exponent
+    for k in range(min(finder.joint_count, JOINT_POINTS)):
+        point = finder.joint[k, j]
+        a = math.exp(exponent * point[0])
+        b = a * point[2] * math.exp(p * point[1])
+        force = finder.joint_force[k, 0]
+        g00 += a * a
+        g01 += a * b
+        g11 += b * b
+        noise += a * a * finder.joint_force[k, 1]
+        r0 += a * force
+        r1 += b * force
+        total += force * force
+    g11 = max(g11 - noise, LEAST_MOTION * g11)
+    left = total - r0 * r0 / g00
+    determinant = g00 * g11 - g01 * g01
+    if determinant > 1e-12 * g00 * g11:
+        damping = (r1 * g00 - r0 * g01) / determinant
+        if damping > 0.0:
+            left = total - (r0 * g11 - r1 * g01) / determinant * r0 - damping * r1
+    return max(left, LEAST_RESIDUAL * total)
+
+
+@compiled
+def _refine(finder: Any, j: int) -> float:
+    """Improve the n of a candidate by secant steps; what it leaves [N^2]."""
+    exponent, width = finder.joint_exponent[j], WIDTH
+    best = _left(finder, j, exponent)
+    for _ in range(REFINEMENTS):
+        above = _left(finder, j, exponent + width)
+        below = _left(finder, j, exponent - width)
+        bend = above - 2.0 * best + below
+        step = 0.5 * (below - above) / bend if bend > 0.0 else math.copysign(2.0, below - above)
+        step = min(max(step, -4.0), 4.0) * width
+        trial = min(max(exponent + step, SMALLEST_EXPONENT), LARGEST_EXPONENT)
+        left = _left(finder, j, trial)
+        if left < best:
+            exponent, best = trial, left
+        width = max(0.3 * width, 0.002)
+    finder.joint_exponent[j] = exponent
+    return best
+
+
+@compiled
+def decide(finder: Any, force_noise: float) -> bool:
+    """Find the delay of the common fit, in finder.joint_delay; False if it says none clearly.
+
+    Args:
+        finder: joint_left and joint_delay are set, the n of the fits improved.
+        force_noise: variance of a reading [N^2].
+    """
+    count = min(finder.joint_count, JOINT_POINTS)
+    if count < FEWEST or not _goes_both_ways(finder, count):
+        return False
+    centre, step = CANDIDATES // 2, finder.grid_step
+    low, high = centre - finder.reach, centre + finder.reach
+    noise = count * force_noise / grids.readings_of(finder)
+    chosen = centre
+    for j in range(low, high + 1):
+        finder.joint_left[j] = _refine(finder, j) + noise
+        if finder.joint_left[j] < finder.joint_left[chosen]:
+            chosen = j
+    best, total = finder.joint_left[chosen], 0.0
+    for k in range(count):
+        total += finder.joint_force[k, 0] ** 2
+    if chosen in (low, high) or best > LARGEST_MISFIT**2 * total:
+        return False
+    weight = _weight(count, best, noise)
+    for j in range(low, high + 1):
+        rival = abs(j - chosen) * step > APART
+        if rival and weight * math.log(finder.joint_left[j] / best) < RIVAL:
+            return False
+    before, after = finder.joint_left[chosen - 1], finder.joint_left[chosen + 1]
+    bend = before - 2.0 * best + after
+    offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    finder.joint_delay = (chosen - centre + offset) * step
+    # Within a step of it others know the delay better.
+    used = min(max(centre + round(finder.delay / step), low), high)
+    if abs(finder.joint_delay - finder.delay) > step:
+        ratio = finder.joint_left[used] / best
+        return bool(ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD)
+    return True
+
+
+@compiled
+def _weight(count: int, best: float, noise: float) -> float:
+    """Log likelihood by the logarithm of the squares: half the number of independent points.
+
+    What noise does not explain is alike for as long as the tool goes one way.
+    """
+    share = INDEPENDENT if best < MISFITTING * noise else ALIKE
+    return 0.5 * share * count
+
+
+@compiled
+def _goes_both_ways(finder: Any, count: int) -> bool:
+    """True if the tool has gone deeper and back, about equally far."""
+    deeper, back = 0.0, 0.0
+    for k in range(count):
+        point = finder.joint[k, CANDIDATES // 2]
+        velocity = point[2] * math.exp(point[1])
+        deeper += max(velocity, 0.0)
+        back += max(-velocity, 0.0)
+    return bool(min(deeper, back) > LEAST_BACK * max(deeper, back))
