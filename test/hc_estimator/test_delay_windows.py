@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import norm, t
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import delay
+from hc_estimator.multiple_model import delay, delay_rules
 from hc_estimator.multiple_model.records import CANDIDATES
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.separation import random_separation
@@ -60,5 +60,5 @@ def test_a_delay_that_most_windows_do_not_find_is_none():
 def test_few_windows_need_more_deviations():
     """Student's quantile as scipy has it, within the error of three terms of its expansion."""
     for freedom in (12, 20, 60):
-        exact = t.isf(norm.sf(delay.SMALL), freedom)
-        assert delay._quantile(freedom) == pytest.approx(exact, rel=0.12)
+        exact = t.isf(norm.sf(delay_rules.SMALL), freedom)
+        assert delay_rules.student_quantile(freedom) == pytest.approx(exact, rel=0.12)

@@ -97,7 +97,6 @@ GUESTS = {
     "multiple_model/beginning": {
         "change": "detected",
         "clock": "refused_count refused_since started",
-        "delay": "windows",
         "history": "fit unfitted",
         "row": "active index",
         "tool": "away_time contact_clock",

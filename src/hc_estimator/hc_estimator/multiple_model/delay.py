@@ -159,8 +159,7 @@ def learn_window(
     elif windows >= FEWEST_WINDOWS and find_exponent(settings, finder, finder.profile[slot]):
         finder.windows = 0
         return False
-    far = abs(finder.joint_delay - finder.delay) > finder.grid_step
-    if common and far:
+    if common and delay_joint.is_far(finder, finder.delay):
         _take_joint(finder)
         return True
     return _decide(settings, finder, chosen, constant, misses, common)
@@ -290,7 +289,7 @@ def _decide(
         return False
     mean, deviation = finder.fine[0], finder.fine[1]
     distance = abs(mean - finder.delay)
-    if common and distance > step:  # the fit to all windows agrees with the delay in use
+    if common and delay_joint.is_far(finder, mean):  # it agrees with the delay in use
         return False
     near = _used_windows(finder, chosen, windows)
     few = near < FEWEST_WINDOWS

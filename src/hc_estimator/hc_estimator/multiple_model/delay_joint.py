@@ -35,6 +35,7 @@ LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the othe
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best of them
+FAR = 1.0  # steps of the grid
 LEAD = 8.0  # log likelihood ratio to the delay in use
 # Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
 # known well leave is alike in all points, however many they are.
@@ -156,12 +157,17 @@ def decide(finder: Any, force_noise: float) -> bool:
     bend = before - 2.0 * best + after
     offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     finder.joint_delay = (chosen - centre + offset) * step
-    # Within a step of it others know the delay better.
+    if not is_far(finder, finder.delay):
+        return True
     used = min(max(centre + round(finder.delay / step), low), high)
-    if abs(finder.joint_delay - finder.delay) > step:
-        ratio = finder.joint_left[used] / best
-        return bool(ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD)
-    return True
+    ratio = finder.joint_left[used] / best
+    return bool(ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD)
+
+
+@compiled
+def is_far(finder: Any, delay: float) -> bool:
+    """True if a delay is not the one of the common fit; near it others know the value better."""
+    return bool(abs(finder.joint_delay - delay) > FAR * finder.grid_step)
 
 
 @compiled

@@ -239,6 +239,7 @@ def _apply(
         row.delay_information += by_delay * by_delay * inverse
         log_speed = log_speed_of(row, log_speed)
         k, b, p = state[LOG_STIFFNESS], state[LOG_DAMPING], state[VELOCITY_EXPONENT]
+        before = levels.log_ratio_by_delay(row, log_speed) if log_speed > UNBENT else 0.0
         for i in range(count):
             state[i] += column[i] * scaled
             gain = column[i] * inverse
@@ -248,7 +249,7 @@ def _apply(
                 covariance[i, j] = element
                 covariance[j, i] = element
         if log_speed > UNBENT:
-            levels.follow(row, k, b, p, log_speed)
+            levels.follow(row, k, b, p, before, log_speed)
         return
     for i in range(count):
         held_i = _is_held(i, hold)

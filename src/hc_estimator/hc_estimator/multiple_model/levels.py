@@ -136,14 +136,19 @@ def moved(
 
 
 @compiled
-def follow(row: Any, k: float, b: float, p: float, log_speed: float) -> None:
+def follow(
+    row: Any, k: float, b: float, p: float, by_delay_before: float, log_speed: float
+) -> None:
     """Bring mean and covariance of a row back onto the ridge after a linear update.
+
+    Its derivative by the error of the delay becomes that of the mean there.
 
     Args:
         row: changed.
         k: ln K before the update.
         b: ln B before it.
         p: velocity exponent before it.
+        by_delay_before: derivative of ln(B w / K) before it; see `log_ratio_by_delay`.
         log_speed: logarithm of the usual speed.
     """
     state, covariance = row.state, row.covariance
@@ -166,11 +171,20 @@ def follow(row: Any, k: float, b: float, p: float, log_speed: float) -> None:
         along = turn * (along + log_speed * covariance[i, VELOCITY_EXPONENT])
         covariance[i, LOG_STIFFNESS] += along
         covariance[i, LOG_DAMPING] += along
+    # With another delay the way would have begun elsewhere, and with another share.
+    along = turn * log_ratio_by_delay(row, log_speed)
+    way = move_b - move_k + log_speed * move_p
+    along += share * (1.0 - share) * by_delay_before * way
+    row.by_delay[LOG_STIFFNESS] += along
+    row.by_delay[LOG_DAMPING] += along
+
+
+@compiled
+def log_ratio_by_delay(row: Any, log_speed: float) -> float:
+    """Derivative of ln(B w / K) by the error of the delay [1/s]."""
     slope = row.by_delay
-    along = slope[LOG_DAMPING] - slope[LOG_STIFFNESS]
-    along = turn * (along + log_speed * slope[VELOCITY_EXPONENT])
-    slope[LOG_STIFFNESS] += along
-    slope[LOG_DAMPING] += along
+    ratio = slope[LOG_DAMPING] - slope[LOG_STIFFNESS]
+    return float(ratio + log_speed * slope[VELOCITY_EXPONENT])
 
 
 @compiled
