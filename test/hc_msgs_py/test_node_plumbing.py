@@ -54,6 +54,39 @@ sys.exit(
 """
 
 
+BUSY = """
+import sys
+from rclpy.node import Node
+from std_msgs.msg import Float64
+from hc_msgs_py.node_main import run_node
+
+class Busy(Node):
+    # Ten messages go round and round: there is never a moment in which none waits.
+    def __init__(self):
+        super().__init__("busy")
+        self.looks = self.count = 0
+        self.create_subscription(Float64, "round", self.again, 1000, raw=True)
+        self.publisher = self.create_publisher(Float64, "round", 1000)
+        self.timer = self.create_timer(0.05, self.begin)
+    def begin(self):
+        if self.publisher.get_subscription_count():
+            self.timer.cancel()
+            for _ in range(10):
+                self.publisher.publish(Float64())
+            print("up", flush=True)
+    def again(self, message):
+        self.count += 1
+        self.publisher.publish(message)
+    def finished(self):
+        self.looks += self.count > 0
+        return self.looks > 20 and "finishes" in sys.argv
+    def close(self):
+        print("busy" if self.count > 100 else "not busy", flush=True)
+
+sys.exit(run_node(Busy))
+"""
+
+
 def run(processes, *arguments, stop=(), **environment):
     process = processes.start("-c", SCRIPT, "--ros-args", *arguments, **environment)
     if stop:
@@ -70,6 +103,53 @@ def run(processes, *arguments, stop=(), **environment):
 def test_a_signal_ends_a_node_cleanly(processes, number):
     status, output, errors = run(processes, stop=[number])
     assert (status, output, errors) == (0, "closed\nclean\n", "")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("ends", ["by a signal", "by itself"])
+def test_a_node_that_always_has_something_to_do_ends_all_the_same(processes, ends):
+    """The executor goes from one event to the next, and looks at nothing else while some wait."""
+    process = processes.start("-c", BUSY, *["finishes"] * (ends == "by itself"))
+    assert process.stdout.readline() == "up\n"
+    if ends == "by a signal":
+        time.sleep(0.3)
+        process.send_signal(signal.SIGTERM)
+    assert wait(process, 30.0) == (0, "busy\n", "")
+
+
+LOGS = """
+import inspect
+import sys
+from rclpy.node import Node
+from hc_msgs_py.node_main import run_node
+
+class Logs(Node):
+    def __init__(self):
+        super().__init__("logs")
+        self.done = False
+        self.create_timer(0.02, self.tick)
+    def tick(self):
+        searched, search = [], inspect.getabsfile
+        inspect.getabsfile = lambda *a: searched.append(a) or search(*a)
+        self.get_logger().info("first line")
+        if not self.done:
+            print(len(searched), flush=True)
+        self.done = True
+    def finished(self):
+        return self.done
+    def close(self):
+        pass
+
+sys.exit(run_node(Logs))
+"""
+
+
+@pytest.mark.process
+def test_the_first_line_of_a_log_searches_no_modules_while_samples_come(processes):
+    """It took 60 ms: rclpy went through some thousand modules for the place that logs."""
+    status, output, errors = wait(processes.start("-c", LOGS), 30.0)
+    assert status == 0 and "first line" in errors
+    assert int(output) < 10
 
 
 @pytest.mark.process

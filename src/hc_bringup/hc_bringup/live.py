@@ -93,6 +93,11 @@ class Display:
                 self._keys.__exit__(kind, error, traceback)
             self._live.__exit__(kind, error, traceback)
 
+    @property
+    def shows_truth(self) -> bool:
+        """Whether the rig's truth is seen: in the panel of a terminal, and nowhere else."""
+        return self._live is not None
+
     def show(self, state: RunState) -> None:
         """Show the state; cheap to call often. What is wrong is told even if it is not enabled."""
         self._tell_page(state)

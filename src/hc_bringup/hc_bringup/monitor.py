@@ -66,8 +66,9 @@ class _MonitorNode(Node):  # type: ignore[misc]  # rclpy ships no types
 class Monitor:
     """Watches a run over ROS. Use as a context manager; everything happens inside spin()."""
 
-    def __init__(self, *, with_estimates: bool = True) -> None:
+    def __init__(self, *, with_estimates: bool = True, with_truth: bool = False) -> None:
         self._with_estimates = with_estimates
+        self._with_truth = with_truth
         self.statistics = EstimateStatistics()
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.last_estimate_at = self._estimate_at = 0.0  # the second: of hc/estimate
@@ -93,16 +94,15 @@ class Monitor:
         self._node.create_subscription(
             DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
         )
-        # Of a thousand truths a second one is wanted now and then: no callback for each of them.
-        truth = self._node.resolve_topic_name(TRUTH)
-        parser = RecordParser("hc_msgs/msg/IndenterTruth")
-        self._node.taps.acquire(
-            truth,
-            "hc_msgs/msg/IndenterTruth",
-            partial(self._on_truth, parser),
-            depth=1,
-            local=False,
-        )
+        if self._with_truth:
+            # Of a thousand truths a second one is wanted now and then: no callback for each.
+            self._node.taps.acquire(
+                self._node.resolve_topic_name(TRUTH),
+                "hc_msgs/msg/IndenterTruth",
+                partial(self._on_truth, RecordParser("hc_msgs/msg/IndenterTruth")),
+                depth=1,
+                local=False,
+            )
         self._marks = self._node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)

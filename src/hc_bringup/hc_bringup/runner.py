@@ -58,7 +58,7 @@ class RunState:
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
         diagnostics: what each node said last of itself, by name.
-        truth: the rig's true K, B, n, p; None where nobody tells.
+        truth: the rig's true K, B, n, p; None where nobody tells, or nobody asked for it.
         page: address of the live page with its token, once it is served.
         requests: what was asked for by keys; the runner takes them out.
         answer: what became of the last of them.
@@ -120,7 +120,12 @@ class Runner:
     """One run of a plan. run() does it all and always leaves a clean machine."""
 
     def __init__(
-        self, plan: RunPlan, show: Callable[[RunState], None], *, with_estimates: bool = True
+        self,
+        plan: RunPlan,
+        show: Callable[[RunState], None],
+        *,
+        with_estimates: bool = True,
+        with_truth: bool = False,
     ) -> None:
         """Prepare a run.
 
@@ -128,9 +133,11 @@ class Runner:
             plan: what to run.
             show: called about ten times a second with the state of the run.
             with_estimates: False: leave the estimates to others; the statistics stay empty.
+            with_truth: listen to the rig's truth, for who shows it: a message a sample more.
         """
         self._plan = plan
         self._with_estimates = with_estimates
+        self._with_truth = with_truth
         self._show = show
         self._processes: list[NodeProcess] = []
         self._signal: int | None = None
@@ -150,7 +157,9 @@ class Runner:
         folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
         previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
         try:
-            with Monitor(with_estimates=self._with_estimates) as monitor:
+            with Monitor(
+                with_estimates=self._with_estimates, with_truth=self._with_truth
+            ) as monitor:
                 state = RunState(
                     monitor.statistics,
                     self._plan.duration_s,

@@ -31,6 +31,7 @@ class ClockWatch:
         executor: Any,
         timers: Callable[[], Iterable[Any]],
         *,
+        each_look: Callable[[], None] = lambda: None,
         wall: Callable[[], float] = time.time,
         steady: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -39,11 +40,13 @@ class ClockWatch:
         Args:
             executor: the EventsExecutor that spins.
             timers: returns the timers of its nodes.
+            each_look: called every PERIOD_S, by the watch's thread.
             wall: the system clock [s].
             steady: a clock that nobody sets [s].
         """
         self._executor = executor
         self._timers = timers
+        self._each_look = each_look
         self._wall = wall
         self._steady = steady
         self._difference = wall() - steady()
@@ -62,6 +65,7 @@ class ClockWatch:
     def _run(self) -> None:
         while not self._stop.wait(PERIOD_S):
             self.look()
+            self._each_look()
 
     def look(self) -> None:
         """Look whether the clock was set back, and wake what waits for it if so."""

@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         terminal_restored(),
         Display(enabled=not arguments.headless, with_latency=False, with_keys=False) as display,
     ):
-        state = Runner(plan, display.show).run()
+        state = Runner(plan, display.show, with_truth=display.shows_truth).run()
     # Stamps are those of the recording, so there is no latency to speak of.
     names = [node.name for node in plan.nodes]
     conclude(state, names, bag, as_json=arguments.json, with_latency=False)

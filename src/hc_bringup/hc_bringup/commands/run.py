@@ -121,7 +121,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             print(dashboard.HOW_TO_INSTALL, file=sys.stderr)
     with Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display:
-        state = Runner(plan, display.show).run()
+        state = Runner(plan, display.show, with_truth=display.shows_truth).run()
     heartbeat.doing("summing up")
     names = [node.name for node in plan.nodes]
     conclude(state, names, bag, as_json=arguments.json, with_latency=True)
