@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hc_msgs.msg import HuntCrossleyEstimates
+from hc_msgs.msg import HuntCrossleyEstimate, HuntCrossleyEstimates
 from rclpy.serialization import deserialize_message, serialize_message
 
 from hc_bringup.dashboard.parsing import EstimatesParser, RecordParser
@@ -23,6 +23,7 @@ from hc_logger.reader import BagReader
 from hc_logger.recording import read_recording
 from hc_logger.type_names import ESTIMATE_TYPE, ESTIMATES_TYPE
 from hc_logger.writer import BagWriter
+from hc_msgs_py.estimates_reader import EstimatesReader
 from hc_msgs_py.wire_arrays import ArraysDecoder, Samples, encode_estimates
 
 START = 1_700_000_000_999_000_000
@@ -155,3 +156,27 @@ def test_a_damaged_message_of_arrays_in_a_bag_is_one_line(tmp_path: Path) -> Non
     bag = bag_with(tmp_path, {"/hc/estimates": (ESTIMATES_TYPE, damaged)})
     with pytest.raises(BagError, match="HuntCrossleyEstimates"):
         _ = read_recording(bag).estimates
+
+
+def test_read_one_by_one_they_have_the_fields_of_an_estimate_each() -> None:
+    """For the slave and the rig in lockstep, which take estimates one by one."""
+    each, arrays = told()
+    reader = EstimatesReader()
+    found = [estimate for message in arrays for estimate in reader.read(message)]
+    assert len(found) == len(each)
+    of_the_message = {"header", "computation_time", "latency"}
+    for estimate, alone in zip(found, each, strict=True):
+        message = deserialize_message(alone, HuntCrossleyEstimate)
+        stamp = message.header.stamp
+        assert estimate.stamp_ns == stamp.sec * 10**9 + stamp.nanosec
+        for name in set(message.get_fields_and_field_types()) - of_the_message:
+            assert np.array_equal(getattr(estimate, name), getattr(message, name), equal_nan=True)
+    with pytest.raises(AttributeError, match="temperature"):
+        _ = found[0].temperature
+
+
+@pytest.mark.parametrize("data", [b"", b"\0\1\0\0", b"\0\1\0\0" + 400 * b"\xff"])
+def test_what_is_no_message_of_estimates_is_counted_and_left_out(data: bytes) -> None:
+    reader = EstimatesReader()
+    assert reader.read(data) == []
+    assert reader.undecodable == 1

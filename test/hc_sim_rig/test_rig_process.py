@@ -13,7 +13,12 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
-from hc_msgs.msg import HuntCrossleyEstimate, IndenterSample, IndenterTruth
+from hc_msgs.msg import (
+    HuntCrossleyEstimate,
+    HuntCrossleyEstimates,
+    IndenterSample,
+    IndenterTruth,
+)
 from rcl_interfaces.srv import DescribeParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -21,6 +26,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from hc_msgs_py import qos
+from hc_msgs_py.wire_arrays import MOST_SAMPLES
 from hc_sim_rig import Rig
 from hc_sim_rig.scenario import SCENARIO_FOLDER
 
@@ -239,7 +245,21 @@ def test_simulated_time_runs_at_its_pace(start_rig: Any) -> None:
     assert rig.stop() == 0
 
 
-def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
+def estimates_of(first: int, count: int) -> HuntCrossleyEstimates:
+    """Return a message of estimates; only their sequences say something."""
+    message = HuntCrossleyEstimates()
+    for name, kind in message.get_fields_and_field_types().items():
+        if kind.startswith("sequence<"):
+            width = int(kind.rstrip(">").partition(",")[2]) // MOST_SAMPLES
+            value = False if "boolean" in kind else 0.0 if "double" in kind else 0
+            setattr(message, name, [value] * (width * count))
+    message.sequence = list(range(first, first + count))
+    return message
+
+
+@pytest.mark.parametrize("arrays", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_lockstep_waits_for_every_estimate(start_rig: Any, arrays: bool) -> None:
+    """Whether the estimator tells them one by one or in arrays."""
     rig, listener = start_rig(
         scenario="multisine", time="lockstep", rate=1000.0, start_paused=True, lockstep_timeout=20.0
     )
@@ -248,14 +268,24 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
     publisher = listener.node.create_publisher(
         HuntCrossleyEstimate, "hc/estimate", qos.ESTIMATE_QOS
     )
+    several = listener.node.create_publisher(
+        HuntCrossleyEstimates, "hc/estimates", qos.ESTIMATE_QOS
+    )
     found: list[int] = []
+
+    def answer_to(sequence: int) -> None:
+        if arrays:
+            several.publish(estimates_of(sequence, 1))
+        else:
+            publisher.publish(HuntCrossleyEstimate(sequence=sequence))
+
     ahead: list[int] = []
 
     def on_sample(message: Any) -> None:
         found.append(message.sequence)
         if message.sequence == 100:
             return  # keep this one back
-        publisher.publish(HuntCrossleyEstimate(sequence=message.sequence))
+        answer_to(message.sequence)
 
     listener.node.create_subscription(IndenterSample, "indenter/sample", on_sample, WHOLE_STREAM)
 
@@ -263,13 +293,16 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any) -> None:
         request = Trigger.Request()
         return listener.call(Trigger, "indenter/ready", request).success
 
-    assert listener.spin(until=lambda: ready() and publisher.get_subscription_count() == 1)
+    def heard() -> bool:
+        return publisher.get_subscription_count() == several.get_subscription_count() == 1
+
+    assert listener.spin(until=lambda: ready() and heard())
     listener.call(SetBool, "indenter/run", SetBool.Request(data=True))
     assert listener.spin(until=lambda: len(found) == 101)
     listener.spin(0.5)
     ahead = list(found)
     assert ahead == list(range(101))  # it waits
-    publisher.publish(HuntCrossleyEstimate(sequence=100))
+    answer_to(100)
     assert listener.spin(until=lambda: len(found) > 300)
     assert found == list(range(len(found)))
     assert rig.stop() == 0

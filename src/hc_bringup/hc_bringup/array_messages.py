@@ -43,11 +43,7 @@ def with_array_messages(plan: Any) -> Any:
     renamed = {SAMPLE: SAMPLES}
     if estimator is not None:
         settings = file_parameters(estimator) | dict(estimator.parameters)
-        added = {}
-        if settings.get("input.source", "sample") == "sample":
-            added["input.source"] = "samples"
-        if "output.estimates" not in settings:
-            added["output.estimates"] = "arrays"
+        added = estimator_settings(settings)
         plan = with_parameters(plan, "estimator", added)
         if (settings | added)["output.estimates"] == "arrays":
             renamed[ESTIMATE] = ESTIMATES
@@ -56,6 +52,20 @@ def with_array_messages(plan: Any) -> Any:
         topics = [renamed.get(name, name) for name in settings.get("expected_topics", [])]
         plan = with_parameters(plan, "recorder", {"expected_topics": topics or [""]})
     return plan
+
+
+def estimator_settings(settings: Mapping[str, Any]) -> dict[str, str]:
+    """Return what an estimator needs beside its settings to take arrays, and to send them.
+
+    Args:
+        settings: what the user has set, which stays.
+    """
+    added = {}
+    if settings.get("input.source", "sample") == "sample":
+        added["input.source"] = "samples"
+    if "output.estimates" not in settings:
+        added["output.estimates"] = "arrays"
+    return added
 
 
 def samples_together(settings: Mapping[str, Any]) -> int:

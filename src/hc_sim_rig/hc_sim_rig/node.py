@@ -273,6 +273,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         }
         if self._simulated is not None:
             values["lockstep_timeouts"] = self._simulated.timeouts
+            values["estimates_undecodable"] = self._simulated.undecodable
         if self._remote is not None:
             values["remote_received"] = self._remote.received
             values["remote_overtaken"] = self._remote.overtaken

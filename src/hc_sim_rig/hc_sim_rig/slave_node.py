@@ -13,16 +13,17 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
-from hc_msgs.msg import HuntCrossleyEstimate
+from hc_msgs.msg import HuntCrossleyEstimate, HuntCrossleyEstimates
 from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.estimates_reader import EstimatesReader
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
 from hc_msgs_py.qos import ESTIMATE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
-from hc_msgs_py.topics import ESTIMATE, NODE_SLAVE, SLAVE_SETPOINT_CP
+from hc_msgs_py.topics import ESTIMATE, ESTIMATES, NODE_SLAVE, SLAVE_SETPOINT_CP
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
 from hc_sim_rig.bilateral.model_source import OLDEST_S, ModelSource
 from hc_sim_rig.bilateral.sides import SlaveSample, SlaveSide
@@ -42,6 +43,8 @@ from hc_sim_rig.ros.side_options import (
 USED_EVERY = 10
 """Estimates between two that become the model: the model is renewed at a hundredth of a second."""
 LISTENERS_EVERY = 100
+ARRAYS_S = 1.0
+"""Whoever told estimates on hc/estimate so lately is not listened to on hc/estimates as well."""
 
 
 class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
@@ -102,7 +105,12 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._estimate_ns = self._stamp_ns = 0
         self._peak_n = self._largest_stretch_mm = 0.0
         self._newest: SlaveSample | None = None
+        self._arrays = EstimatesReader()
+        self._told_alone_s = -math.inf  # when an estimate last came on hc/estimate
         self.create_subscription(HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS)
+        self.create_subscription(
+            HuntCrossleyEstimates, ESTIMATES, self._on_estimates, ESTIMATE_QOS, raw=True
+        )
         self._sampler = DeadlineThread(self._rate_hz, self._act, time.time_ns)
         self.create_service(SetBool, "~/run", self._run)
         add_ready_service(self, self._outputs.missing)
@@ -132,6 +140,16 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return sample is None or math.isnan(surface_mm) or sample.position_mm < surface_mm
 
     def _on_estimate(self, message: Any) -> None:
+        self._told_alone_s = time.monotonic()
+        self._take(message, nanoseconds_from_stamp(message.header.stamp))
+
+    def _on_estimates(self, data: bytes) -> None:
+        if time.monotonic() - self._told_alone_s < ARRAYS_S:
+            return  # they come on both topics
+        for estimate in self._arrays.read(data):
+            self._take(estimate, estimate.stamp_ns)
+
+    def _take(self, message: Any, stamp_ns: int) -> None:
         """An estimate: before the surface is known a force, then a model."""
         self._estimates += 1
         displacement_mm = message.displacement * METRE_IN_MM
@@ -158,7 +176,6 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         )
         covariance = np.array(message.covariance).reshape(4, 4)
         surface_mm = message.contact_position * METRE_IN_MM
-        stamp_ns = nanoseconds_from_stamp(message.header.stamp)
         late_s = 1e-9 * max(self._stamp_ns - stamp_ns, 0)
         seconds = 1e-9 * max(stamp_ns - self._estimate_ns, 0) if self._estimate_ns else 0.0
         self._estimate_ns = stamp_ns
@@ -241,6 +258,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "aligned": self._side.aligned,
             "estimates": self._estimates,
             "estimates_used": self._used,
+            "estimates_undecodable": self._arrays.undecodable,
             "estimate_age_ms": 1e3 * age_s,
             "estimators_begun": self._zeros.lives,
             "surface_searched": self._zeros.searching,

@@ -82,10 +82,13 @@ def terminal_restored() -> Iterator[None]:
 
 
 def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
-    from hc_bringup.commands.run import new_bag_folder
+    from hc_bringup.array_messages import estimator_settings
+    from hc_bringup.commands.run import file_parameters, new_bag_folder
     from hc_bringup.paths import config_folder
     from hc_bringup.plan import NodePlan, RunPlan
     from hc_logger.recording import is_text
+    from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
+    from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
 
     source = Path(arguments.input).absolute()
     if not source.exists():
@@ -100,6 +103,12 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
         if getattr(arguments, name) is not None:
             settings[name] = getattr(arguments, name)
     with_estimator = arguments.estimator or bool(settings)
+    file = config_folder() / "estimator.yaml"
+    kinds = _types_of(source)
+    arrays = SAMPLES_TYPE in kinds and SAMPLE_TYPE not in kinds  # the player plays either
+    if with_estimator and arrays:
+        estimator = NodePlan("estimator", "", parameter_files=(file,), parameters=settings)
+        settings |= estimator_settings(file_parameters(estimator) | settings)
     bag = new_bag_folder(arguments.bag) if arguments.bag is not None else None
     keyboard = sys.stdin.isatty() and not (arguments.headless or arguments.json)
     listeners = int(with_estimator) + int(bag is not None)
@@ -130,19 +139,38 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
             NodePlan(
                 "estimator",
                 "hc_estimator.node",
-                parameter_files=(config_folder() / "estimator.yaml",),
+                parameter_files=(file,),
                 parameters=parameters,
             )
         )
     if bag is not None:
-        arrays = settings.get("input.source") == "samples"
-        samples = "indenter/samples" if arrays else "indenter/sample"
-        topics = [samples] + ["hc/estimate"] * with_estimator
+        topics = []
+        if with_estimator or not kinds.isdisjoint((SAMPLE_TYPE, SAMPLES_TYPE)):
+            topics.append(SAMPLES if arrays else SAMPLE)
+        if with_estimator:
+            only_arrays = settings.get("output.estimates") == "arrays"
+            topics.append(ESTIMATES if only_arrays else ESTIMATE)
         nodes.append(
             NodePlan(
                 "recorder",
                 "hc_logger.recorder_node",
-                parameters={"output": str(bag), "expected_topics": topics},
+                parameters={"output": str(bag), "expected_topics": topics or [""]},
             )
         )
     return RunPlan(tuple(nodes)), bag
+
+
+def _types_of(source: Path) -> set[str]:
+    """Return the types of a bag's messages.
+
+    Raises:
+        UserError: if it is no bag.
+    """
+    from hc_logger.errors import BagError
+    from hc_logger.foreign import open_bag
+
+    try:
+        with open_bag(source) as bag:
+            return {topic.definition.name for topic in bag.topics.values()}
+    except BagError as error:
+        raise UserError(str(error)) from error

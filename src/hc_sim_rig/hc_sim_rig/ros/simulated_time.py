@@ -9,14 +9,15 @@ import threading
 import time
 from typing import Any
 
-from hc_msgs.msg import HuntCrossleyEstimate
+from hc_msgs.msg import HuntCrossleyEstimate, HuntCrossleyEstimates
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from hc_msgs_py.estimates_reader import EstimatesReader
 from hc_msgs_py.qos import ESTIMATE_QOS
-from hc_msgs_py.topics import ESTIMATE
+from hc_msgs_py.topics import ESTIMATE, ESTIMATES
 from hc_msgs_py.units import NANOSECONDS, set_stamp
 
 CLOCK_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -49,9 +50,13 @@ class SimulatedTime:
         self._closing = False
         self.timeouts = 0
         self._subscription = None
+        self._arrays = EstimatesReader()
         if lockstep:
             self._subscription = node.create_subscription(
                 HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
+            )
+            node.create_subscription(
+                HuntCrossleyEstimates, ESTIMATES, self._on_estimates, ESTIMATE_QOS, raw=True
             )
         wall = Clock(clock_type=ClockType.STEADY_TIME)
         self._waiting = node.create_timer(0.1, self._publish_origin, clock=wall)
@@ -64,6 +69,15 @@ class SimulatedTime:
     def _on_estimate(self, message: Any) -> None:
         if message.sequence >= self._awaited:
             self._answer.set()
+
+    def _on_estimates(self, data: bytes) -> None:
+        for estimate in self._arrays.read(data):
+            self._on_estimate(estimate)
+
+    @property
+    def undecodable(self) -> int:
+        """Messages on hc/estimates that were none."""
+        return self._arrays.undecodable
 
     def begin(self) -> None:
         """Stop showing the origin: samples move the clock from now on."""
