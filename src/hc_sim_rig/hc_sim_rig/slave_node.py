@@ -106,7 +106,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._peak_n = self._largest_stretch_mm = 0.0
         self._newest: SlaveSample | None = None
         self._arrays = EstimatesReader()
-        self._told_alone_s = -math.inf  # when an estimate last came on hc/estimate
+        self._single_estimate_s = -math.inf  # when an estimate last came on hc/estimate
         self.create_subscription(HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS)
         self.create_subscription(
             HuntCrossleyEstimates, ESTIMATES, self._on_estimates, ESTIMATE_QOS, raw=True
@@ -140,11 +140,11 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return sample is None or math.isnan(surface_mm) or sample.position_mm < surface_mm
 
     def _on_estimate(self, message: Any) -> None:
-        self._told_alone_s = time.monotonic()
+        self._single_estimate_s = time.monotonic()
         self._take(message, nanoseconds_from_stamp(message.header.stamp))
 
     def _on_estimates(self, data: bytes) -> None:
-        if time.monotonic() - self._told_alone_s < ARRAYS_S:
+        if time.monotonic() - self._single_estimate_s < ARRAYS_S:
             return  # they come on both topics
         for estimate in self._arrays.read(data):
             self._take(estimate, estimate.stamp_ns)
