@@ -128,6 +128,7 @@ GUESTS = {
         "row": "active alarmed change_lead contact_time model_error score",
     },
     "multiple_model/choice": {"row": "log_likelihood score"},
+    "multiple_model/levels": {"row": "by_delay"},
     "multiple_model/judge": {"row": "claimed inconsistent_time log_likelihood model_error score"},
     "multiple_model/maneuver": {
         "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "

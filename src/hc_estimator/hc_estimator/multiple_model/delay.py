@@ -13,8 +13,8 @@ that no window has a fine value near the likeliest candidate, as a quick tool's 
 are tried.
 
 Where the tissue stays, one fit to all windows says which candidate it is (`delay_joint`), and near
-it the innovations of the filter say the value (`delay_evidence`); the windows remain for tissue that
-varies and for a law that misses.
+it the innovations of the filter say the value (`delay_evidence`); the windows remain for tissue
+that varies and for a law that misses.
 """
 
 from __future__ import annotations
@@ -167,13 +167,11 @@ def learn_window(
 
 @compiled
 def _take_joint(finder: Any) -> None:
-    """Take the delay of the common fit; what the window says with it is then in finder.fit."""
+    """Take the delay of the common fit, which is then in finder.fit."""
     finder.delay = finder.joint_delay
-    finder.deviation = 0.5 * finder.grid_step
+    finder.deviation = finder.joint_deviation
     finder.doubt = finder.deviation**2
-    count = gather(finder, finder.delay)
-    finder.fit[2] = finder.guess[2]
-    refine_exponent(finder, count)
+    delay_joint.note_fit(finder)
 
 
 @compiled

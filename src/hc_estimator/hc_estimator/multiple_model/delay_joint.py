@@ -35,6 +35,7 @@ LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the othe
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 APART = 0.012  # delays further apart are rivals [s]
 RIVAL = 4.0  # log likelihood ratio to the best of them
+INTERPOLATED = 0.1  # error of a delay between two candidates, in steps of the grid
 FAR = 1.0  # steps of the grid
 LEAD = 8.0  # log likelihood ratio to the delay in use
 # Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
@@ -76,7 +77,7 @@ def take(finder: Any) -> None:
 
 @compiled
 def _left(finder: Any, j: int, exponent: float) -> float:
-    """Squares that the best K and B >= 0 leave at a candidate and an n [N^2].
+    """Squares that the best K and B >= 0 leave at a candidate and an n [N^2]; these in finder.fit.
 
     Less what noise of the velocities adds, as in `window_fit.linear_fit`.
     """
@@ -95,13 +96,16 @@ def _left(finder: Any, j: int, exponent: float) -> float:
         r1 += b * force
         total += force * force
     g11 = max(g11 - noise, LEAST_MOTION * g11)
-    left = total - r0 * r0 / g00
+    stiffness, damping = r0 / g00, 0.0
     determinant = g00 * g11 - g01 * g01
     if determinant > 1e-12 * g00 * g11:
-        damping = (r1 * g00 - r0 * g01) / determinant
+        damping = max((r1 * g00 - r0 * g01) / determinant, 0.0)
         if damping > 0.0:
-            left = total - (r0 * g11 - r1 * g01) / determinant * r0 - damping * r1
-    return max(left, LEAST_RESIDUAL * total)
+            stiffness = (r0 * g11 - r1 * g01) / determinant
+    finder.fit[0] = stiffness
+    finder.fit[1] = damping
+    finder.fit[2] = exponent
+    return float(max(total - stiffness * r0 - damping * r1, LEAST_RESIDUAL * total))
 
 
 @compiled
@@ -129,7 +133,7 @@ def decide(finder: Any, force_noise: float) -> bool:
     """Find the delay of the common fit, in finder.joint_delay; False if it says none clearly.
 
     Args:
-        finder: joint_left and joint_delay are set, the n of the fits improved.
+        finder: joint_left, joint_delay and its deviation are set, the n of the fits improved.
         force_noise: variance of a reading [N^2].
     """
     count = min(finder.joint_count, JOINT_POINTS)
@@ -157,11 +161,29 @@ def decide(finder: Any, force_noise: float) -> bool:
     bend = before - 2.0 * best + after
     offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
     finder.joint_delay = (chosen - centre + offset) * step
+    variance = INTERPOLATED**2
+    if bend > 0.0:
+        variance += best / (weight * bend)
+    finder.joint_deviation = min(math.sqrt(variance), 0.5) * step
     if not is_far(finder, finder.delay):
         return True
     used = min(max(centre + round(finder.delay / step), low), high)
     ratio = finder.joint_left[used] / best
     return bool(ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD)
+
+
+@compiled
+def note_fit(finder: Any) -> None:
+    """K, B and n of the common fit at its delay, in finder.fit: between those of two candidates."""
+    place = finder.joint_delay / finder.grid_step + CANDIDATES // 2
+    before = min(max(int(place), 0), CANDIDATES - 2)
+    share = place - before
+    _left(finder, before, finder.joint_exponent[before])
+    stiffness, damping, exponent = finder.fit[0], finder.fit[1], finder.fit[2]
+    _left(finder, before + 1, finder.joint_exponent[before + 1])
+    finder.fit[0] = stiffness + share * (finder.fit[0] - stiffness)
+    finder.fit[1] = damping + share * (finder.fit[1] - damping)
+    finder.fit[2] = exponent + share * (finder.fit[2] - exponent)
 
 
 @compiled

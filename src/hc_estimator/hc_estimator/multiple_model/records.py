@@ -307,6 +307,7 @@ DELAY = record_type(
         Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits
         Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # squares left [N^2]
         Field("joint_delay", np.float64),  # of it [s]
+        Field("joint_deviation", np.float64, (), 0.0),  # [s]
         # Delay [s] and its variance [s^2] by the filter's innovations of each half second.
         Field("evidence", np.float64, (WINDOWS, 2)),
         Field("evidence_count", np.int64, (), 0),
