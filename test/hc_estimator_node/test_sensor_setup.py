@@ -104,9 +104,27 @@ def test_the_joint_that_moves_with_the_force_is_found():
     still = 0.2 + 1e-4 * generator.standard_normal(len(position.time_s))
     other = np.sin(0.9 * position.time_s)
     joints = np.column_stack((still, position.values[:, 2], other))
-    found = propose(force, VectorReadings(position.time_s, joints, ("a", "plunger", "b")))
+    found = propose(force, VectorReadings(position.time_s, joints, ("a", "plunger", "b"), True))
     assert (found.position.joint, found.position.sign, found.position.axis) == ("plunger", -1, "")
     assert found.position.zero == pytest.approx(SURFACE, abs=0.15)
+
+
+def test_joints_may_be_called_as_axes_are():
+    """Regression: of a gantry's joints x, y and z the third was taken for the axis of a vector."""
+    force, position, *_rest = presses(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0]))
+    found = propose(force, position._replace(of_joints=True))
+    assert (found.position.joint, found.position.sign, found.position.axis) == ("z", -1, "")
+
+
+def test_readings_that_stand_for_more_take_zero_and_noise_along():
+    force, position, *_rest = presses(np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.0, -1.0]))
+    found = propose(force, position)
+    scaled = found.rescaled(0.001, 10.0)
+    assert (scaled.force.scale, scaled.position.scale) == (0.001, 10.0)
+    assert scaled.force.zero == pytest.approx(0.001 * found.force.zero)
+    assert scaled.position.zero_std == pytest.approx(10.0 * found.position.zero_std)
+    np.testing.assert_allclose(scaled.displacement_mm, 10.0 * found.displacement_mm)
+    np.testing.assert_allclose(scaled.force_n, 0.001 * found.force_n)
 
 
 def test_pieces_of_presses_without_a_whole_approach_give_the_zeros_too():

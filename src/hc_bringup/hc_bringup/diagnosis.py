@@ -257,6 +257,7 @@ def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:
         value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
         if doubt.channel in ("displacement", "both"):
             samples.displacement_mm = samples.displacement_mm * doubt.remedy
+            samples.surface_std_mm *= abs(doubt.remedy)
             settings[f"position.{name}"] = value
         if doubt.channel in ("force", "both"):
             samples.force_n = samples.force_n * doubt.remedy

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hc_bringup import heartbeat
 from hc_bringup.diagnosis import Finding
 from hc_bringup.graph import Graph
+from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 from hc_msgs_py.conversion import sample_from_message
 from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
@@ -103,6 +104,38 @@ def listen(node: str, seconds: float) -> Heard:
         rows[:, 2] -= heard.settings.get("force.zero", 0.0)
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
+
+
+def too_short_wait(rows: Rows, settings: dict[str, Any], findings: list[Finding]) -> list[Finding]:
+    """Return a finding if readings wait for the other sensor for less than it is late.
+
+    Args:
+        rows: times, displacements and forces, as Heard has them.
+        settings: the node's input settings, by name below `input.`.
+        findings: what else is wrong, and may correct a time offset.
+    """
+    if settings.get("source") != "sensors":
+        return []
+    offsets = {
+        name: settings.get(name, 0.0) + sum(f.settings.get(name, 0.0) for f in findings)
+        for name in ("force.time_offset", "position.time_offset")
+    }
+    periods = [np.diff(rows[0][~np.isnan(values)]) for values in rows[1:]]
+    if not all(len(steps) for steps in periods):
+        return []
+    delay_s = offsets["force.time_offset"] - offsets["position.time_offset"]
+    wait_s = settings.get("pairing.maximum_wait", MAXIMUM_WAIT_S)
+    needed_s = needed_wait_s(delay_s, max(float(np.quantile(steps, 0.1)) for steps in periods))
+    if wait_s >= needed_s - TRANSPORT_S:
+        return []
+    return [
+        Finding(
+            f"readings wait {1e3 * wait_s:.0f} ms for those of the other sensor, and with the time "
+            f"offsets ({1e3 * delay_s:+.0f} ms for the force) that is too short: those that come "
+            "later are left out",
+            {"pairing.maximum_wait": round(needed_s - wait_s, 3)},
+        )
+    ]
 
 
 def input_settings(graph: Any, name: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.robot_streams import Stream
+from hc_estimator.stream.merger import MAXIMUM_WAIT_S, needed_wait_s
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
 from hc_logger.errors import BagError
 from hc_logger.new_file import write_new_text
@@ -34,6 +35,9 @@ nodes:
       exclude: [/parameter_events, /rosout, /hc/reconstructed_wrench]
       expected_topics: [hc/estimate]
 """
+
+_SI = {"N": "newtons", "mm": "metres"}
+"""What the node takes readings for, by the unit in which it tells them."""
 
 
 def check_free(parameters: Path) -> Path:
@@ -121,6 +125,24 @@ def _of_sensors(
         "      position:",
         f"        type: {position.kind}",
         *_sensor(position, found.position, "mm", offsets.get("position", 0.0)),
+        *_pairing(min(force.rate_hz, position.rate_hz), offsets),
+    ]
+
+
+def _pairing(slower_hz: float, offsets: dict[str, float]) -> list[str]:
+    """Return how long a reading is to wait for the other sensor, nothing if the default does.
+
+    Args:
+        slower_hz: rate of the slower sensor.
+        offsets: time offsets [s] of "force" and "position".
+    """
+    delay_s = offsets.get("force", 0.0) - offsets.get("position", 0.0)
+    wait_s = needed_wait_s(delay_s, 1.0 / slower_hz)
+    if wait_s <= MAXIMUM_WAIT_S:
+        return []
+    return [
+        "      pairing:",
+        f"        maximum_wait: {wait_s:.3f}   # s; the delay and two periods of the slower one",
     ]
 
 
@@ -130,7 +152,8 @@ def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
     return [
         "      source: effort   # docs/teleoperation.md, on the estimator node",
         "      effort:",
-        f"        scale: {float(found.force.sign * found.position.sign)}   # N per unit of effort",
+        f"        scale: {_number(found.force.sign * found.position.sign * found.force.scale)}"
+        "   # N per unit of effort",
         "        # mass: 0.5            # kg; what the motor moves, and its friction:",
         "        # damping: 0.0         # N s/mm",
         "        # dry_friction: 0.0    # N",
@@ -139,6 +162,12 @@ def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
         "      position:",
         *_sensor(position, found.position, "mm", 0.0),
     ]
+
+
+def _number(value: float) -> str:
+    """Return a number as YAML reads it back as one with a fraction."""
+    text = f"{value:.9g}"
+    return text if "." in text else f"{value:.1f}" if "e" not in text else f"{value:.9f}"
 
 
 def _deviation(zero_std: float) -> list[str]:
@@ -161,6 +190,8 @@ def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -
     if found.axis == "direction":
         settings.append(("direction", [round(c, 4) for c in found.direction], ""))
     settings.append(("sign", found.sign, ""))
+    if found.scale != 1.0:
+        settings.append(("scale", _number(found.scale), f"the readings are no {_SI[unit]}"))
     if math.isnan(found.zero):
         settings.append(("zero", 0.0, f"{unit}; not known yet: hc tare or hc find-surface"))
     else:

@@ -259,9 +259,10 @@ class Recorder:
             if not rows:
                 raise UserError(f"no message of the {what} came", FAILURE)
         force, position = np.array(self._force), np.array(self._position)
+        joints = self._names if self.has_effort else ()
         return (
-            VectorReadings(force[:, 0], force[:, 1:], self._names if self.has_effort else _XYZ),
-            VectorReadings(position[:, 0], position[:, 1:], self._names or _XYZ),
+            VectorReadings(force[:, 0], force[:, 1:], joints or _XYZ, bool(joints)),
+            VectorReadings(position[:, 0], position[:, 1:], self._names or _XYZ, bool(self._names)),
         )
 
     def _taker(

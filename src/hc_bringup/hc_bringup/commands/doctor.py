@@ -37,11 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.diagnosis import Finding, diagnose
 
     notes: tuple[str, ...] = ()
+    from hc_bringup.live_check import listen, too_short_wait
+
     if arguments.input in (None, "live"):
         if recording_input.is_given(arguments):
             raise UserError("--input and --find-surface are for a recording", WRONG_USE)
-        from hc_bringup.live_check import listen
-
         heard = listen(arguments.node, arguments.seconds)
         findings = list(heard.findings)
         rows, settings, type_it = heard.rows, heard.settings, _for_node(arguments.node)
@@ -67,6 +67,8 @@ def run(arguments: argparse.Namespace) -> int:
         diagnosis = diagnose(*rows, surface_std_mm)
         of_effort = settings.get("source") == "effort"
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
+        if arguments.input in (None, "live"):
+            findings += too_short_wait(rows, settings, findings)
     heartbeat.nothing()
     if arguments.json:
         _print_json(findings, diagnosis, settings, type_it, notes)
@@ -102,7 +104,7 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
     columns were said to be.
     """
     words = ["hc", "estimate", arguments.input]
-    for option in ("columns", "units", "separator", "decimal", "header_lines", "encoding"):
+    for option in ("columns", "units", "separator", "decimal", "header_lines", "encoding", "rate"):
         value = getattr(arguments, option, None)
         if value is not None:
             words += [f"--{option.replace('_', '-')}", str(value)]

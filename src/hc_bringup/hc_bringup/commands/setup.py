@@ -142,13 +142,15 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
     corrections: dict[str, Any] = {}
     for finding in diagnosis.findings:
         corrections |= finding.settings
-    found = found.corrected(
-        corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0)
-    )
+    taken_for = assumed_line(found.displacement_mm, found.force_n)
+    # The diagnosis put units right before it looked at zeros.
+    found = found.rescaled(
+        corrections.get("force.scale", 1.0), corrections.get("position.scale", 1.0)
+    ).corrected(corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0))
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")
-    say(assumed_line(found.displacement_mm, found.force_n))
+    say(taken_for)
     for finding in diagnosis.findings:
         if not _are_zeros(finding.settings):  # those are told above
             late = any("time_offset" in name for name in finding.settings)

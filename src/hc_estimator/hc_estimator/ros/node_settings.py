@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
 from hc_estimator.stream.mapping import AXES
+from hc_estimator.stream.merger import MAXIMUM_WAIT_S
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.specification import ParameterSpecification, setting
 
@@ -219,7 +220,7 @@ NODE_SETTINGS = _table(
     ),
     setting(
         "input.pairing.maximum_wait",
-        0.05,
+        MAXIMUM_WAIT_S,
         "A reading waits no longer than this for older ones of the other sensor; those that come "
         "later are dropped. The slower sensor's delay and period must fit in.",
         minimum=0.0,

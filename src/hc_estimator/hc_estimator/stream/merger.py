@@ -24,6 +24,12 @@ JUMP_NS = 1_000_000_000
 TOLERANCE_NS = 1_000
 """Stamps that differ by no more are one: drivers round them."""
 
+MAXIMUM_WAIT_S = 0.05
+"""The bound on a reading's wait, where nobody says another."""
+
+TRANSPORT_S = 0.02
+"""From a sensor to the node, on a busy machine."""
+
 LONGEST_QUEUE = 10_000
 """Readings that wait at most, whatever the stamps say."""
 
@@ -42,6 +48,16 @@ class Reading(NamedTuple):
     stamp_ns: int
     value: Any
     arrival_ns: int
+
+
+def needed_wait_s(delay_s: float, period_s: float) -> float:
+    """Return how long a reading has to wait for the other sensor.
+
+    Args:
+        delay_s: by how much one sensor's time offset differs from the other's [s].
+        period_s: of the slower sensor [s].
+    """
+    return abs(delay_s) + 2.0 * period_s + TRANSPORT_S
 
 
 class Around(NamedTuple):

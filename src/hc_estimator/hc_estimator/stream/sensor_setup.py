@@ -37,11 +37,13 @@ class VectorReadings(NamedTuple):
         time_s: when each was measured.
         values: in N or mm; one column a component.
         names: of the components: x, y, z, or names of joints.
+        of_joints: whether they are joints, which may be called x, y and z as well.
     """
 
     time_s: FloatArray
     values: FloatArray
     names: tuple[str, ...]
+    of_joints: bool = False
 
 
 class SensorProposal(NamedTuple):
@@ -56,6 +58,7 @@ class SensorProposal(NamedTuple):
         zero_std: its standard deviation.
         noise: standard deviation of the reading's noise [N] or [mm].
         rate_hz: median rate of the readings.
+        scale: N or mm that one of the reading stands for.
     """
 
     axis: str
@@ -66,6 +69,16 @@ class SensorProposal(NamedTuple):
     zero_std: float
     noise: float
     rate_hz: float
+    scale: float = 1.0
+
+    def rescaled(self, factor: float) -> SensorProposal:
+        """Return the proposal for readings that stand for so many times as much."""
+        return self._replace(
+            zero=self.zero * factor,
+            zero_std=self.zero_std * factor,
+            noise=self.noise * factor,
+            scale=self.scale * factor,
+        )
 
 
 class SetupProposal(NamedTuple):
@@ -86,6 +99,15 @@ class SetupProposal(NamedTuple):
     displacement_mm: FloatArray
     force_n: FloatArray
     notes: tuple[str, ...]
+
+    def rescaled(self, force: float, position: float) -> SetupProposal:
+        """Return the proposal for readings that stand for so many times as much."""
+        return self._replace(
+            force=self.force.rescaled(force),
+            position=self.position.rescaled(position),
+            force_n=self.force_n * force,
+            displacement_mm=self.displacement_mm * position,
+        )
 
     def corrected(self, force_n: float, displacement_mm: float) -> SetupProposal:
         """Return the proposal with zeros that were found to be off by so much."""
@@ -114,7 +136,7 @@ def propose(
     for readings, what in ((force, "force"), (position, "position")):
         if len(readings.time_s) < LEAST_SAMPLES:
             raise SetupError(f"{len(readings.time_s)} readings of the {what} are too few")
-    if force.names != tuple(_AXES):
+    if force.of_joints:
         force, position = _one_joint(force, position)
     resting = None if rest_s is None else force.time_s <= rest_s
     push = _main_direction(force.values)
@@ -136,8 +158,8 @@ def propose(
             for column in position.values.T
         ]
     )
-    is_joint = position.names != tuple(_AXES)
-    move = _joint(places, pushed[inside]) if is_joint else _towards(places, pushed[inside])
+    find = _joint if position.of_joints else _towards
+    move = find(places, pushed[inside])
     moved = places @ move
     related = abs(float(np.corrcoef(moved, pushed[inside])[0, 1]))
     if not related > RELATED:
@@ -184,8 +206,8 @@ def _one_joint(
             "meanwhile; or is it a revolute joint, or one without a motor?"
         )
     return (
-        VectorReadings(force.time_s, force.values[:, [best]], (force.names[best],)),
-        VectorReadings(position.time_s, position.values[:, [best]], (position.names[best],)),
+        VectorReadings(force.time_s, force.values[:, [best]], (force.names[best],), True),
+        VectorReadings(position.time_s, position.values[:, [best]], (position.names[best],), True),
     )
 
 
@@ -311,7 +333,7 @@ def _described(
     rate = 1.0 / float(np.median(steps[steps > 0.0]))
     largest = int(np.argmax(np.abs(direction)))
     sign = 1 if direction[largest] > 0.0 else -1
-    if readings.names != tuple(_AXES):
+    if readings.of_joints:
         joint = readings.names[largest]
         return SensorProposal("", (), sign, joint, zero, zero_std, noise_level, rate)
     if abs(direction[largest]) == 1.0:
