@@ -29,6 +29,7 @@ INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
 ALIKE = 0.1  # the same where the law misfits: half a second apart
 MISFITTING = 20.0  # squares that are left, over those of the noise, from which on it does
 FEWEST = 24  # points
+NEW = 1.0 / 8.0  # share of the points that must be new for another fit
 REFINEMENTS = 3  # secant steps for n
 WIDTH = 0.1  # of the first of them
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
@@ -130,15 +131,35 @@ def _refine(finder: Any, j: int) -> float:
 
 @compiled
 def decide(finder: Any, force_noise: float) -> bool:
-    """Find the delay of the common fit, in finder.joint_delay; False if it says none clearly.
+    """True if the common fit clearly says a delay, in finder.joint_delay.
+
+    The fit is made anew once it has points enough that are new; until then it says what it said.
+
+    Args:
+        finder: the fit is changed.
+        force_noise: variance of a reading [N^2].
+    """
+    count = min(finder.joint_count, JOINT_POINTS)
+    if count < FEWEST:
+        finder.joint_fitted = 0
+        finder.joint_clear = 0
+    elif finder.joint_count - finder.joint_fitted >= NEW * count:
+        finder.joint_fitted = finder.joint_count
+        finder.joint_clear = (
+            1 if _goes_both_ways(finder, count) and _fit(finder, force_noise) else 0
+        )
+    return bool(finder.joint_clear != 0)
+
+
+@compiled
+def _fit(finder: Any, force_noise: float) -> bool:
+    """Find the delay of the common fit; False if it says none clearly.
 
     Args:
         finder: joint_left, joint_delay and its deviation are set, the n of the fits improved.
         force_noise: variance of a reading [N^2].
     """
     count = min(finder.joint_count, JOINT_POINTS)
-    if count < FEWEST or not _goes_both_ways(finder, count):
-        return False
     centre, step = CANDIDATES // 2, finder.grid_step
     low, high = centre - finder.reach, centre + finder.reach
     noise = count * force_noise / grids.readings_of(finder)

@@ -303,6 +303,8 @@ DELAY = record_type(
         Field("joint", np.float64, (JOINT_POINTS, CANDIDATES, 3)),
         Field("joint_force", np.float64, (JOINT_POINTS, 2)),
         Field("joint_count", np.int64, (), 0),  # points so far
+        Field("joint_fitted", np.int64, (), 0),  # points at the last fit
+        Field("joint_clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
         Field("joint_from", np.int64, (), 0),  # grid_count from which on it is this tissue
         Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits
         Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # squares left [N^2]
