@@ -94,3 +94,20 @@ def test_another_tissue_begins_another_fit(plant, records_of):
     possible = (time[-1] - called) / (delay_joint.EVERY * finder.grid_step) + 1.0
     assert 0 < finder.joint_count <= possible
     assert np.all(series.channel_delay == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("off", "worse"), [("delay_by_common_fit", 5e-3), ("delay_by_innovations", 4e-4)]
+)
+def test_each_part_can_be_switched_off_and_is_missed(off, worse):
+    """Presses: without the common fit the delay is not found, without the innovations coarsely."""
+    errors = {False: [], True: []}
+    for seed in (1001, 1004, 1007):
+        scenario = together.contact_of("presses, out of step", seed)
+        contact = simulate(scenario, seed)
+        for on in errors:
+            estimator = hc.create_estimator(FILTER, **{off: on})
+            found = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
+            errors[on].append(abs(found.channel_delay[-1] - scenario.force_delay_s))
+    assert np.median(errors[True]) < 4e-4
+    assert np.median(errors[False]) > worse

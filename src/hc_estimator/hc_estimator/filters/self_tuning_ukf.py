@@ -18,6 +18,8 @@ from hc_estimator.multiple_model import (
     alignment,
     beginning,
     contact_onset,
+    delay_evidence,
+    delay_joint,
     hypotheses,
     maneuver,
     plausible,
@@ -40,6 +42,8 @@ SPECIFICATIONS = (
     *plausible.SPECIFICATIONS,
     *surface_search.SPECIFICATIONS,
     *alignment.SPECIFICATIONS,
+    *delay_joint.SPECIFICATIONS,
+    *delay_evidence.SPECIFICATIONS,
     *zero_doubt.SPECIFICATIONS,
 )
 # For experiments: nobody tunes these, and the accuracy pages say what each is worth.
@@ -51,6 +55,8 @@ INTERNAL = (
     *(s.name for s in maneuver.SPECIFICATIONS),
     *(s.name for s in plausible.SPECIFICATIONS),
     *(s.name for s in surface_search.SPECIFICATIONS),
+    *(s.name for s in delay_joint.SPECIFICATIONS),
+    *(s.name for s in delay_evidence.SPECIFICATIONS),
     "initial_displacement_std",
     "initial_velocity_std",
     "initial_acceleration_std",

@@ -143,8 +143,10 @@ def learn_window(
             finder.guess[2] = exponent
             finder.noise_left = noise_left(finder, count)
     take_profile(finder, finder.profile[slot])
-    delay_joint.take(finder)
-    common = delay_joint.decide(finder, sensor_noise[1])
+    common = False
+    if settings.delay_by_common_fit != 0:
+        delay_joint.take(finder)
+        common = delay_joint.decide(finder, sensor_noise[1])
     finder.windows += 1
     chosen = _choose(finder)
     start = (chosen - centre) * finder.grid_step

@@ -30,6 +30,16 @@ from hc_estimator.multiple_model.delay_rules import (
 from hc_estimator.multiple_model.hypotheses import EXPONENT, LOG_DAMPING, LOG_STIFFNESS
 from hc_estimator.multiple_model.records import WINDOWS
 from hc_estimator.multiple_model.window_fit import SMALLEST_DEVIATION
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "delay_by_innovations",
+        "bool",
+        True,
+        "Refine the delay by the filter's own innovations.",
+    ),
+)
 
 FARTHEST = 0.02  # error of which a half second still says something [s]
 LINEAR = 0.01  # error that is believed [s]

@@ -23,6 +23,16 @@ from hc_estimator.multiple_model.window_fit import (
     SMALLEST_EXPONENT,
     gather,
 )
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "delay_by_common_fit",
+        "bool",
+        True,
+        "Look for the delay by one fit to all windows of a tissue that stays, not by each alone.",
+    ),
+)
 
 EVERY = 5  # points of the grid between two that are kept
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
