@@ -13,6 +13,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
@@ -34,6 +36,7 @@ SPECIFICATIONS = (
     ),
 )
 
+EXPONENTS = np.arange(0.8, 3.3, 0.4)  # n at which a fit begins
 EVERY = 5  # points of the grid between two that are kept
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
 ALIKE = 0.1  # the same where the law misfits: half a second apart
@@ -69,7 +72,7 @@ def take(finder: Any) -> None:
         return  # the tissue before it is in this window
     if finder.joint_count == 0:
         for j in range(CANDIDATES):
-            finder.joint_exponent[j] = finder.guess[2]
+            finder.joint_exponent[j] = 0.0
     centre, added = CANDIDATES // 2, 0
     for j in range(centre - finder.reach, centre + finder.reach + 1):
         count = gather(finder, (j - centre) * finder.grid_step)
@@ -121,9 +124,19 @@ def _left(finder: Any, j: int, exponent: float) -> float:
 
 @compiled
 def _refine(finder: Any, j: int) -> float:
-    """Improve the n of a candidate by secant steps; what it leaves [N^2]."""
+    """Improve the n of a candidate by secant steps; what it leaves [N^2].
+
+    The first fit looks everywhere: the n of one window may be anything.
+    """
     exponent, width = finder.joint_exponent[j], WIDTH
-    best = _left(finder, j, exponent)
+    best = math.inf
+    if exponent == 0.0:
+        for trial in EXPONENTS:
+            left = _left(finder, j, trial)
+            if left < best:
+                exponent, best = trial, left
+    else:
+        best = _left(finder, j, exponent)
     for _ in range(REFINEMENTS):
         above = _left(finder, j, exponent + width)
         below = _left(finder, j, exponent - width)
@@ -134,7 +147,8 @@ def _refine(finder: Any, j: int) -> float:
         left = _left(finder, j, trial)
         if left < best:
             exponent, best = trial, left
-        width = max(0.3 * width, 0.002)
+        if abs(step) <= width:  # else it is still on its way
+            width = max(0.3 * width, 0.002)
     finder.joint_exponent[j] = exponent
     return best
 

@@ -306,7 +306,7 @@ DELAY = record_type(
         Field("joint_fitted", np.int64, (), 0),  # points at the last fit
         Field("joint_clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
         Field("joint_from", np.int64, (), 0),  # grid_count from which on it is this tissue
-        Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits
+        Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits; 0: none yet
         Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # squares left [N^2]
         Field("joint_delay", np.float64),  # of it [s]
         Field("joint_deviation", np.float64, (), 0.0),  # [s]
