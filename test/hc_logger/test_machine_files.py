@@ -217,3 +217,16 @@ def test_a_preset_of_another_kind_of_value_is_one_line(tmp_path: Path, capsys) -
         err = capsys.readouterr().err
         assert f"{text} is not a" in err
         assert err.count("\n") == 1
+
+
+def test_a_folder_of_files_that_tell_no_time_is_read_by_batch(tmp_path: Path) -> None:
+    folder, target = tmp_path / "lab", tmp_path / "out"
+    folder.mkdir()
+    for name in "ab":
+        (folder / f"{name}.lvm").write_bytes(files.labview_without_time())
+    words = ["batch", f"{folder}/*.lvm", "-o", str(target), "--filter", "ukf", "-j", "1"]
+    assert main([*words, "--rate", "200"]) == 0
+    table = (target / "recordings.csv").read_text()
+    assert table.count(f",{len(TIME)},") == 2  # samples of each
+    manifest = (target / "manifest.json").read_text()
+    assert "--rate" in manifest

@@ -48,7 +48,7 @@ _BLOCKS_AT_ONCE: Final = 16  # of lines in one row group of Parquet
 UNREADABLE: Final = "unreadable"
 _READING: Final = (
     *("sensors", "find_surface", "columns", "units", "separator", "decimal", "header_lines"),
-    *("encoding", "tip", "tip_axes"),
+    *("encoding", "rate", "tip", "tip_axes"),
     *("minimum_depth", "minimum_force", "minimum_duration", "release"),
 )
 """Options that decide how a recording is read, and what counts as a contact."""

@@ -165,7 +165,7 @@ def command_line(arguments: argparse.Namespace) -> list[str]:
     words = ["hc", "batch", *arguments.patterns]
     for name in ("filter", "state_space", "contact_model", "tip", "columns", "units"):
         words += _option(arguments, name, None)
-    for name in ("separator", "decimal", "header_lines", "encoding"):
+    for name in ("separator", "decimal", "header_lines", "encoding", "rate"):
         words += _option(arguments, name, None)
     for name, value in arguments.param:
         words += ["--param", f"{name}={value}"]
