@@ -81,6 +81,15 @@ def start_rig(
 
 
 @pytest.fixture
+def listener(monkeypatch: pytest.MonkeyPatch, ros_domain: int) -> Iterator[Listener]:
+    """A listener for processes that a test starts itself."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    node = Listener(ros_domain)
+    yield node
+    node.close()
+
+
+@pytest.fixture
 def links() -> Iterator[tuple[UdpLink, UdpLink]]:
     """Master's and slave's end, on ports that are free."""
     first = UdpLink(MASTER, "127.0.0.1", 0, "127.0.0.1", 1, Added(), 1)
