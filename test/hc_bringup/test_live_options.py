@@ -34,6 +34,10 @@ def test_a_fast_rig_sends_arrays_by_itself(tmp_path):
     plan = with_array_messages(fast)
     assert plan.node("indenter").parameters["samples_per_message"] == 4
     assert plan.node("estimator").parameters["input.source"] == "samples"
+    assert plan.node("estimator").parameters["input.maximum_backlog"] == 4000  # a second
+    given = with_parameters(fast, "estimator", {"input.maximum_backlog": 300})
+    parameters = with_array_messages(given).node("estimator").parameters
+    assert parameters["input.maximum_backlog"] == 300
     alone = with_parameters(fast, "indenter", {"samples_per_message": 1})
     assert with_array_messages(alone) == alone
     other = with_parameters(fast, "indenter", {"time": "simulated"})

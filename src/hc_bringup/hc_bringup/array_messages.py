@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from hc_bringup.commands.run import file_parameters, with_parameters
+from hc_estimator.ros.node_settings import LARGEST_BACKLOG
 from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
 from hc_sim_rig.scenario import load_scenario
 from hc_sim_rig.schema import ScenarioError
@@ -19,6 +20,8 @@ FAST_HZ: Final = 2000.0
 """Samples a second from which they travel together unless told otherwise."""
 MESSAGES_HZ: Final = 1000.0
 """Messages a second then: the first sample of a message waits as long for the last."""
+BACKLOG_S: Final = 1.0
+"""Of samples that may wait, as at 1 kHz: a stall of the estimator loses none of the next ones."""
 _DEFAULTS: Final = {"time": "system", "side": "both"}
 """Settings of the rig without which it sends every sample by itself."""
 
@@ -33,9 +36,10 @@ def with_array_messages(plan: Any) -> Any:
     if rig is None:
         return plan
     settings = file_parameters(rig) | dict(rig.parameters)
+    rate_hz = _rate_hz(settings)
     together = settings.get("samples_per_message")
     if together is None:
-        together = samples_together(settings)
+        together = max(1, round(rate_hz / MESSAGES_HZ)) if rate_hz >= FAST_HZ else 1
         if together > 1:
             plan = with_parameters(plan, "indenter", {"samples_per_message": together})
     if together == 1:
@@ -43,7 +47,10 @@ def with_array_messages(plan: Any) -> Any:
     renamed = {SAMPLE: SAMPLES}
     if estimator is not None:
         settings = file_parameters(estimator) | dict(estimator.parameters)
-        added = estimator_settings(settings)
+        added: dict[str, Any] = estimator_settings(settings)
+        if rate_hz >= FAST_HZ and "input.maximum_backlog" not in settings:
+            backlog = min(LARGEST_BACKLOG, round(rate_hz * BACKLOG_S))
+            added["input.maximum_backlog"] = backlog
         plan = with_parameters(plan, "estimator", added)
         if (settings | added)["output.estimates"] == "arrays":
             renamed[ESTIMATE] = ESTIMATES
@@ -68,16 +75,15 @@ def estimator_settings(settings: Mapping[str, Any]) -> dict[str, str]:
     return added
 
 
-def samples_together(settings: Mapping[str, Any]) -> int:
-    """Return how many samples a rig sends in a message where nobody said how many.
+def _rate_hz(settings: Mapping[str, Any]) -> float:
+    """Return the samples a second that a rig could send in arrays; 0 where it sends each alone.
 
     Args:
         settings: parameters of the rig. What it will refuse itself counts as slow here.
     """
     if any(settings.get(name, usual) != usual for name, usual in _DEFAULTS.items()):
-        return 1
+        return 0.0
     try:
-        rate_hz = load_scenario(str(settings.get("scenario", "multisine"))).rate_hz
+        return float(load_scenario(str(settings.get("scenario", "multisine"))).rate_hz)
     except (ScenarioError, OSError):
-        return 1
-    return max(1, round(rate_hz / MESSAGES_HZ)) if rate_hz >= FAST_HZ else 1
+        return 0.0

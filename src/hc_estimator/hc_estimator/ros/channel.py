@@ -72,7 +72,6 @@ class Channel:
     Attributes:
         topic: name of the topic as it was given.
         type_name: name of the messages' type, as the graph names it.
-        maximum_backlog: messages that may wait; more are skipped, the oldest first.
         received: messages that came, whoever sent them.
         received_ns: when the message that is handed on now came, by the system's clock.
         lines: tells the publishers apart.
@@ -121,7 +120,7 @@ class Channel:
         self.type_name = "/msg/".join(
             (message_type.__module__.split(".")[0], message_type.__name__)
         )
-        self.maximum_backlog = STREAM_DEPTH
+        self._maximum_backlog = STREAM_DEPTH
         self.received = 0
         self.received_ns = 0
         self.most_waiting = 0
@@ -158,6 +157,15 @@ class Channel:
         # rclpy's signature check would give a callback of this form the message alone.
         self._subscription._callback_type = Subscription.CallbackType.WithMessageInfo
         self.lines = PublisherLines(self._subscription.get_publisher_count)
+
+    @property
+    def maximum_backlog(self) -> int:
+        """Messages that may wait, no more than the queue holds; the oldest are skipped first."""
+        return self._maximum_backlog
+
+    @maximum_backlog.setter
+    def maximum_backlog(self, messages: int) -> None:
+        self._maximum_backlog = min(messages, STREAM_DEPTH)
 
     @property
     def publishers(self) -> int:
@@ -219,7 +227,7 @@ class Channel:
                     break
                 waiting.append(taken)
         self.most_waiting = max(self.most_waiting, len(waiting))
-        surplus = len(waiting) - self.maximum_backlog
+        surplus = len(waiting) - self._maximum_backlog
         if surplus > 0:
             skipped = [waiting.popleft()[0] for _ in range(surplus)]
             count = self._samples_in

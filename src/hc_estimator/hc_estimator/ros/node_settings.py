@@ -8,6 +8,9 @@ from hc_estimator.stream.merger import MAXIMUM_WAIT_S
 from hc_estimator.stream.vocabulary import SessionSettings
 from hc_msgs_py.specification import ParameterSpecification, setting
 
+LARGEST_BACKLOG = 20_000
+"""Samples that may wait: in arrays they are fewer messages than a queue holds."""
+
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
 MISSING_READINGS = "missing_readings"
 
@@ -268,9 +271,10 @@ NODE_SETTINGS = _table(
     setting(
         "input.maximum_backlog",
         1000,
-        "When more samples wait, the node skips to the latest ones and counts the skipped.",
+        "When more samples wait, the node skips to the latest ones and counts the skipped. Of "
+        "messages with a sample each no more than 2000 ever wait.",
         minimum=1,
-        maximum=2000,
+        maximum=LARGEST_BACKLOG,
         unit="samples",
     ),
     setting(
