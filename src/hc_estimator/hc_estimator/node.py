@@ -50,7 +50,7 @@ from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
-from hc_msgs_py.topics import ESTIMATE, NODE_ESTIMATOR
+from hc_msgs_py.topics import NODE_ESTIMATOR
 
 WATCH_PERIOD_S = 0.1
 """Between two looks at silence, at who listens and at the state to keep."""
@@ -264,7 +264,8 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         expected = self._settings.values["expected_estimate_subscribers"]
         found = self._outputs.estimate_subscribers
         if found < expected:
-            missing.append(f"{ESTIMATE} has {found} of {expected} subscribers")
+            topic = self._outputs.estimate_topic
+            missing.append(f"{topic} has {found} of {expected} subscribers")
         return missing
 
     # Watching.

@@ -93,8 +93,13 @@ class Outputs:
         self.wrench_wanted = self._wrench.get_subscription_count() > 0
 
     @property
+    def estimate_topic(self) -> str:
+        """hc/estimate, or hc/estimates where only that is published."""
+        return ESTIMATES if self.form == ARRAYS else ESTIMATE
+
+    @property
     def estimate_subscribers(self) -> int:
-        """Matched subscribers of hc/estimate, or of hc/estimates where only that is published."""
+        """Matched subscribers of `estimate_topic`."""
         publisher = self._arrays if self.form == ARRAYS else self._estimate
         return int(publisher.get_subscription_count())
 
