@@ -19,11 +19,12 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
 from hc_estimator.multiple_model.window_fit import (
-    LARGEST_EXPONENT,
     LEAST_MOTION,
     LEAST_RESIDUAL,
-    SMALLEST_EXPONENT,
     gather,
+    secant_step,
+    stiffness_and_damping,
+    within_limits,
 )
 from hc_estimator.specification import ParameterSpecification
 
@@ -110,12 +111,7 @@ def _left(finder: Any, j: int, exponent: float) -> float:
         r1 += b * force
         total += force * force
     g11 = max(g11 - noise, LEAST_MOTION * g11)
-    stiffness, damping = r0 / g00, 0.0
-    determinant = g00 * g11 - g01 * g01
-    if determinant > 1e-12 * g00 * g11:
-        damping = max((r1 * g00 - r0 * g01) / determinant, 0.0)
-        if damping > 0.0:
-            stiffness = (r0 * g11 - r1 * g01) / determinant
+    stiffness, damping = stiffness_and_damping(g00, g01, g11, r0, r1)
     finder.fit[0] = stiffness
     finder.fit[1] = damping
     finder.fit[2] = exponent
@@ -140,10 +136,8 @@ def _refine(finder: Any, j: int) -> float:
     for _ in range(REFINEMENTS):
         above = _left(finder, j, exponent + width)
         below = _left(finder, j, exponent - width)
-        bend = above - 2.0 * best + below
-        step = 0.5 * (below - above) / bend if bend > 0.0 else math.copysign(2.0, below - above)
-        step = min(max(step, -4.0), 4.0) * width
-        trial = min(max(exponent + step, SMALLEST_EXPONENT), LARGEST_EXPONENT)
+        step = secant_step(above, best, below, width)
+        trial = within_limits(exponent + step)
         left = _left(finder, j, trial)
         if left < best:
             exponent, best = trial, left

@@ -88,6 +88,33 @@ def find_contact(finder: Any) -> int:
 
 
 @compiled
+def stiffness_and_damping(
+    g00: float, g01: float, g11: float, r0: float, r1: float
+) -> tuple[float, float]:
+    """K and B >= 0 by the normal equations of both; K by itself where they do not tell B."""
+    determinant = g00 * g11 - g01 * g01
+    if determinant > 1e-12 * g00 * g11:
+        damping = (r1 * g00 - r0 * g01) / determinant
+        if damping > 0.0:
+            return (r0 * g11 - r1 * g01) / determinant, damping
+    return r0 / g00, 0.0
+
+
+@compiled
+def secant_step(above: float, best: float, below: float, width: float) -> float:
+    """Step to the least of the parabola through three squares a width apart, at most four of it."""
+    bend = above - 2.0 * best + below
+    step = 0.5 * (below - above) / bend if bend > 0.0 else math.copysign(2.0, below - above)
+    return min(max(step, -4.0), 4.0) * width
+
+
+@compiled
+def within_limits(exponent: float) -> float:
+    """An n that tissue may have."""
+    return min(max(exponent, SMALLEST_EXPONENT), LARGEST_EXPONENT)
+
+
+@compiled
 def linear_fit(finder: Any, count: int, exponent: float) -> float:
     """Least squares for K and B >= 0 at an exponent; the sum of squares left.
 
@@ -108,14 +135,7 @@ def linear_fit(finder: Any, count: int, exponent: float) -> float:
         r1 += b * row[3]
         total += row[3] * row[3]
     g11 = max(g11 - noise, LEAST_MOTION * g11)
-    determinant = g00 * g11 - g01 * g01
-    stiffness, damping = r0 / g00, 0.0
-    if determinant > 1e-12 * g00 * g11:
-        damping = (r1 * g00 - r0 * g01) / determinant
-        if damping > 0.0:
-            stiffness = (r0 * g11 - r1 * g01) / determinant
-        else:
-            damping = 0.0
+    stiffness, damping = stiffness_and_damping(g00, g01, g11, r0, r1)
     finder.fit[0] = stiffness
     finder.fit[1] = damping
     finder.fit[2] = exponent
@@ -142,10 +162,7 @@ def refine_exponent(finder: Any, count: int) -> float:
     for _ in range(REFINEMENTS):
         above = linear_fit(finder, count, exponent + width)
         below = linear_fit(finder, count, exponent - width)
-        bend = above - 2.0 * best + below
-        step = 0.5 * (below - above) / bend if bend > 0.0 else math.copysign(2.0, below - above)
-        step = min(max(step, -4.0), 4.0) * width
-        trial = min(max(exponent + step, SMALLEST_EXPONENT), LARGEST_EXPONENT)
+        trial = within_limits(exponent + secant_step(above, best, below, width))
         left = linear_fit(finder, count, trial)
         if left < best:
             exponent, best = trial, left
@@ -185,7 +202,7 @@ def fine_delay(finder: Any, start: float, slot: int) -> bool:
         delay += slope[3]
         fit[0] += slope[0]
         fit[1] = max(fit[1] + slope[1], 0.0)
-        fit[2] = min(max(fit[2] + slope[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
+        fit[2] = within_limits(fit[2] + slope[2])
         if not abs(delay - start) < NEAR * finder.grid_step or abs(delay) > grids.LARGEST:
             return False
         if abs(slope[3]) < 1e-5:
