@@ -5,7 +5,7 @@ import pytest
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import delay_joint
-from hc_evaluation.accuracy import corners, together
+from hc_evaluation.accuracy import corners, possible, rates, together
 from hc_evaluation.accuracy.scenarios import simulate
 
 FILTER = "self_tuning_ukf"
@@ -115,3 +115,23 @@ def test_each_part_can_be_switched_off_and_is_missed(off, seeds, worse):
             errors[on].append(abs(found.channel_delay[-1] - scenario.force_delay_s))
     assert np.median(errors[True]) < 4e-4
     assert np.median(errors[False]) > worse
+
+
+@pytest.mark.parametrize("seed", [2005, 2041])
+def test_no_delay_is_invented_where_the_velocity_is_noise(seed):
+    """Regression of 2026-11-25: -52 and 25 ms in turns, on an arm's positions at 66 Hz.
+
+    The squares that noise of the velocity adds were most of what told B from K, and without them
+    the fit of one candidate or another left nothing, or less.
+    """
+    series = hc.create_estimator(FILTER).run(*possible.arm_readings(seed))
+    assert np.all(series.channel_delay == 0.0)
+
+
+def test_the_lag_of_the_motion_between_two_poses_is_no_delay():
+    """Regression of 2026-11-25: 1.5 ms, said to be known to 0.2, with poses every 8 ms."""
+    for pair, seed in ((rates.RATES[0], 2017), (rates.RATES[1], 2052)):
+        contact = rates.readings(pair, seed)
+        estimator = hc.create_estimator(FILTER, **rates.DECLARED)
+        series = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
+        assert np.all(series.channel_delay == 0.0)

@@ -21,6 +21,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_sensitivity
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_rules import (
     CORRECTED,
     CORRECTION,
@@ -44,6 +45,7 @@ SPECIFICATIONS = (
 FARTHEST = 0.02  # error of which a half second still says something [s]
 LINEAR = 0.01  # error that is believed [s]
 BENT = 0.1  # share of an error by which it may be off, for what is not linear
+LAG = 0.25  # of the slower sensor's period, up to which a delay may be the motion model's lag
 FEWEST = 3  # half seconds
 FEWEST_ALIKE = 2.0  # the same, if all of them said equally much
 
@@ -87,7 +89,9 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
     if not distance < LINEAR:
         return False
     if finder.delay == 0.0:
-        if not distance > max(student_quantile(freedom) * finder.fine[1], SMALLEST):
+        # Between two readings the motion model lags behind, which looks like a delay.
+        least = max(SMALLEST, LAG * grids.slowest_period(finder))
+        if not distance > max(student_quantile(freedom) * finder.fine[1], least):
             return False
     elif not distance > max(CORRECTED * deviation, CORRECTION):
         _tell(finder, mean, deviation)

@@ -19,7 +19,6 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
 from hc_estimator.multiple_model.window_fit import (
-    LEAST_MOTION,
     LEAST_RESIDUAL,
     gather,
     secant_step,
@@ -46,6 +45,7 @@ FEWEST = 24  # points
 NEW = 1.0 / 8.0  # share of the points that must be new for another fit
 REFINEMENTS = 3  # secant steps for n
 WIDTH = 0.1  # of the first of them
+LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 APART = 0.012  # delays further apart are rivals [s]
@@ -94,7 +94,8 @@ def take(finder: Any) -> None:
 def _left(finder: Any, j: int, exponent: float) -> float:
     """Squares that the best K and B >= 0 leave at a candidate and an n [N^2]; these in finder.fit.
 
-    Less what noise of the velocities adds, as in `window_fit.linear_fit`.
+    Less what noise of the velocities adds, as in `window_fit.linear_fit`; all of them where it is
+    so large a part of what tells B from K that anything would fit.
     """
     g00, g01, g11, r0, r1, total, noise = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     p = finder.velocity_exponent
@@ -110,7 +111,9 @@ def _left(finder: Any, j: int, exponent: float) -> float:
         r0 += a * force
         r1 += b * force
         total += force * force
-    g11 = max(g11 - noise, LEAST_MOTION * g11)
+    if noise > LARGEST_NOISE * (g11 - g01 * g01 / g00):
+        return total
+    g11 -= noise
     stiffness, damping = stiffness_and_damping(g00, g01, g11, r0, r1)
     finder.fit[0] = stiffness
     finder.fit[1] = damping

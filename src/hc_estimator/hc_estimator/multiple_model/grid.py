@@ -119,6 +119,12 @@ def _period(finder: Any, channel: int) -> float:
 
 
 @compiled
+def slowest_period(finder: Any) -> float:
+    """Usual time between two readings of the slower channel [s]."""
+    return max(_period(finder, 0), _period(finder, 1))  # type: ignore[no-any-return]
+
+
+@compiled
 def readings_of(finder: Any) -> float:
     """Displacements in one parabola."""
     width = max(finder.grid_width, 1e-9)
@@ -166,7 +172,7 @@ def advance(finder: Any) -> bool:
     """
     if min(finder.raw_count[0], finder.raw_count[1]) < 2 * FEWEST_READINGS:
         return False
-    slowest = max(_period(finder, 0), _period(finder, 1))
+    slowest = slowest_period(finder)
     half = max(HALF_WIDTH, 0.5 * FEWEST_READINGS * slowest)
     last0 = finder.raw_time[0, (finder.raw_count[0] - 1) % RAW]
     last1 = finder.raw_time[1, (finder.raw_count[1] - 1) % RAW]
