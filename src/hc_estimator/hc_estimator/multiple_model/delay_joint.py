@@ -246,7 +246,7 @@ def _weight(count: int, best: float, noise: float) -> float:
 
 @compiled
 def _goes_both_ways(finder: Any, count: int) -> bool:
-    """True if the tool has gone deeper and back, about equally far."""
+    """True if the tool has gone deeper and back, neither five times as far as the other."""
     deeper, back = 0.0, 0.0
     for k in range(count):
         point = finder.joint[k, CANDIDATES // 2]

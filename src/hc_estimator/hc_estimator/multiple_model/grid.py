@@ -121,7 +121,7 @@ def _period(finder: Any, channel: int) -> float:
 @compiled
 def slowest_period(finder: Any) -> float:
     """Usual time between two readings of the slower channel [s]."""
-    return max(_period(finder, 0), _period(finder, 1))  # type: ignore[no-any-return]
+    return max(_period(finder, 0), _period(finder, 1))
 
 
 @compiled
