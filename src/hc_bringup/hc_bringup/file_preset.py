@@ -16,11 +16,13 @@ from hc_msgs_py.nearest import hint
 OF_THE_FILE: dict[str, tuple[tuple[type, ...], str]] = {
     "separator": ((str,), "a word"),
     "decimal": ((str,), "a word"),
-    "encoding": ((str,), "a word"),
     "header_lines": ((int,), "a whole number"),
+    "encoding": ((str,), "a word"),
     "rate": ((int, float), "a number"),
 }
-KEYS = ("columns", "units", *OF_THE_FILE, "input", "find_surface")
+CSV_OPTIONS = ("columns", "units", *OF_THE_FILE)
+"""Options that say how a text file is written: whoever repeats a command line repeats them all."""
+KEYS = (*CSV_OPTIONS, "input", "find_surface")
 
 
 def apply(arguments: argparse.Namespace) -> None:

@@ -34,6 +34,7 @@ from hc_bringup.commands.estimate import (
     why_no_result,
 )
 from hc_bringup.errors import UserError
+from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
@@ -47,8 +48,7 @@ FORMAT: Final = 1
 _BLOCKS_AT_ONCE: Final = 16  # of lines in one row group of Parquet
 UNREADABLE: Final = "unreadable"
 _READING: Final = (
-    *("sensors", "find_surface", "columns", "units", "separator", "decimal", "header_lines"),
-    *("encoding", "rate", "tip", "tip_axes"),
+    *("sensors", "find_surface", *CSV_OPTIONS, "tip", "tip_axes"),
     *("minimum_depth", "minimum_force", "minimum_duration", "release"),
 )
 """Options that decide how a recording is read, and what counts as a contact."""

@@ -13,6 +13,7 @@ from typing import Any
 from hc_bringup import cli, heartbeat, last_resort, recording_input
 from hc_bringup.commands.contacts import add_rule_options
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import natural
 
 HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
@@ -163,9 +164,7 @@ def _engine(arguments: argparse.Namespace) -> Iterator[tuple[Any, int]]:
 def command_line(arguments: argparse.Namespace) -> list[str]:
     """Return the command line that makes these results again, on however many processes."""
     words = ["hc", "batch", *arguments.patterns]
-    for name in ("filter", "state_space", "contact_model", "tip", "columns", "units"):
-        words += _option(arguments, name, None)
-    for name in ("separator", "decimal", "header_lines", "encoding", "rate"):
+    for name in ("filter", "state_space", "contact_model", "tip", *CSV_OPTIONS):
         words += _option(arguments, name, None)
     for name, value in arguments.param:
         words += ["--param", f"{name}={value}"]

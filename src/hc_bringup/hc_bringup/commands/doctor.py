@@ -9,6 +9,7 @@ from typing import Any
 
 from hc_bringup import heartbeat, recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import positive
 from hc_bringup.wrapping import say
 
@@ -35,10 +36,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
     from hc_bringup.diagnosis import Finding, diagnose
-
-    notes: tuple[str, ...] = ()
     from hc_bringup.live_check import listen, too_short_wait
 
+    notes: tuple[str, ...] = ()
     if arguments.input in (None, "live"):
         if recording_input.is_given(arguments):
             raise UserError("--input and --find-surface are for a recording", WRONG_USE)
@@ -104,7 +104,7 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
     columns were said to be.
     """
     words = ["hc", "estimate", arguments.input]
-    for option in ("columns", "units", "separator", "decimal", "header_lines", "encoding", "rate"):
+    for option in CSV_OPTIONS:
         value = getattr(arguments, option, None)
         if value is not None:
             words += [f"--{option.replace('_', '-')}", str(value)]

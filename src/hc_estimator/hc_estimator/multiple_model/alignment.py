@@ -228,13 +228,12 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     found = delay_evidence.learn(finder, rows, row, asked)
     if not (changes or found):
         return
-    if abs(finder.delay - before) > BEGIN_ANEW:
-        delay_evidence.reset(finder)
     bank.held.first = bank.held.count
-    if found or abs(finder.delay - before) <= BEGIN_ANEW:
+    anew = abs(finder.delay - before) > BEGIN_ANEW
+    if found or not anew:
         delay_sensitivity.correct(rows, finder.delay - before)
-    if abs(finder.delay - before) <= BEGIN_ANEW:
-        return
-    if found:
-        delay_evidence.note_fit(finder, row)
-    beginning.begin_aligned(settings, bank)
+    if anew:
+        delay_evidence.reset(finder)
+        if found:
+            delay_evidence.note_fit(finder, row)
+        beginning.begin_aligned(settings, bank)

@@ -22,15 +22,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_evidence, delay_joint, smoothing
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.delay_exponent import FEWEST_WINDOWS, LEAD, find_exponent
+from hc_estimator.multiple_model.delay_exponent import FEWEST_WINDOWS, find_exponent
 from hc_estimator.multiple_model.delay_rules import (
+    APART,
     CORRECTED,
     CORRECTION,
+    LEAD,
+    RIVAL,
     SMALLEST,
     student_quantile,
 )
@@ -44,6 +45,7 @@ from hc_estimator.multiple_model.rows import (
     prior_deviation,
 )
 from hc_estimator.multiple_model.window_fit import (
+    EXPONENTS,
     NEAR,
     SMALLEST_DEVIATION,
     find_contact,
@@ -57,7 +59,6 @@ from hc_estimator.multiple_model.window_fit import (
 
 LEAST_SHARE = 0.3  # of a window that must be in contact
 FEWEST_POINTS = 12  # of a window: three for each unknown
-EXPONENTS = np.arange(0.8, 3.3, 0.4)
 # When the answer is clear:
 FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
 DECISIVE = 4.0  # log likelihood ratio of a window that does
@@ -65,8 +66,6 @@ LEAST_NEAR = 0.4  # share of the windows that must have a fine value near the ca
 CONSISTENT = 4.0  # mean over standard error of the windows' ratios
 CONTRADICTED = 0.75  # of a step, between the fine value and the likeliest candidate
 INFLUENCE = 4.0  # of a window's log likelihood ratio in that mean, at most
-APART = 0.012  # delays further apart are rivals [s]
-RIVAL = 4.0  # log likelihood ratio to the best rival
 SIGNIFICANT = 4.5  # standard deviations
 DOUBTFUL = 3.0  # the same, from which on it is no longer believed that there is none
 LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model.delay_rules import LEAD
 from hc_estimator.multiple_model.records import CANDIDATES, OTHER_EXPONENTS, WINDOWS
 from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.multiple_model.window_fit import SMALLEST_DEVIATION, take_profile
 
 OTHERS = np.array([0.6, 0.8, 1.25])
 FEWEST_WINDOWS = 4
-LEAD = 8.0  # log likelihood ratio to what is in use
 
 
 @compiled

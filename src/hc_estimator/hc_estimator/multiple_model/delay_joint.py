@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.delay_rules import APART, LEAD, RIVAL
 from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
 from hc_estimator.multiple_model.window_fit import (
+    EXPONENTS,
     LEAST_RESIDUAL,
     gather,
     secant_step,
@@ -36,7 +36,6 @@ SPECIFICATIONS = (
     ),
 )
 
-EXPONENTS = np.arange(0.8, 3.3, 0.4)  # n at which a fit begins
 EVERY = 5  # points of the grid between two that are kept
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
 ALIKE = 0.1  # the same where the law misfits: half a second apart
@@ -48,11 +47,8 @@ WIDTH = 0.1  # of the first of them
 LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
-APART = 0.012  # delays further apart are rivals [s]
-RIVAL = 4.0  # log likelihood ratio to the best of them
 INTERPOLATED = 0.1  # error of a delay between two candidates, in steps of the grid
 FAR = 1.0  # steps of the grid
-LEAD = 8.0  # log likelihood ratio to the delay in use
 # Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
 # known well leave is alike in all points, however many they are.
 LEAST_RATIO = 3.0

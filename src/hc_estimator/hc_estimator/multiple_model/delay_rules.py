@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from hc_estimator.compilation import compiled
 
+APART = 0.012  # delays further apart are rivals [s]
+RIVAL = 4.0  # log likelihood ratio to the best rival
+LEAD = 8.0  # log likelihood ratio to what is in use
 SMALLEST = 0.001  # delay worth the name [s]
 SMALL = 4.0  # deviations of a normal distribution, for a delay of less than a step
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.records import CANDIDATES, GRID
@@ -17,6 +19,7 @@ LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed at which |v|^p is taken at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
 NEAR = 1.5  # steps of the grid between a fine value and its candidate
+EXPONENTS = np.arange(0.8, 3.3, 0.4)  # n at which a fit begins
 INDEPENDENT = 5.0  # points of a window that count as independent: 0.1 s apart
 SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.5, 4.0
 REFINEMENTS = 4  # Gauss-Newton steps for n
