@@ -1,5 +1,6 @@
 """hc topic, service and record on what is misspelt, of another type, or ends meanwhile."""
 
+import re
 import signal
 import sys
 import time
@@ -7,10 +8,11 @@ import time
 import pytest
 from std_srvs.srv import Trigger
 
+from hc_bringup import topic_tools
 from hc_bringup.errors import UserError
 from hc_bringup.graph import Graph, topic_name
 from hc_bringup.service_calls import Client
-from hc_bringup.topic_tools import silence
+from hc_bringup.topic_tools import QuietTopic, silence
 from hc_msgs_py.node_processes import end
 
 # A node that publishes, and offers a service that it never answers.
@@ -82,16 +84,40 @@ def test_silence_is_told_by_what_was_usual() -> None:
     )
 
 
+def test_who_prints_messages_says_once_that_none_come(monkeypatch) -> None:
+    now = 100.0
+    monkeypatch.setattr(topic_tools.time, "monotonic", lambda: now)
+    quiet = QuietTopic(Publishers(0), "/a")
+    assert quiet.tell(0) == ""
+    now += 2.5
+    assert quiet.tell(0) == "no message on /a yet (nobody publishes it)"
+    assert quiet.tell(0) == ""
+    for _ in range(50):
+        now += 0.02
+        assert quiet.tell(1) == ""
+    now += 2.5
+    assert quiet.tell(0) == "no message on /a for 2 s (nobody publishes it any more)"
+    now += 2.5
+    assert quiet.tell(0) == ""
+    assert quiet.tell(1) == ""
+    now += 4.0
+    assert quiet.tell(0) == "no message on /a for 4 s (nobody publishes it any more)"
+
+
 @pytest.mark.slow
 @pytest.mark.process
 @pytest.mark.timeout(300)
 def test_a_publisher_that_ends_is_told(command_line, mute) -> None:
     asking = {name: command_line.start("topic", name, "/readings") for name in ("hz", "bw")}
+    # Data on standard output, what is said of them beside it.
+    echo = command_line.start("topic", "echo", "/readings")
+    assert "data: 1.0" in echo.stdout.readline()
     for process in asking.values():
         assert process.stdout.readline()
     end(mute, signal.SIGTERM)
-    for process in asking.values():
-        for line in process.stdout:
+    asking["echo"] = echo
+    for name, process in asking.items():
+        for line in process.stderr if name == "echo" else process.stdout:
             if line.rstrip().endswith("(nobody publishes it any more)"):
                 break
         assert line.startswith("no message on /readings for ")
@@ -110,6 +136,31 @@ def test_a_node_that_ends_before_it_answers_is_told(command_line, mute, monkeypa
         mute.send_signal(signal.SIGKILL)
         with pytest.raises(UserError, match="the node of /mute/ask ended before it answered"):
             client.call(Trigger.Request(), 250.0)
+
+
+@pytest.mark.slow
+@pytest.mark.process
+@pytest.mark.timeout(300)
+def test_a_node_that_is_stopped_is_there_and_does_not_answer(command_line, mute) -> None:
+    """Regression: "there is no node", of one that somebody had stopped with Ctrl-Z."""
+    mute.send_signal(signal.SIGSTOP)
+    stopped = rf"stopped, so that it is there but does not answer: process {mute.pid} \(.*mute_node"
+    for words, reason in (
+        (("node", "info", "mute"), "there is no node /mute"),
+        (("param", "list", "mute"), "there is no node /mute"),
+        (("topic", "hz", "/readings"), "nobody publishes /readings"),
+        (("service", "call", "/mute/ask"), "there is no service /mute/ask"),
+    ):
+        done = command_line.run(*words)
+        assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1), done
+        assert re.search(f"{reason}; .*{stopped}", done.stderr), done.stderr
+        assert done.stderr.endswith(f"kill -CONT {mute.pid} lets it go on\n")
+    done = command_line.run("node", "list")
+    assert done.stdout == "no node is running\n"
+    assert re.search(stopped, done.stderr), done.stderr
+    mute.send_signal(signal.SIGCONT)
+    done = command_line.run("node", "list")
+    assert (done.stdout, done.stderr) == ("/mute\n", "")
 
 
 @pytest.mark.slow

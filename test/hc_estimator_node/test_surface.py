@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hc_estimator.stream.correlation import samples_for_one
 from hc_estimator.stream.surface import SurfaceFinder, find_surface
 
 FORCE_ZERO = 0.7
@@ -66,9 +67,22 @@ def test_a_speed_that_changes_does_not_move_the_surface():
         assert found is not None
         errors.append(found.displacement_mm - 1.3)
         scores.append(errors[-1] / found.displacement_std_mm)
-    # With one c for all speeds: 0.19 mm, and 0.9 of the scores below 9.4.
+    # With one c for all speeds: 0.19 mm, and 0.9 of the scores below 9.4. By the covariance of the
+    # fit alone, without how the speed was told: mean square of the scores 4.
     assert np.sqrt(np.mean(np.square(errors))) < 0.09
-    assert np.quantile(np.abs(scores), 0.9) < 3.0
+    assert np.quantile(np.abs(scores), 0.9) < 2.0
+    assert 0.3 < np.sqrt(np.mean(np.square(scores))) < 1.3
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
+def test_errors_that_go_together_count_as_fewer(correlation):
+    generator = np.random.default_rng(3)
+    error = generator.standard_normal(20_000)
+    for i in range(1, error.size):
+        error[i] += correlation * error[i - 1]
+    expected = (1.0 + correlation) / (1.0 - correlation)
+    assert samples_for_one(error) == pytest.approx(expected, rel=0.15)
+    assert samples_for_one(np.zeros(100)) == 1.0
 
 
 @given(st.floats(0.001, 10.0), st.floats(-100.0, 100.0), st.integers(0, 2**32 - 1))

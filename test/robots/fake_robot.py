@@ -35,6 +35,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 DEFAULTS = {
     "tissue": [0.5, 0.05, 1.5, 1.0],
+    "seed": 1,  # of its noise
     "rest_s": 2.0,
     "on_request": 0,  # if not 0: it presses so many times at each SIGUSR1, and else it rests
     "lift_mm": 3.0,  # so far the tool rests from the surface
@@ -112,7 +113,7 @@ class Robot:
         self.normal = unit_vector(self.s["normal"])
         self.attitude = unit_quaternion(self.s["attitude"])
         self.mounting = unit_quaternion(self.s["force"]["mounting"])
-        self.random = random.Random(1)
+        self.random = random.Random(self.s["seed"])
         self.requests = []  # times at which it was asked to press
         self.force_is_dead = False
 

@@ -168,23 +168,24 @@ def diagnose(
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
     findings = []
-    treated: set[tuple[Check, str]] = set()
+    treated: set[tuple[Check, str, float, float]] = set()
     spoilt = False
     before = samples.estimate()
     while len(treated) < MOST_REMEDIES:
         doubts = [
             s
             for s in check_samples(samples.time_s, samples.displacement_mm, samples.force_n)
-            if (s.check, s.channel) not in treated
+            if (s.check, s.channel, s.since_s, s.until_s) not in treated
         ]
         if not doubts:
             break
         doubt = doubts[0]
-        treated.add((doubt.check, doubt.channel))
+        treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
         settings = _remedy(samples, doubt)
-        after = samples.estimate() if settings else before
+        mended = bool(settings) or doubt.check is Check.ZERO_STEP
+        after = samples.estimate() if mended else before
         spoilt = spoilt or (doubt.check in SPOILT and not settings)
-        cost = _cost(before, after, bool(settings))
+        cost = _cost(before, after, mended)
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
     if not spoilt:
@@ -248,8 +249,16 @@ def _touches_nothing(samples: _Samples) -> Finding | None:
 
 
 def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:
-    """Put a fault right; return the settings that do so, none if no number does."""
+    """Put a fault right; return the settings that do so, none if no setting does."""
     if np.isnan(doubt.remedy):
+        return {}
+    if doubt.check is Check.ZERO_STEP:
+        during = (samples.time_s >= doubt.since_s) & (samples.time_s < doubt.until_s)
+        shift = np.where(during, doubt.remedy, 0.0)
+        if doubt.channel == "force":
+            samples.force_n = samples.force_n - shift
+        else:
+            samples.displacement_mm = samples.displacement_mm - shift
         return {}
     settings: dict[str, Any] = {}
     if doubt.check in (Check.SIGN, Check.UNITS):

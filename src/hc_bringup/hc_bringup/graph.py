@@ -22,6 +22,7 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.reach import speak_to_nodes
+from hc_bringup.stopped_processes import stopped_hint
 from hc_msgs_py.nearest import hint
 
 _LEAST_WAIT_S: Final = 0.8
@@ -120,7 +121,7 @@ class Graph:
         full = absolute(name)
         if not self.wait_for(lambda: full in self.node_names(hidden=True)):
             known = hint(full, self.node_names(), "running nodes")
-            raise UserError(f"there is no node {full}; {known}", FAILURE)
+            raise UserError(f"there is no node {full}; {known}{stopped_hint()}", FAILURE)
         return full
 
     def require_topic(self, name: str) -> tuple[str, str]:
@@ -135,7 +136,9 @@ class Graph:
             return next((t for n, t in self.topics(hidden=True) if n == full), [])
 
         if not self.wait_for(lambda: self.node.count_publishers(full) > 0 and bool(types())):
-            raise UserError(f"nobody publishes {full}; {self.known_topics(full)}", FAILURE)
+            raise UserError(
+                f"nobody publishes {full}; {self.known_topics(full)}{stopped_hint()}", FAILURE
+            )
         if len(types()) > 1:
             raise UserError(
                 f"{full} is published with several types: {', '.join(types())}", FAILURE
@@ -154,7 +157,7 @@ class Graph:
         """
         client = AsyncParameterClient(self.node, node_name)
         if not self.wait_for(client.services_are_ready):
-            raise UserError(f"node {node_name} offers no parameters", FAILURE)
+            raise UserError(f"node {node_name} offers no parameters{stopped_hint()}", FAILURE)
         return client
 
     def call(self, send: Callable[[], Any], what: str) -> Any:
@@ -177,7 +180,9 @@ class Graph:
             if self.wait_for(lambda: any(f.done() for f in futures), _REPEAT_S):
                 return next(f for f in futures if f.done()).result()
         raise UserError(
-            f"{what}: no answer within {_ANSWER_S:g} s: is the node stopped, or very busy?", FAILURE
+            f"{what}: no answer within {_ANSWER_S:g} s"
+            + (stopped_hint() or ": is the node stopped, or very busy?"),
+            FAILURE,
         )
 
 

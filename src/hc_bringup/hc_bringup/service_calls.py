@@ -15,6 +15,7 @@ from typing import Any
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph, absolute
+from hc_bringup.stopped_processes import stopped_hint
 from hc_msgs_py.nearest import hint
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
@@ -52,7 +53,9 @@ def require_service(graph: Graph, name: str) -> tuple[str, str]:
 
     if not graph.wait_for(lambda: bool(types())):
         known = [n for n, _ in services(graph) if not n.endswith(_OF_EVERY_NODE)]
-        raise UserError(f"there is no service {full}; {hint(full, known, 'services')}", FAILURE)
+        raise UserError(
+            f"there is no service {full}; {hint(full, known, 'services')}{stopped_hint()}", FAILURE
+        )
     return full, types()[0]
 
 
@@ -70,7 +73,7 @@ class Client:
         self._client = graph.node.create_client(service_type, name)
         self._seen_s = time.monotonic()
         if not graph.wait_for(self._client.service_is_ready):
-            raise UserError(f"nobody offers the service {name}", FAILURE)
+            raise UserError(f"nobody offers the service {name}{stopped_hint()}", FAILURE)
         graph.spin(SETTLE_S)
 
     def call(self, request: Any, timeout_s: float = ANSWER_S, again_s: float = math.inf) -> Any:
@@ -99,7 +102,8 @@ class Client:
             if self._is_gone():
                 raise UserError(f"the node of {self._name} ended before it answered", FAILURE)
         raise UserError(
-            f"{self._name} did not answer within {timeout_s:g} s: is its node busy or stopped?",
+            f"{self._name} did not answer within {timeout_s:g} s"
+            + (stopped_hint() or ": is its node busy or stopped?"),
             FAILURE,
         )
 

@@ -13,6 +13,8 @@ from hc_bringup.options import natural, positive
 from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
 
 _SILENCE_S: Final = 2.0
+_NOBODY: Final = " (nobody publishes it)"
+_NO_LONGER: Final = " (nobody publishes it any more)"
 _LOOKED_AT: Final = 100
 """Messages; the last ones tell how often one is due."""
 
@@ -126,8 +128,42 @@ def silence(graph: Any, topic: str, arrivals: Sequence[float]) -> str:
     silent_s = time.monotonic() - arrivals[-1]
     if silent_s < max(_SILENCE_S, 3.0 * usual_s):
         return ""
-    why = "" if graph.node.count_publishers(topic) else " (nobody publishes it any more)"
+    why = "" if graph.node.count_publishers(topic) else _NO_LONGER
     return f"no message on {topic} for {silent_s:.0f} s{why}"
+
+
+class QuietTopic:
+    """Says once that nothing comes on a topic, or comes any more: for who prints its messages."""
+
+    def __init__(self, graph: Any, topic: str) -> None:
+        """Begin to wait.
+
+        Args:
+            graph: where the topic is.
+            topic: its full name.
+        """
+        self._graph, self._topic = graph, topic
+        self._arrivals: deque[float] = deque(maxlen=_LOOKED_AT)
+        self._since_s = time.monotonic()
+        self._announced = False
+
+    def tell(self, messages: int) -> str:
+        """Return what to say; nothing while messages come as they did, or it was said already.
+
+        Args:
+            messages: so many came since the last call.
+        """
+        if messages:
+            self._arrivals.extend([time.monotonic()] * messages)
+            self._announced = False
+        elif self._announced:
+            return ""
+        quiet = silence(self._graph, self._topic, list(self._arrivals))
+        if not self._arrivals and time.monotonic() - self._since_s >= _SILENCE_S:
+            somebody = self._graph.node.count_publishers(self._topic)
+            quiet = f"no message on {self._topic} yet" + ("" if somebody else _NOBODY)
+        self._announced = bool(quiet)
+        return quiet
 
 
 def publish(arguments: argparse.Namespace) -> int:

@@ -19,6 +19,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import OptimizeResult, least_squares
 
 from hc_estimator.contact.arrays import force_gradient, hunt_crossley_force
+from hc_estimator.stream.correlation import samples_for_one
 from hc_estimator.stream.together import together
 from hc_evaluation.hold_forward import smooth_motion
 
@@ -263,7 +264,7 @@ class _Fit:
         """Return the standard deviations, which allow for the colour of the residual."""
         fitted = self._misfit(best.x)
         jacobian: FloatArray = np.asarray(best.jac)
-        spread = max(1.0, float(np.mean((fitted / self.noise_n) ** 2))) * _colour(fitted)
+        spread = max(1.0, float(np.mean((fitted / self.noise_n) ** 2))) * samples_for_one(fitted)
         weights = np.ones(jacobian.shape[0])
         weights[: fitted.size] = 1.0 / spread
         information = (jacobian * weights[:, None]).T @ jacobian
@@ -368,17 +369,3 @@ def evenly_spaced(
         )
     even = times[0] + step * np.arange(int(span / step) + 1)
     return even, np.interp(even, times, rows[:, 1]), np.interp(even, times, rows[:, 2])
-
-
-def _colour(residual: FloatArray) -> float:
-    """How many residuals count as one: 1 + 2 sum of the autocorrelation up to its first zero."""
-    centred = residual - np.mean(residual)
-    size = 1 << int(2 * centred.size - 1).bit_length()
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    correlation = np.fft.irfft(spectrum, size)[: centred.size // 2]
-    if correlation[0] <= 0.0:
-        return 1.0
-    correlation = correlation / correlation[0]
-    negative = np.flatnonzero(correlation <= 0.0)
-    end = int(negative[0]) if negative.size else correlation.size
-    return float(1.0 + 2.0 * np.sum(correlation[1:end]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 HELP = "list the running nodes, and what one publishes and offers"
@@ -21,6 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.graph import Graph
+    from hc_bringup.stopped_processes import stopped_note
 
     with Graph() as graph:
         if arguments.action == "info":
@@ -28,6 +30,9 @@ def run(arguments: argparse.Namespace) -> int:
         graph.settle()
         names = graph.node_names(hidden=arguments.all)
     print(len(names) if arguments.count_nodes else "\n".join(names) or "no node is running")
+    note = stopped_note()
+    if note:
+        print(f"hc node: {note}", file=sys.stderr)
     return 0
 
 

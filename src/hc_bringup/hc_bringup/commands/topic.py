@@ -87,7 +87,11 @@ def _echo(arguments: argparse.Namespace) -> int:
             matching_qos(graph, topic),
         )
         end = None if arguments.timeout is None else time.monotonic() + arguments.timeout
+        quiet = topic_tools.QuietTopic(graph, topic)
         while graph.spin(0.02):
+            note = quiet.tell(len(received))
+            if note:
+                print(note, file=sys.stderr, flush=True)
             while received:
                 message = received.popleft()
                 value = message if arguments.field is None else field(message, arguments.field)

@@ -33,6 +33,7 @@ class Check(Enum):
     QUANTISATION = "quantisation"
     SIGN = "sign"
     UNITS = "units"
+    ZERO_STEP = "zero step"
     FORCE_ZERO = "force zero"
     POSITION_ZERO = "position zero"
     CLOCK = "clock"
@@ -48,12 +49,16 @@ class Suspicion(NamedTuple):
         sentence: what is seen, and what to do about it.
         remedy: what would put it right: the factor of a sign or a unit, the zero to take off [N] or
             [mm]; NaN where no number would.
+        since_s: time of the first reading that the remedy is for [s]; -inf for all.
+        until_s: time of the first one that it is no longer for [s]; inf for all.
     """
 
     check: Check
     channel: str
     sentence: str
     remedy: float = math.nan
+    since_s: float = -math.inf
+    until_s: float = math.inf
 
 
 class Readings(NamedTuple):

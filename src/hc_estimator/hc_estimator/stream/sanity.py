@@ -25,6 +25,7 @@ from hc_estimator.stream.readings import (
     robust_range,
     usable,
 )
+from hc_estimator.stream.zero_steps import find_steps
 
 RELATED = 0.4
 """Correlation of force and depth from which on the tool is in contact for a good part."""
@@ -105,6 +106,7 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
             _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
     if min(len(displacement.values), len(force.values)) >= LEAST_SAMPLES:
         coarse = any(suspicion.check is Check.QUANTISATION for suspicion in result)
+        result += [] if coarse else find_steps(displacement, force)
         result += _check_together(displacement, force, fine=not coarse)
         seen = {(s.check, s.channel) for s in result}
         turned = seen & {(Check.SIGN, "displacement"), (Check.SIGN, "both")}
@@ -112,7 +114,8 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
             _add(result, Check.SATURATION, force, channel_checks.flattened(displacement, force))
     if len(displacement.values) >= LEAST_SAMPLES:
         doubted = {s.check for s in result if s.channel == "displacement"}
-        if doubted.isdisjoint((Check.UNITS, Check.RATE)):  # nothing is known of its speed
+        # Nothing is known of its speed; or what it jumped by is known.
+        if doubted.isdisjoint((Check.UNITS, Check.RATE, Check.ZERO_STEP)):
             _add(result, Check.JUMP, displacement, channel_checks.jumping(displacement))
     order = list(Check)
     return sorted(result, key=lambda s: order.index(s.check))

@@ -6,6 +6,10 @@ stands out of its noise the tool is in contact, but the surface lies before that
 readings that follow are fitted with F = c (d - surface)^n, whose zero is the surface. At a constant
 speed of the approach the damping only changes c; where the speed changes, c grows with it by the
 damping's share g of the force at the mean speed: c (1 + g (v / mean - 1)), g from 0 to 1.
+
+How well the surface is known counts two things that the fit's own covariance does not: errors that
+last longer than a sample (displacements interpolated between the poses of a slower tracker; a law
+that is not quite that of the tissue), and how the speed was told from the displacements.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.correlation import samples_for_one
 from hc_estimator.stream.tare import TareResult
 
 FREE_SAMPLES = 100
@@ -39,7 +44,7 @@ Ours; measured in docs/teleoperation.md."""
 MOST_SAMPLES = 20_000
 SPEED_DEGREE = 3
 """Of the polynomial in time that is the speed of an approach; of 2 to 5 it is the one whose stated
-deviations hold."""
+deviations hold. What a degree more or less would have found is part of the stated deviation."""
 FEWEST_FOR_SPEED = 20
 LEAST_SWING = 0.1
 """An approach whose speed changes by less of its mean is one of constant speed."""
@@ -142,13 +147,32 @@ class SurfaceFinder:
 
     def _fit(self, deviation: float) -> TareResult:
         displacement, force = np.array(self._approach).T
+        speed = self._speed(displacement, SPEED_DEGREE)
+        surface, variance = self._fit_law(displacement, force, speed)
+        if speed is not None:
+            others = [
+                self._fit_law(displacement, force, self._speed(displacement, degree))[0]
+                for degree in (SPEED_DEGREE - 1, SPEED_DEGREE + 1)
+            ]
+            variance += float(np.mean(np.square(np.array(others) - surface)))
+        return TareResult(surface, math.sqrt(variance), self._zero, deviation, len(force))
+
+    def _fit_law(
+        self, displacement: FloatArray, force: FloatArray, speed: FloatArray | None
+    ) -> tuple[float, float]:
+        """Return the surface [mm] and its variance [mm^2] by a fit of the law.
+
+        Args:
+            displacement: of the approach [mm], shape (samples,).
+            force: without its zero [N], shape (samples,).
+            speed: what the speed exceeds its mean by, in units of the mean, shape (samples,); None
+                for one that is constant.
+        """
         first, last = float(displacement[0]), float(np.max(displacement))
         stroke = max(last - first, 1e-6)
         lower = np.array([first - 2.0 * stroke, 0.0, SMALLEST_EXPONENT])
         # The surface is not deeper than where contact was sure.
         upper = np.array([first, np.inf, LARGEST_EXPONENT])
-
-        speed = self._speed(displacement)
         if speed is not None:
             lower, upper = np.append(lower, 0.0), np.append(upper, 1.0)
 
@@ -165,11 +189,13 @@ class SurfaceFinder:
         freedom = max(len(force) - len(lower), 1)
         jacobian: FloatArray = np.asarray(fit.jac)
         covariance = 2.0 * float(fit.cost) / freedom * np.linalg.pinv(jacobian.T @ jacobian)
-        spread = math.sqrt(max(float(covariance[0, 0]), 0.0))
-        return TareResult(float(fit.x[0]), spread, self._zero, deviation, len(force))
+        variance = max(float(covariance[0, 0]), 0.0) * samples_for_one(np.asarray(fit.fun))
+        return float(fit.x[0]), variance
 
-    def _speed(self, displacement: FloatArray) -> FloatArray | None:
+    def _speed(self, displacement: FloatArray, degree: int) -> FloatArray | None:
         """Return the speed of an approach as what it exceeds its mean by, in units of the mean.
+
+        The speed is a polynomial of that degree in time.
 
         None where that is not known or does not differ: too few samples, or a calculated force,
         which has the damping of its own robot in it.
@@ -178,10 +204,10 @@ class SurfaceFinder:
             return None
         # A polynomial over the whole approach: less noise than slopes of short pieces.
         place = np.linspace(-1.0, 1.0, len(displacement))
-        motion = np.polynomial.Chebyshev.fit(place, displacement, SPEED_DEGREE + 1)
+        motion = np.polynomial.Chebyshev.fit(place, displacement, degree + 1)
         straight = np.polynomial.Chebyshev.fit(place, displacement, 1)
         left = float(np.sum((displacement - motion(place)) ** 2)) / len(displacement)
-        more = float(np.sum((motion(place) - straight(place)) ** 2)) / SPEED_DEGREE
+        more = float(np.sum((motion(place) - straight(place)) ** 2)) / degree
         speed: FloatArray = motion.deriv()(place)
         mean = float(np.mean(speed))
         swings = more > CLEAR**2 * left and float(np.ptp(speed)) > LEAST_SWING * mean
