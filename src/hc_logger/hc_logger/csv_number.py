@@ -132,7 +132,7 @@ def time_of_day(cell: str) -> float | None:
     text = cell.strip()
     if text.lower() in MISSING:
         return math.nan
-    found = _CLOCK.fullmatch(text)
+    found = _CLOCK.fullmatch(text) if ":" in text else None
     if found is None:
         return None
     hour, minute, second = (int(found[name]) for name in ("hour", "minute", "second"))

@@ -120,8 +120,11 @@ def _lacks_a_reading(row: list[str], usual: int, is_number: Callable[[str], bool
 
 def names_quantities(row: Sequence[str]) -> bool:
     """Whether a row names two of the quantities at least: it stands above a table."""
+    words = [cell for cell in row if cell.upper() != cell.lower()]  # those with a letter in them
+    if not words:
+        return False
     named = sum(
-        any(split_name(cell, quantity)[0] in NAMES[quantity] for cell in row)
+        any(split_name(cell, quantity)[0] in NAMES[quantity] for cell in words)
         for quantity in QUANTITIES
     )
     return named >= len(QUANTITIES) - 1

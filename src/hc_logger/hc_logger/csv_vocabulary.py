@@ -24,6 +24,10 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     },
 }
 """Factor of each unit into the core's s, mm, N."""
+_WITHOUT_CASE: Final[dict[str | None, dict[str, str]]] = {
+    quantity: {u.lower(): u for kind in UNITS for u in UNITS[kind] if quantity in (None, kind)}
+    for quantity in (None, *QUANTITIES)
+}
 
 _OTHER_SPELLINGS: Final = {
     "sec": "s",
@@ -118,9 +122,9 @@ def unit_of(text: str, quantity: str | None = None) -> str | None:
         for kind, units in UNITS.items():
             if unit in units and quantity in (None, kind):
                 return unit
-    lower = {u.lower(): u for kind in UNITS for u in UNITS[kind] if quantity in (None, kind)}
     # MM or n are no other unit than mm or N; M, MN and Nm (of a torque) are.
-    return lower.get(bare.lower()) if bare.lower() not in ("m", "mn", "nm") else None
+    without_case = _WITHOUT_CASE[quantity]
+    return without_case.get(bare.lower()) if bare.lower() not in ("m", "mn", "nm") else None
 
 
 def split_name(cell: str, quantity: str | None = None) -> tuple[str, str | None]:
