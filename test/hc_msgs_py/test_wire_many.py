@@ -18,13 +18,12 @@ def test_samples_have_the_bytes_of_each() -> None:
     many, one = StampedMessages(IndenterSample, "tip"), SampleEncoder("tip")
     for count in (3, 1, 2):
         depth, force = np.array([1.1, -2.0, np.nan])[:count], np.array([0.3, 0.0, 4.0])[:count]
-        fields = (
-            ("sequence", 7 + np.arange(count)),
-            ("displacement", depth / 1e3),
-            ("force", force),
-        )
-        made = many.encode(STAMPS[:count], fields)
-        for i, data in enumerate(made):
+        table = many.table(count)
+        table["sec"], table["nanosec"] = np.divmod(STAMPS[:count], 10**9)
+        table["sequence"], table["displacement"] = 7 + np.arange(count), depth / 1e3
+        table["force"] = force
+        assert many.messages(0) == []
+        for i, data in enumerate(many.messages(count)):
             assert data == one.encode(int(STAMPS[i]), 7 + i, depth[i], force[i])
 
 
@@ -38,7 +37,11 @@ def test_a_pattern_has_its_numbers_in_their_places() -> None:
     pattern = PatternMessages(4, fill)
     for count in (2, 3, 1):
         columns = [np.arange(count) + 10.0 * k for k in range(4)]
-        for i, data in enumerate(pattern.encode(STAMPS[:count], columns)):
+        table = pattern.table(count)
+        table["sec"], table["nanosec"] = np.divmod(STAMPS[:count], 10**9)
+        for place, column in enumerate(columns):
+            table[str(place)] = column
+        for i, data in enumerate(pattern.messages(count)):
             message = deserialize_message(data, JointState)
             expected = fill([column[i] for column in columns])
             sec, nanosec = divmod(int(STAMPS[i]), 10**9)
@@ -52,7 +55,9 @@ def test_a_pattern_of_one_number() -> None:
         message.wrench.force.z = numbers[0]
         return message
 
-    (data,) = PatternMessages(1, fill).encode(STAMPS[:1], [np.array([-0.0])])
+    pattern = PatternMessages(1, fill)
+    pattern.table(1)["0"] = -0.0
+    (data,) = pattern.messages(1)
     message = deserialize_message(data, WrenchStamped)
     assert str(message.wrench.force.z) == "-0.0"
     assert message.wrench.force.x == message.wrench.torque.z == 0.0

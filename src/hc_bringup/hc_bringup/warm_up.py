@@ -33,8 +33,10 @@ def main(part: str | None = None) -> None:
             create_estimator(name).warm_up()
     if part != "ahead":
         from hc_sim_rig.rig import Rig
+        from hc_sim_rig.ros.ahead import RowsEncoder
 
         Rig(DEFAULT_SCENARIO).warm_up()
+        RowsEncoder().warm_up()
 
 
 if __name__ == "__main__":

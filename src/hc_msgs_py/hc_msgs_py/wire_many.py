@@ -1,32 +1,50 @@
-"""Several messages of one type at once, as bytes: for what is known some samples ahead.
+"""Several messages of one type as records: for what is known some samples ahead.
 
 As in wire.py no layout is written down here: that of stamped messages follows from their
-definition, that of others from what rclpy makes of one of them.
+definition, that of others from what rclpy makes of one of them. Whoever knows the numbers writes
+them into the records: a compiled function, say.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
 from hc_msgs_py.cdr import ENCAPSULATION, HEAD
 from hc_msgs_py.topics import FRAME_INDENTER_TIP
-from hc_msgs_py.units import NANOSECONDS
 from hc_msgs_py.wire_arrays import record_layout
-
-IntArray = NDArray[np.int64]
 
 _FIRST_MARK: Final = 1.2345678901234567e100
 """A number that no message holds, and after it those of the other places."""
 
 
-class StampedMessages:
-    """Makes messages that are a std_msgs/Header, numbers and arrays of fixed size."""
+class Records:
+    """Messages of one type, all alike until somebody writes into them."""
+
+    def __init__(self, layout: np.dtype[Any], data: bytes) -> None:
+        """Take the layout of the places, which is as long as a message, and the bytes of one."""
+        self._layout, self._one = layout, data
+        self._table: NDArray[Any] = np.frombuffer(bytearray(data), layout)
+
+    def table(self, count: int) -> NDArray[Any]:
+        """Return records to be filled, shape (count,): those of the last call if as many."""
+        if len(self._table) != count:
+            self._table = np.frombuffer(bytearray(self._one * count), self._layout)
+        return self._table
+
+    def messages(self, count: int) -> list[bytes]:
+        """Return the bytes of the first records of the last table."""
+        data, size = self._table.tobytes(), len(self._one)
+        return [data[i : i + size] for i in range(0, count * size, size)]
+
+
+class StampedMessages(Records):
+    """Messages that are a std_msgs/Header, numbers and arrays of fixed size; fields by name."""
 
     def __init__(self, message_type: Any, frame_id: str = FRAME_INDENTER_TIP) -> None:
         """Fix the type and the frame.
@@ -39,28 +57,11 @@ class StampedMessages:
         one["encapsulation"] = np.frombuffer(ENCAPSULATION, np.uint8)
         one["frame_length"] = len(frame)
         one["frame"] = frame
-        self._table = one
-
-    def encode(self, stamps_ns: IntArray, fields: Iterable[tuple[str, ArrayLike]]) -> list[bytes]:
-        """Return a message for each stamp.
-
-        Args:
-            stamps_ns: of the headers [ns], shape (n,).
-            fields: names and values of all fields, shape (n,) or (n, elements), or one for all.
-        """
-        count = len(stamps_ns)
-        if len(self._table) != count:
-            self._table = np.repeat(self._table[:1], count)
-        table = self._table
-        table["sec"], table["nanosec"] = np.divmod(stamps_ns, NANOSECONDS)
-        for name, values in fields:
-            table[name] = values
-        data, size = table.tobytes(), table.itemsize
-        return [data[i : i + size] for i in range(0, len(data), size)]
+        super().__init__(one.dtype, one.tobytes())
 
 
-class PatternMessages:
-    """Makes messages of any type that differ in their stamp and in some numbers alone."""
+class PatternMessages(Records):
+    """Messages of any type that differ in their stamp (sec, nanosec) and some numbers ("0" ...)."""
 
     def __init__(self, places: int, fill: Callable[[Sequence[float]], Any]) -> None:
         """Find the places.
@@ -81,21 +82,4 @@ class PatternMessages:
                 "itemsize": len(data),
             }
         )
-        self._layout = layout
-        self._bytes = np.frombuffer(data, np.uint8).reshape(1, -1).copy()
-
-    def encode(self, stamps_ns: IntArray, numbers: Sequence[ArrayLike]) -> list[bytes]:
-        """Return a message for each stamp.
-
-        Args:
-            stamps_ns: of the headers [ns], shape (n,).
-            numbers: of each place, shape (n,).
-        """
-        count = len(stamps_ns)
-        if len(self._bytes) != count:
-            self._bytes = np.repeat(self._bytes[:1], count, axis=0)
-        table: NDArray[Any] = self._bytes.view(self._layout).reshape(count)
-        table["sec"], table["nanosec"] = np.divmod(stamps_ns, NANOSECONDS)
-        for place, values in enumerate(numbers):
-            table[str(place)] = values
-        return [row.tobytes() for row in self._bytes]
+        super().__init__(layout, data)

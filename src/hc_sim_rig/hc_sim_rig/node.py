@@ -26,7 +26,7 @@ from hc_msgs_py.topics import NODE_INDENTER
 from hc_sim_rig.drives import Teleoperation
 from hc_sim_rig.pacing import DeadlineThread
 from hc_sim_rig.rig import Rig
-from hc_sim_rig.ros.ahead import Block, messages_ahead
+from hc_sim_rig.ros.ahead import Block, RowsEncoder, messages_ahead
 from hc_sim_rig.ros.options import declare_options
 from hc_sim_rig.ros.outputs import Outputs
 from hc_sim_rig.ros.remote_side import RemoteSide
@@ -247,12 +247,15 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 count = min(count, rig.samples_in(rig.scenario.duration_s) - rig.sequence)
             if count <= 0:
                 return None
-            places = [(i % together + 1 - together) * 1e9 / rig.rate_hz for i in range(count)]
-            stamps_ns = [
-                self._sampler.stamp_ns(index + i // together) + round(place)
-                for i, place in enumerate(places)
-            ]
-            return self._outputs.make(stamps_ns, rig.run(count / rig.rate_hz))
+            stamp_ns = self._sampler.stamp_ns
+            if together == 1:
+                stamps_ns = [stamp_ns(index + i) for i in range(count)]
+            else:
+                places = [(i % together + 1 - together) * 1e9 / rig.rate_hz for i in range(count)]
+                stamps_ns = [
+                    stamp_ns(index + i // together) + round(place) for i, place in enumerate(places)
+                ]
+            return self._outputs.make(stamps_ns, rig.sequence, rig.rows(count))
 
     def _status(self) -> Status:
         """Return what /diagnostics says."""
@@ -314,6 +317,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 def prepare() -> None:
     """Load what a node of this process will need (hc_bringup.standby)."""
     Rig("multisine").warm_up()
+    RowsEncoder().warm_up()
 
 
 def main() -> int:

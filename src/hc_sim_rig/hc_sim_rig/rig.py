@@ -230,9 +230,23 @@ class Rig:
         else:
             count = self.samples_in(duration_s)
         first = self.sequence
+        return series_from_rows(self.rows(count), first)
+
+    def rows(self, count: int) -> Array:
+        """Take samples as they come out of the compiled rig: the same numbers as step().
+
+        Args:
+            count: how many.
+
+        Returns:
+            A row each, shape (count, OUT_COLUMNS); layout.py names the columns.
+
+        Raises:
+            RigDivergedError: if an unstable loop has run away.
+        """
         out = np.empty((count, OUT_COLUMNS))
         self._advance(out)
-        return series_from_rows(out, first)
+        return out
 
     def _advance(self, out: Array) -> None:
         """Fill the rows of `out`, making random draws as they run out."""

@@ -8,7 +8,7 @@ but a recorder listens (ros/outputs.py).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,10 +17,10 @@ from hc_msgs.msg import IndenterSample, IndenterTruth
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
-from hc_msgs_py.topics import FRAME_INDENTER_TIP
-from hc_msgs_py.units import METRE_IN_MM
-from hc_msgs_py.wire_many import PatternMessages, StampedMessages
-from hc_sim_rig.records import RigSeries
+from hc_msgs_py.topics import FRAME_INDENTER_TIP, JOINT_STATES, SAMPLE, TRUTH, WRENCH
+from hc_msgs_py.wire_many import PatternMessages, Records, StampedMessages
+from hc_sim_rig.layout import OUT_COLUMNS
+from hc_sim_rig.message_kernel import fill_messages, fill_tips
 
 AHEAD_S = 0.005
 """A setting that is changed takes so long to hold, at the most."""
@@ -29,6 +29,9 @@ MOST_AHEAD = 8
 
 FRAME_STAGE = "stage"
 """Of the tip's position: x sideways, z up."""
+JOINT_NAMES = ("master", "slave")
+TIP_EVERY = 10
+"""Samples between two positions of the tip: sideways it is slow."""
 
 Message = tuple[Any, bytes]
 """A publisher and what it is to send."""
@@ -51,74 +54,64 @@ class Block(NamedTuple):
     after: list[tuple[Any, list[bytes]]]
 
 
-class SeriesEncoder:
-    """Makes messages of several samples."""
+class RowsEncoder:
+    """Makes messages of the compiled rig's rows."""
 
-    def __init__(self, joint_names: Sequence[str]) -> None:
-        self._samples = StampedMessages(IndenterSample)
-        self._truths = StampedMessages(IndenterTruth)
-        self._wrenches = PatternMessages(1, _wrench)
+    def __init__(self) -> None:
+        self._records: dict[str, Records] = {
+            SAMPLE: StampedMessages(IndenterSample),
+            TRUTH: StampedMessages(IndenterTruth),
+            WRENCH: PatternMessages(1, _wrench),
+            JOINT_STATES: PatternMessages(6, _joints),
+        }
         self._tips = PatternMessages(2, _tip)
-        self._joints = PatternMessages(6, lambda numbers: _joints(joint_names, numbers))
+        self._places = np.empty(0, np.int64)
 
-    def samples(
-        self, stamps_ns: NDArray[np.int64], first_sequence: int, series: RigSeries
-    ) -> list[bytes]:
-        """Return an IndenterSample of each."""
-        return self._samples.encode(
-            stamps_ns,
-            (
-                ("sequence", first_sequence + series.sequence),
-                ("displacement", series.displacement_mm / METRE_IN_MM),
-                ("force", series.force_n),
-            ),
-        )
-
-    def truths(
-        self, stamps_ns: NDArray[np.int64], first_sequence: int, series: RigSeries
-    ) -> list[bytes]:
-        """Return an IndenterTruth of each."""
-        truth = series.truth
-        stiffness, damping, displacement_exponent, velocity_exponent = truth.parameters.T
-        return self._truths.encode(
-            stamps_ns,
-            (
-                ("sequence", first_sequence + series.sequence),
-                ("displacement", truth.displacement_mm / METRE_IN_MM),
-                ("velocity", truth.velocity_mm_s / METRE_IN_MM),
-                ("force", truth.force_n),
-                ("stiffness", stiffness),
-                ("damping", damping),
-                ("displacement_exponent", displacement_exponent),
-                ("velocity_exponent", velocity_exponent),
-                ("contact", truth.contact),
-            ),
-        )
-
-    def wrenches(self, stamps_ns: NDArray[np.int64], series: RigSeries) -> list[bytes]:
-        """Return a WrenchStamped of each."""
-        return self._wrenches.encode(stamps_ns, (series.force_n,))
-
-    def tips(
+    def encode(
         self,
         stamps_ns: NDArray[np.int64],
-        lateral_mm: NDArray[np.float64],
-        depth_mm: NDArray[np.float64],
-    ) -> list[bytes]:
-        """Return a PointStamped of each: penetration is negative."""
-        return self._tips.encode(stamps_ns, (lateral_mm / METRE_IN_MM, -depth_mm / METRE_IN_MM))
+        first_sequence: int,
+        rows: NDArray[np.float64],
+        topics: Collection[str],
+    ) -> dict[str, list[bytes]]:
+        """Return a message of each sample for each topic.
 
-    def joints(self, stamps_ns: NDArray[np.int64], series: RigSeries) -> list[bytes]:
-        """Return a JointState of each."""
-        both = (series.master, series.slave)
-        return self._joints.encode(
-            stamps_ns,
-            (
-                *(joint.position_mm / METRE_IN_MM for joint in both),
-                *(joint.velocity_mm_s / METRE_IN_MM for joint in both),
-                *(joint.effort_n for joint in both),
-            ),
-        )
+        Args:
+            stamps_ns: of the samples [ns], shape (n,).
+            first_sequence: of the first one.
+            rows: what the rig gives, shape (n, OUT_COLUMNS).
+            topics: those of IndenterSample, IndenterTruth, WrenchStamped and JointState that are
+                wanted.
+        """
+        count = len(rows)
+        tables = [
+            records.table(count if topic in topics else 0)
+            for topic, records in self._records.items()
+        ]
+        fill_messages(rows, stamps_ns, first_sequence, *tables)
+        return {topic: self._records[topic].messages(count) for topic in topics}
+
+    def tips(
+        self, stamps_ns: NDArray[np.int64], first: int, rows: NDArray[np.float64]
+    ) -> Iterable[tuple[int, bytes]]:
+        """Return the index of some samples with the position of the tip, a PointStamped.
+
+        Args:
+            stamps_ns: of the samples [ns], shape (n,).
+            first: number of the first sample among all of the rig.
+            rows: what the rig gives, shape (n, OUT_COLUMNS).
+        """
+        if len(self._places) != len(rows):
+            self._places = np.empty(len(rows), np.int64)
+        table, places = self._tips.table(len(rows)), self._places
+        count = fill_tips(rows, stamps_ns, first, TIP_EVERY, table, places)
+        return zip(places[:count].tolist(), self._tips.messages(count), strict=True)
+
+    def warm_up(self) -> None:
+        """Compile the kernels, or load them from the cache."""
+        rows, stamps_ns = np.zeros((1, OUT_COLUMNS)), np.zeros(1, np.int64)
+        self.encode(stamps_ns, 0, rows, self._records)
+        self.tips(stamps_ns, 0, rows)
 
 
 def _wrench(numbers: Sequence[float]) -> WrenchStamped:
@@ -135,7 +128,7 @@ def _tip(numbers: Sequence[float]) -> PointStamped:
     return message
 
 
-def _joints(names: Sequence[str], numbers: Sequence[float]) -> JointState:
-    message = JointState(name=list(names))
+def _joints(numbers: Sequence[float]) -> JointState:
+    message = JointState(name=list(JOINT_NAMES))
     message.position, message.velocity, message.effort = numbers[:2], numbers[2:4], numbers[4:]
     return message

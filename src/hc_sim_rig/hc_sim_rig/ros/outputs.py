@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,16 +31,21 @@ from hc_msgs_py.topics import (
 from hc_msgs_py.units import METRE_IN_MM, set_stamp
 from hc_msgs_py.wire import SampleEncoder, TruthEncoder, publish_bytes
 from hc_msgs_py.wire_arrays import ArraysEncoder, SamplesEncoder
-from hc_sim_rig.records import RigSample, RigSeries, Truth
-from hc_sim_rig.ros.ahead import FRAME_STAGE, Block, Message, SeriesEncoder
+from hc_sim_rig.layout import OUT_DISPLACEMENT, OUT_FORCE
+from hc_sim_rig.records import RigSample, Truth, series_from_rows
+from hc_sim_rig.ros.ahead import (
+    FRAME_STAGE,
+    JOINT_NAMES,
+    TIP_EVERY,
+    Block,
+    Message,
+    RowsEncoder,
+)
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.taxels import TaxelPad
 
 LISTENERS_PERIOD_S = 0.05
 """Between two looks at who listens to the topics that not everybody needs."""
-JOINT_NAMES = ("master", "slave")
-TIP_EVERY = 10
-"""Samples between two positions of the tip: sideways it is slow."""
 FRAME_PAD = "tactile_pad"
 
 
@@ -96,7 +101,8 @@ class Outputs:
         self._wrench_message = WrenchStamped()
         self._wrench_message.header.frame_id = FRAME_INDENTER_TIP
         self._joints_message = JointState(name=list(JOINT_NAMES))
-        self._series_encoder = SeriesEncoder(JOINT_NAMES)
+        self._rows_encoder = RowsEncoder()
+        self._rows_encoder.warm_up()
         self._tip_message = PointStamped()
         self._tip_message.header.frame_id = FRAME_STAGE
         self._by_topic = {
@@ -188,7 +194,7 @@ class Outputs:
             self._publish_joints(stamp_ns, sample)
         self.published += 1
 
-    def make(self, stamps_ns: Sequence[int], series: RigSeries) -> Block:
+    def make(self, stamps_ns: Sequence[int], first: int, rows: NDArray[np.float64]) -> Block:
         """Make the messages of samples that are not due yet.
 
         What only a recorder listens to, and the truth, which is for evaluation, goes out after
@@ -196,64 +202,56 @@ class Outputs:
 
         Args:
             stamps_ns: of the samples [ns].
-            series: the samples, whole messages of them unless the scenario ends.
+            first: number of the first sample among those of the rig.
+            rows: what the rig gives (`Rig.rows`), whole messages of samples unless the scenario
+                ends.
         """
         stamps = np.array(stamps_ns, np.int64)
         count, together = len(stamps), self._together
         due: list[list[Message]] = [[] for _ in range(-(-count // together))]
         after: list[tuple[Any, list[bytes]]] = []
-
-        def place(topic: str, messages: list[bytes]) -> None:
+        sequence = self.first_sequence + first
+        wanted = [TRUTH] if self._with_truth and self._wanted(TRUTH) else []
+        if self._wanted(JOINT_STATES):
+            wanted.append(JOINT_STATES)
+        if self._with_sensors:
+            if self._wanted(WRENCH):
+                wanted.append(WRENCH)
+            if together == 1:
+                wanted.append(SAMPLE)
+            else:
+                for k, data in enumerate(self._samples_together(stamps, sequence, rows)):
+                    due[k].append((self._sample, data))
+        made = self._rows_encoder.encode(stamps, sequence, rows, wanted)
+        for k, data in enumerate(made.pop(SAMPLE, ())):
+            due[k].append((self._sample, data))
+        if self._with_sensors and self._wanted(TIP):
+            for i, data in self._rows_encoder.tips(stamps, first, rows):
+                due[i // together].append((self._tip, data))
+        if self._pad is not None:
+            truths = series_from_rows(rows, first).truth.each()
+            for i, truth in enumerate(truths):
+                taxels = self._taxels_of(self._pad, stamps_ns[i], first + i, truth)
+                due[i // together].append((self._tactile, taxels))
+        for topic, messages in made.items():
             publisher, listeners = self._by_topic[topic], self._listeners[topic]
             if topic == TRUTH or listeners.recorder_only:
                 after.append((publisher, messages))
             else:
                 for i, data in enumerate(messages):
                     due[i // together].append((publisher, data))
-
-        if self._with_sensors:
-            for k, data in enumerate(self._sample_messages(stamps, series)):
-                due[k].append((self._sample, data))
-            if self._wanted(WRENCH):
-                place(WRENCH, self._series_encoder.wrenches(stamps, series))
-            if self._wanted(TIP):
-                self._place_tips(due, stamps, series)
-        if self._pad is not None:
-            for i, truth in enumerate(series.truth.each()):
-                taxels = self._taxels_of(self._pad, stamps_ns[i], int(series.sequence[i]), truth)
-                due[i // together].append((self._tactile, taxels))
-        if self._with_truth and self._wanted(TRUTH):
-            place(TRUTH, self._series_encoder.truths(stamps, self.first_sequence, series))
-        if self._wanted(JOINT_STATES):
-            place(JOINT_STATES, self._series_encoder.joints(stamps, series))
         counts = [min(together, count - k * together) for k in range(len(due))]
         return Block(deque(zip(counts, due, strict=True)), after)
 
-    def _sample_messages(self, stamps: NDArray[np.int64], series: RigSeries) -> list[bytes]:
-        if self._together == 1:
-            return self._series_encoder.samples(stamps, self.first_sequence, series)
-        first = self.first_sequence + int(series.sequence[0])
-        return [
-            self._samples_encoder.encode(
-                stamps[i : i + self._together],
-                first + i,
-                series.displacement_mm[i : i + self._together],
-                series.force_n[i : i + self._together],
+    def _samples_together(
+        self, stamps: NDArray[np.int64], sequence: int, rows: NDArray[np.float64]
+    ) -> Iterator[bytes]:
+        """Yield messages of several samples."""
+        for i in range(0, len(stamps), self._together):
+            some = slice(i, i + self._together)
+            yield self._samples_encoder.encode(
+                stamps[some], sequence + i, rows[some, OUT_DISPLACEMENT], rows[some, OUT_FORCE]
             )
-            for i in range(0, len(stamps), self._together)
-        ]
-
-    def _place_tips(
-        self, due: list[list[Message]], stamps: NDArray[np.int64], series: RigSeries
-    ) -> None:
-        at = np.flatnonzero(series.sequence % TIP_EVERY == 0)
-        if len(at) == 0:
-            return
-        tips = self._series_encoder.tips(
-            stamps[at], series.lateral_mm[at], series.slave.position_mm[at]
-        )
-        for i, data in zip(at.tolist(), tips, strict=True):
-            due[i // self._together].append((self._tip, data))
 
     def publish_due(self, block: Block) -> None:
         """Publish what is due at the next deadline, and what comes after the last of them."""
