@@ -62,6 +62,7 @@ def test_a_filter_that_cannot_be_loaded_says_why_and_disturbs_nobody(
         (["Filter"], "'Filter' is no name for a package"),
         (["class"], "'class' is no name"),
         (["ukf"], "there is a filter ukf already"),
+        (["json"], "there is a Python module json already"),
         (["mine", "-o", "there"], "there exists already"),
     ],
 )

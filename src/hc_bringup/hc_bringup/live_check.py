@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from hc_bringup import heartbeat
 from hc_bringup.diagnosis import Finding
 from hc_bringup.graph import Graph
+from hc_bringup.reading_changes import change_lines
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
+from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
 from hc_msgs_py.conversion import sample_from_message
-from hc_msgs_py.qos import DIAGNOSTICS_QOS, SAMPLE_QOS
-from hc_msgs_py.topics import DIAGNOSTICS, SAMPLE
+from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, SAMPLE_QOS
+from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, SAMPLE
+from hc_msgs_py.units import nanoseconds_from_stamp
 
 LEAST_SAMPLES = 100
 OWN_SENSORS = ("sensors", "effort")
@@ -34,12 +37,14 @@ class Heard:
         settings: its present input settings, by name below `input.`.
         surface_std_mm: how well the node says that it knows where displacements count from.
         rows: times [s], displacements [mm] and forces [N], zeros taken off; None without samples.
+        notes: what else one should know of them, one line each.
     """
 
     findings: list[Finding] = field(default_factory=list)
     settings: dict[str, Any] = field(default_factory=dict)
     surface_std_mm: float = 0.0
     rows: Rows | None = None
+    notes: tuple[str, ...] = ()
 
 
 def listen(node: str, seconds: float) -> Heard:
@@ -50,9 +55,10 @@ def listen(node: str, seconds: float) -> Heard:
         KeyboardInterrupt: if a signal asks to end.
     """
     from diagnostic_msgs.msg import DiagnosticArray
-    from hc_msgs.msg import IndenterSample
+    from hc_msgs.msg import EstimatorEvent, IndenterSample
 
     heard = Heard()
+    events: list[RecordedEvent] = []
     samples: list[Any] = []
     statuses: list[Any] = []
     with Graph() as graph:
@@ -74,11 +80,23 @@ def listen(node: str, seconds: float) -> Heard:
             ),
             DIAGNOSTICS_QOS,
         )
+        graph.node.create_subscription(
+            EstimatorEvent,
+            f"{namespace}/{EVENTS}",
+            lambda e: events.append(
+                RecordedEvent(nanoseconds_from_stamp(e.header.stamp), e.kind, e.reason)
+            ),
+            CONFIGURATION_QOS,
+        )
         begin = time.monotonic()
         while (left := begin + seconds - time.monotonic()) > 0.0:
             heartbeat.telling("listening", f"listening to {name}: {left:.0f} s left")
             if not graph.spin(min(left, 0.5)):
                 raise KeyboardInterrupt
+        changes = [c for c in reading_changes(events) if _is_within(c, samples)]
+        if changes:
+            heard.settings = input_settings(graph, name)
+            heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
         heartbeat.doing("judging what was heard")
     if not statuses:
         heard.findings.append(Finding(f"{name} tells no diagnostics: is it stopped or too busy?"))
@@ -99,11 +117,23 @@ def listen(node: str, seconds: float) -> Heard:
         [(s.stamp_ns - samples[0].stamp_ns, s.displacement_mm, s.force_n) for s in samples]
     )
     rows[:, 0] *= 1e-9
+    if changes:
+        # The last part, for the settings are those of now.
+        kept = np.array([s.stamp_ns for s in samples]) > changes[-1].stamp_ns
+        rows = rows[kept]
+        heard.notes = (
+            *change_lines(changes, samples[0].stamp_ns),
+            f"judged is what came after, {len(rows)} samples",
+        )
     if heard.settings.get("source") not in OWN_SENSORS:  # those come with their zeros taken off
         rows[:, 1] -= heard.settings.get("position.zero", 0.0)
         rows[:, 2] -= heard.settings.get("force.zero", 0.0)
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
+
+
+def _is_within(change: ReadingChange, samples: list[Any]) -> bool:
+    return bool(samples) and samples[0].stamp_ns <= change.stamp_ns < samples[-1].stamp_ns
 
 
 def too_short_wait(rows: Rows, settings: dict[str, Any], findings: list[Finding]) -> list[Finding]:

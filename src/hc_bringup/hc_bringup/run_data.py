@@ -18,9 +18,9 @@ from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.together import of_two_readings, together
 from hc_logger.bag import Bag
-from hc_logger.decoder import decoder
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
+from hc_logger.events import events_of
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, record_dtype, records, stamps
 from hc_logger.recorded import only_topic
@@ -28,13 +28,12 @@ from hc_logger.recording import Recording
 from hc_logger.selection import full_name
 from hc_logger.type_names import ESTIMATE_TYPE
 from hc_msgs_py.estimate_fields import estimate_fields
-from hc_msgs_py.topics import EVENTS, TIP, TRUTH
+from hc_msgs_py.topics import TIP, TRUTH
 from hc_msgs_py.units import METRE_IN_MM
 
 Array = NDArray[np.float64]
 
 TRUTH_TYPE: Final = "hc_msgs/msg/IndenterTruth"
-EVENT_TYPE: Final = "hc_msgs/msg/EstimatorEvent"
 TIP_FIELDS: Final = {
     "geometry_msgs/msg/PointStamped": "point.",
     "geometry_msgs/msg/PoseStamped": "pose.position.",
@@ -365,14 +364,7 @@ def _tip(bag: Bag, start_ns: int, source: TipSource | None) -> TipPath | None:
 
 
 def _events(bag: Bag, start_ns: int) -> tuple[RunEvent, ...] | None:
-    topic = bag.topics.get(f"/{EVENTS}")
-    if topic is None or topic.definition.name != EVENT_TYPE:
+    events = events_of(bag)
+    if events is None:
         return None
-    decode = decoder(topic.definition)
-    events = []
-    for message in bag.messages({topic.name}):
-        event = decode(message.data)
-        stamp = event.header.stamp
-        at = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        events.append(RunEvent((at - start_ns) * 1e-9, int(event.kind), str(event.reason)))
-    return tuple(events)
+    return tuple(RunEvent((e.stamp_ns - start_ns) * 1e-9, e.kind, e.reason) for e in events)

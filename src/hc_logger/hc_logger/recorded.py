@@ -16,6 +16,7 @@ from hc_logger.decoder import decoder
 from hc_logger.definitions import damaged_definition
 from hc_logger.errors import BagError
 from hc_logger.estimate_arrays import estimates_of_bag, log_times, merged
+from hc_logger.events import ReadingChange, events_of, reading_changes
 from hc_logger.foreign import open_bag
 from hc_logger.layout import FLAG, INTEGER, REAL, records
 from hc_logger.selection import full_name
@@ -186,6 +187,22 @@ class Recording:
                 ]
             except (AttributeError, TypeError, ValueError) as error:
                 raise BagError(damaged_definition(definition)) from error
+
+    @cached_property
+    def reading_changes(self) -> list[ReadingChange]:
+        """When the sensors were read otherwise from then on, in order; empty for a CSV file.
+
+        Raises:
+            BagError: if the recorded events are damaged.
+        """
+        if not self.is_bag:
+            return []
+        with self._bag() as reader:
+            changes = reading_changes(events_of(reader) or [])
+        if not len(self.stamps):
+            return []
+        # Not before there were samples, nor after the last one.
+        return [c for c in changes if self.stamps[0] <= c.stamp_ns < self.stamps[-1]]
 
     @cached_property
     def surface_std_mm(self) -> float:

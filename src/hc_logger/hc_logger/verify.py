@@ -135,7 +135,8 @@ def verify(recording: Recording) -> VerificationReport:
             if first != chosen.valid_from_sequence:
                 reason = (
                     f"revision {segment.revision} began at sample {chosen.valid_from_sequence}, "
-                    f"the first recorded estimate is of sample {first}"
+                    f"the first recorded estimate is of sample {first}: what the filter knew by "
+                    "then is not in the bag; verify the one that begins with the run"
                 )
                 estimator = None
         if estimator is not None and np.any(own < 0):

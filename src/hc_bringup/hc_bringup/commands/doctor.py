@@ -37,13 +37,19 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
     from hc_bringup.diagnosis import Finding, diagnose
     from hc_bringup.live_check import listen, too_short_wait
+    from hc_bringup.reading_changes import (
+        change_lines,
+        judged_line,
+        longest_stretch,
+        surface_std_at,
+    )
 
     notes: tuple[str, ...] = ()
     if arguments.input in (None, "live"):
         if recording_input.is_given(arguments):
             raise UserError("--input and --find-surface are for a recording", WRONG_USE)
         heard = listen(arguments.node, arguments.seconds)
-        findings = list(heard.findings)
+        findings, notes = list(heard.findings), heard.notes
         rows, settings, type_it = heard.rows, heard.settings, _for_node(arguments.node)
         surface_std_mm = heard.surface_std_mm
         where = f"node {arguments.node}, {arguments.seconds:g} s"
@@ -57,6 +63,19 @@ def run(arguments: argparse.Namespace) -> int:
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         surface_std_mm = recording.surface_std_mm
+        changes = recording.reading_changes
+        if changes:
+            stretch = longest_stretch(recording.stamps, recording.time_s, changes)
+            time_s, displacement_mm, force_n = (column[stretch.chosen] for column in rows)
+            rows = (time_s, displacement_mm, force_n)
+            if not recording.contact_position_std_mm:
+                end_ns = int(recording.stamps[stretch.chosen][-1])
+                surface_std_mm = surface_std_at(recording, end_ns)
+            notes = (
+                *notes,
+                *change_lines(changes, int(recording.stamps[0])),
+                judged_line(stretch),
+            )
         settings, type_it = dict(arguments.sensors), _for_recording(arguments, recording)
         where = f"{arguments.input}, {len(recording.time_s)} samples"
     diagnosis = None
@@ -73,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         _print_json(findings, diagnosis, settings, type_it, notes)
     else:
-        for note in notes:
+        for note in filter(None, notes):
             say(f"{where.partition(',')[0]}: {note}")
         _print(where, findings, diagnosis, settings, type_it)
     return FAILURE if findings else 0
@@ -190,7 +209,7 @@ def _print_json(
         )
     summary: dict[str, Any] = {
         "findings": listed,
-        "notes": list(notes),
+        "notes": [note for note in notes if note],
         "forecasts": [] if diagnosis is None else [f.sentence for f in diagnosis.forecasts],
     }
     if estimated is not None:

@@ -48,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import sys
 
+    from hc_bringup.reading_changes import change_lines, unexplained
     from hc_bringup.summary import to_json, why_unusable
     from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
@@ -59,8 +60,23 @@ def run(arguments: argparse.Namespace) -> int:
     estimator = make_estimator(arguments, recording)
     if arguments.output is not None and Path(arguments.output).exists():
         raise UserError(f"{arguments.output} exists already: choose another file", WRONG_USE)
-    suspicions = check_samples(recording.time_s, recording.displacement_mm, recording.force_n)
-    lines = [*recording.findings.lines(), *(s.sentence for s in suspicions)]
+    changes = recording.reading_changes
+    origin_ns = int(recording.stamps[0]) if len(recording.stamps) else 0
+    suspicions = unexplained(
+        check_samples(recording.time_s, recording.displacement_mm, recording.force_n),
+        changes,
+        origin_ns,
+    )
+    lines = [
+        *recording.findings.lines(),
+        *change_lines(changes, origin_ns),
+        *(s.sentence for s in suspicions),
+    ]
+    if changes:
+        lines.append(
+            "what was read otherwise is no recording of one tissue: hc bag filter --start and "
+            "--duration keep one part; hc doctor judges the longest one"
+        )
     if recording.findings.notes and not recording.is_bag:
         read = (recording.displacement_mm, recording.force_n)
         lines.append(recording_input.assumed_line(*read, table=True))

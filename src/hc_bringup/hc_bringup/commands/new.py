@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import keyword
+import shlex
+import sys
 from pathlib import Path
 
 from hc_bringup.errors import WRONG_USE, UserError
@@ -31,6 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"{name!r} is no name for a package: letters a-z, digits and _", WRONG_USE)
     if name in available_filters():
         raise UserError(f"there is a filter {name} already", WRONG_USE)
+    if importlib.util.find_spec(name) is not None:
+        raise UserError(f"there is a Python module {name} already: choose another name", WRONG_USE)
     folder = Path(arguments.output or name)
     if folder.exists():
         raise UserError(f"{folder} exists already", WRONG_USE)
@@ -43,9 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
             target.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UserError(f"cannot write {folder}: {error.strerror}") from error
-    print(f"{folder} is made. In this environment:")
-    print(f"  pip install --no-deps -e {folder}    then every command knows it:")
+    python = shlex.quote(sys.executable)
+    print(f"{folder} is made. Install it into this environment, and every command knows it:")
+    print(f"  {python} -m pip install --no-deps -e {shlex.quote(str(folder))}")
     print(f"  hc estimate RECORDING --filter {name}")
-    print(f"  python -m pytest {folder}")
+    print(f"  {python} -m pytest {shlex.quote(str(folder))}")
     print("Its settings are in one record with those of the others: all are compiled anew, once.")
     return 0
