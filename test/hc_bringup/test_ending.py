@@ -1,13 +1,19 @@
 """A command ends when a signal asks it to, whatever it does at that moment."""
 
+import math
+import os
 import signal
+import time
+from pathlib import Path
 
 import pytest
 
+from hc_bringup import heartbeat
+from hc_bringup.compilation_notice import NOTICE
 from hc_msgs_py.node_processes import Processes
 
 COMMAND = """
-import os, sys, time
+import ctypes, os, sys, time
 from collections import deque
 from itertools import chain, repeat
 from hc_bringup import cli, entry, heartbeat, last_resort
@@ -28,8 +34,14 @@ sys.exit(entry.main())
 """
 WORK = {
     "a sleep": "print('works', flush=True); time.sleep(3600.0)",
-    # One call that says that it works, goes on for ever, and keeps Python from answering.
-    "a long kernel": "deque(map(os.write, repeat(1), chain([b'works\\n'], repeat(b''))), maxlen=0)",
+    # C calls us back, and the KeyboardInterrupt of a callback goes to nobody.
+    "a callback": """ctypes.CFUNCTYPE(None)(
+            lambda: print('works', flush=True) or time.sleep(3600.0))()
+        time.sleep(3600.0)""",
+    # One call that says that it works, goes on for ever, and keeps Python from answering: as a
+    # compiler, which lets other threads run, and as a kernel, which does not.
+    "a long call": "deque(map(os.write, repeat(1), chain([b'works\\n'], repeat(b''))), maxlen=0)",
+    "a long kernel": "deque(chain(map(os.write, (1,), (b'works\\n',)), repeat(0)), maxlen=0)",
 }
 
 
@@ -42,14 +54,27 @@ def start():
 def ended(command, number):
     """Send a signal once the command works; returns its status and what it said."""
     assert command.stdout.readline() == "works\n"
+    return after_signal(command, number)
+
+
+def after_signal(command, number):
+    """Send a signal; returns the status of the command and what it said."""
     command.send_signal(number)
     said, errors = command.communicate()
     return command.returncode, said, errors
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_command_that_hears_the_signal_ends_with_its_status(start, number):
-    assert ended(start(WORK["a sleep"]), number) == (128 + number, "", "")
+@pytest.mark.parametrize("work", ["a sleep", "a callback"])
+def test_a_command_that_hears_the_signal_ends_with_its_status(start, work, number):
+    """Regression: llvmlite's callbacks lost it, with a traceback, and the compiler went on."""
+    assert ended(start(WORK[work]), number) == (128 + number, "", "")
+
+
+def test_one_that_is_in_a_long_call_ends_with_the_status_of_the_signal(start):
+    status, said, errors = ended(start(WORK["a long call"]), signal.SIGINT)
+    assert (status, said) == (128 + signal.SIGINT, "")
+    assert errors == "hc work: ended at once: it was too busy to end in order\n"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -97,3 +122,37 @@ def test_a_step_that_lasts_is_told_while_it_lasts(start):
     assert (command.returncode, said) == (0, "works\n")
     assert errors.startswith("... thinking, since ")
     assert errors.count("\n") == 1
+
+
+def cpu_s(process_id: int) -> float:
+    """Processor time that a process has used."""
+    fields = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+@pytest.mark.slow
+@pytest.mark.process
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("after_s", [4.0, 9.0, 14.0])
+@pytest.mark.parametrize(
+    "words",
+    [("estimate", "a.csv"), ("batch", "a.csv", "-o", "out", "-j", "2")],
+    ids=["estimate", "batch"],
+)
+def test_interrupted_while_it_compiles_it_ends_with_a_line_at_most(
+    tmp_path: Path, words: tuple[str, ...], after_s: float
+) -> None:
+    """With no kernel in the cache the compiler is at work from the third second or so on."""
+    depths = [(k / 500, 2.0 + math.sin(k / 160)) for k in range(2000)]
+    rows = "".join(f"{time_s},{d},{0.3 * d**1.6}\n" for time_s, d in depths)
+    (tmp_path / "a.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}")
+    with Processes(None, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "kernels")) as processes:
+        command = processes.start("-m", "hc_bringup", *words)
+        while cpu_s(command.pid) < after_s:
+            assert command.poll() is None
+            time.sleep(0.02)
+        status, said, errors = after_signal(command, signal.SIGINT)
+    assert (status, said) == (128 + signal.SIGINT, "")
+    busy = f"hc {words[0]}: ended at once: it was too busy to end in order"
+    lines = [line for line in errors.splitlines() if not line.startswith(heartbeat.MARK)]
+    assert [line for line in lines if line != NOTICE] in ([], [busy])

@@ -55,7 +55,8 @@ COMMANDS: Final = (
 """Modules of hc_bringup.commands; each has configure(parser) and run(arguments) -> status.
 
 A module with COMPILES = True runs kernels itself: that these are compiled is then told. One with
-HEARTBEAT = True names its steps (heartbeat.py), and each is told that lasts.
+HEARTBEAT = True names its steps (heartbeat.py), and each is told that lasts. Both end by a signal
+also where Python does not come to answer it (last_resort.py).
 """
 
 
@@ -245,10 +246,14 @@ def _run(words: list[str], tell_waiting: bool) -> int:
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
     module = _module(parsed.command)
-    if tell_waiting and getattr(module, "HEARTBEAT", False):
+    has_heartbeat, compiles = (
+        tell_waiting and getattr(module, name, False) for name in ("HEARTBEAT", "COMPILES")
+    )
+    if has_heartbeat or compiles:
         last_resort.arm(f"hc {parsed.command}")
+    if has_heartbeat:
         heartbeat.begin(f"starting hc {parsed.command}")
-    if tell_waiting and getattr(module, "COMPILES", False):
+    if compiles:
         from hc_bringup.compilation_notice import CompilationNotice
 
         CompilationNotice()

@@ -21,16 +21,18 @@ def main() -> int:
     import sys
     import warnings
 
-    from hc_bringup import cli
+    from hc_bringup import cli, last_resort
 
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
     signals = (signal.SIGINT, signal.SIGTERM)
     for number in signals:
         signal.signal(number, cli.on_interrupt)
+    sys.unraisablehook = last_resort.again
     try:
         status = cli.main(tell_waiting=True)
     finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)  # that of last_resort.again
         for number in signals:
             signal.signal(number, signal.SIG_DFL)
     if cli.was_interrupted():
