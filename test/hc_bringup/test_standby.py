@@ -1,5 +1,6 @@
 """A successor that waits becomes the node that died; it never outlives what it waits for."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -39,7 +40,7 @@ def node_module(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def process(tmp_path):
+def process(tmp_path, children):
     plan = NodePlan("a", "a_node_of_ours", parameters={"x": 1}, respawn=True)
     process = NodeProcess(plan, tmp_path)
     yield process
@@ -62,16 +63,26 @@ def kill(process):
     wait_for(lambda: process.exit_status() is not None, "it still lives")
 
 
+def all_children():
+    """Processes that this one started and has not waited for."""
+    found = set()
+    for task in Path("/proc/self/task").iterdir():
+        with contextlib.suppress(FileNotFoundError):  # a thread that has ended meanwhile
+            found.update(map(int, (task / "children").read_text().split()))
+    return found
+
+
+@pytest.fixture
 def children():
-    """Processes of ours."""
-    return {
-        int(child)
-        for task in Path("/proc/self/task").iterdir()
-        for child in (task / "children").read_text().split()
-    }
+    """Tells which processes the test has started and not waited for.
+
+    Without those of tests before it: joblib's helpers stay as long as the test process.
+    """
+    strangers = all_children()
+    return lambda: all_children() - strangers
 
 
-def test_the_successor_becomes_the_node_with_its_arguments(process, tmp_path):
+def test_the_successor_becomes_the_node_with_its_arguments(process, children, tmp_path):
     wait_for(lambda: lines(process), "no node")
     process.stand_by()
     (successor,) = children() - {process.pid}
@@ -89,7 +100,7 @@ def test_the_successor_becomes_the_node_with_its_arguments(process, tmp_path):
     assert process.stop() == -signal.SIGINT
 
 
-def test_a_successor_that_is_dead_is_no_loss(process):
+def test_a_successor_that_is_dead_is_no_loss(process, children):
     wait_for(lambda: lines(process), "no node")
     process.stand_by()
     (successor,) = children() - {process.pid}
@@ -101,7 +112,7 @@ def test_a_successor_that_is_dead_is_no_loss(process):
     assert children() == {process.pid}
 
 
-def test_a_successor_ends_with_the_run(process, tmp_path):
+def test_a_successor_ends_with_the_run(process, children, tmp_path):
     wait_for(lambda: lines(process), "no node")
     process.stand_by()
     wait_for((tmp_path / "prepared").exists, "not prepared")
@@ -118,7 +129,7 @@ def test_a_successor_ends_when_whoever_waits_for_it_has_ended(tmp_path):
         assert waiting.wait(10) == 0
 
 
-def test_who_is_not_started_again_has_no_successor(tmp_path):
+def test_who_is_not_started_again_has_no_successor(children, tmp_path):
     process = NodeProcess(NodePlan("a", "a_node_of_ours"), tmp_path)
     process.stand_by()
     assert children() == {process.pid}
