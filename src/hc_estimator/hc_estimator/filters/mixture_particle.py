@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.hunt_crossley import SMALLEST_SPEED
 from hc_estimator.contact.registry import contact_force, contact_gradient
 from hc_estimator.memory import Field
 
@@ -36,7 +37,7 @@ SCRATCH = (
 @compiled
 def linearise(settings: Any, memory: Any, row: NDArray[np.float64]) -> float:
     """Force of a particle; its derivatives by its states go to memory.conditional_slope."""
-    contact_gradient(
+    force = contact_gradient(
         settings.contact_model,
         row[STATE],
         row[STATE + 1],
@@ -52,6 +53,9 @@ def linearise(settings: Any, memory: Any, row: NDArray[np.float64]) -> float:
     slope[2] = 0.0
     for i in range(4):
         slope[3 + i] = memory.gradient[2 + i]
+    if abs(row[STATE + 1]) >= SMALLEST_SPEED:
+        return float(force)
+    # Below it the gradient's force has the damping of that speed.
     return contact_force(
         settings.contact_model,
         row[STATE],
