@@ -86,6 +86,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     from hc_bringup.commands.run import file_parameters, new_bag_folder
     from hc_bringup.paths import config_folder
     from hc_bringup.plan import NodePlan, RunPlan
+    from hc_estimator.ros.node_settings import LARGEST_BACKLOG
     from hc_logger.recording import is_text
     from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
     from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, SAMPLES
@@ -133,7 +134,9 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
         )
     ]
     if with_estimator:
-        parameters = {**settings, "expected_sample_publishers": 1}
+        # Nobody acts on these estimates: on a busy machine they come late rather than not at all.
+        waiting = {"input.maximum_backlog": LARGEST_BACKLOG}
+        parameters = {**waiting, **settings, "expected_sample_publishers": 1}
         parameters["expected_estimate_subscribers"] = 1 + int(bag is not None)
         nodes.append(
             NodePlan(
