@@ -40,7 +40,7 @@ class Bench(Processes):
         path.write_text(json.dumps(specification))
         return self.start(str(HERE / "fake_robot.py"), str(path))
 
-    def hc(self, *words, timeout=90.0):
+    def hc(self, *words, timeout=300.0):
         """Run hc to its end; what it says of itself on a busy machine is left out."""
         done = self.run("-m", "hc_bringup", *words, timeout_s=timeout)
         done.stderr = HEARTBEAT.sub("", done.stderr)

@@ -5,7 +5,7 @@ import signal
 import pytest
 import yaml
 
-pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(600)]
 
 ROBOT = {
     "on_request": 4,

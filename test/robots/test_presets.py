@@ -109,7 +109,7 @@ def test_every_preset_has_a_fake_and_says_what_it_is():
 
 @pytest.mark.slow
 @pytest.mark.process
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_preset_reads_its_robot(bench, name):
     bench.robot(rest_s=1.0, tissue=[0.8, 0.05, 1.4, 1.0], **ROBOTS[name])

@@ -9,7 +9,7 @@ import pytest
 
 from hc_msgs_py.node_processes import Processes
 
-pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(600)]
 
 AS_CONFIGURED = {"force": {"reaction": -1}}
 """A sensor that reads a push as negative, as config/robot_arm.yaml says."""

@@ -14,7 +14,7 @@ import yaml
 from hc_bringup.guided_setup import LiveLine
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(600)]
 
 ROBOT = {
     "rest_s": 0.5,

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(600)]
 
 NORMAL = [0.2, -0.1, 1.0]
 DOWN = Rotation.from_euler("xy", [170, 10], degrees=True)

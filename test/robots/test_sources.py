@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(600)]
 
 TISSUE = [0.5, 0.05, 1.5, 1.0]
 TOOL = {"type": "tf", "topic": "tf", "rate_hz": 125.0, "noise_mm": 0.005}

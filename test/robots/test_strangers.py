@@ -5,7 +5,7 @@ import json
 import pytest
 import yaml
 
-pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(600)]
 
 TILT = [0.0, 0.25881904510252074, 0.0, 0.9659258262890683]  # 30 degrees about y
 ROBOTS = {

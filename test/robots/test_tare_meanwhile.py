@@ -7,7 +7,7 @@ import time
 import pytest
 import yaml
 
-pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.slow, pytest.mark.process, pytest.mark.timeout(600)]
 
 INPUT = {
     "source": "sensors",

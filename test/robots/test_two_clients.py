@@ -6,7 +6,7 @@ import time
 import pytest
 import yaml
 
-pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(600)]
 
 SETTINGS = {
     "source": "sensors",

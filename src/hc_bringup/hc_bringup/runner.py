@@ -204,9 +204,10 @@ class Runner:
         """Ask every node's ~/ready until all have started and found their partners.
 
         The time to find each other counts from when the last one has started, because a node
-        that compiles its estimator keeps the others waiting.
+        that compiles its estimator keeps the others waiting. One that has answered before and does
+        not now is busy: its time counts from its last answer.
         """
-        started = time.monotonic()
+        answered_at = {process.name: time.monotonic() for process in self._processes}
         all_started_at: float | None = None
         while self._signal is None:
             self._check_alive(state)
@@ -219,15 +220,20 @@ class Runner:
                 self._check_names(monitor)
                 return
             now = time.monotonic()
+            answered_at.update(
+                (name, now) for name in answered_at if missing.get(name) != NOT_STARTED
+            )
             waiting = [name for name, problem in missing.items() if problem == NOT_STARTED]
             busy = {
                 n: p.removeprefix(STARTING) for n, p in missing.items() if p.startswith(STARTING)
             }
             if waiting:
                 state.phase = f"starting {', '.join(waiting)}"
-                if now - started > START_TIMEOUT_S:
+                longest = min(waiting, key=lambda name: answered_at[name])
+                if now - answered_at[longest] > START_TIMEOUT_S:
                     raise UserError(
-                        f"node {waiting[0]} offers no ~/ready service after {START_TIMEOUT_S:.0f} s"
+                        f"node {longest} has not answered its ~/ready service for "
+                        f"{START_TIMEOUT_S:.0f} s: is this machine very busy?"
                     )
             elif busy:  # it says what it does, and whether it lives is looked at above
                 all_started_at = None
