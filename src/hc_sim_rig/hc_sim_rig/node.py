@@ -76,6 +76,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._ahead = 1
         if self._simulated is None and self._remote is None:
             self._ahead = messages_ahead(self._rig.rate_hz / self._together)
+        if self._ahead * self._together > 1:
+            self._outputs.warm_up()
         self._block: Block | None = None
         self._sampler = self._make_sampler()
         self.create_service(SetBool, "~/run", self._run)

@@ -102,7 +102,6 @@ class Outputs:
         self._wrench_message.header.frame_id = FRAME_INDENTER_TIP
         self._joints_message = JointState(name=list(JOINT_NAMES))
         self._rows_encoder = RowsEncoder()
-        self._rows_encoder.warm_up()
         self._tip_message = PointStamped()
         self._tip_message.header.frame_id = FRAME_STAGE
         self._by_topic = {
@@ -193,6 +192,10 @@ class Outputs:
         if self._wanted(JOINT_STATES):
             self._publish_joints(stamp_ns, sample)
         self.published += 1
+
+    def warm_up(self) -> None:
+        """Load what `make` needs, so that the first samples do not wait for it."""
+        self._rows_encoder.warm_up()
 
     def make(self, stamps_ns: Sequence[int], first: int, rows: NDArray[np.float64]) -> Block:
         """Make the messages of samples that are not due yet.
