@@ -1,7 +1,7 @@
 """Samples that are taken and made into bytes some milliseconds before they are due.
 
-One call of the compiled rig and one of each encoder serve several samples, and at its deadline a
-sample has only to be published. What else belongs to them goes out after the last of them, if none
+One call of the compiled rig serves several samples, one more fills their messages for all topics
+(message_kernel.py), and at its deadline a sample has only to be published. What else belongs to them goes out after the last of them, if none
 but a recorder listens (ros/outputs.py).
 """
 
