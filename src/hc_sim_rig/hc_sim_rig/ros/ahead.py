@@ -1,8 +1,8 @@
 """Samples that are taken and made into bytes some milliseconds before they are due.
 
 One call of the compiled rig serves several samples, one more fills their messages for all topics
-(message_kernel.py), and at its deadline a sample has only to be published. What else belongs to them goes out after the last of them, if none
-but a recorder listens (ros/outputs.py).
+(message_kernel.py), and at its deadline a sample has only to be published. What else belongs to
+them goes out after the last of them, if none but a recorder listens (ros/outputs.py).
 """
 
 from __future__ import annotations
