@@ -59,6 +59,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.user_properties.append(("tried again because", reason))
 
 
+def pytest_collection_finish() -> None:
+    """Let the collector of garbage pass over what stays to the end: modules, tests, kernels."""
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def middleware_environment() -> Iterator[None]:
     """What hc_msgs_py.middleware sets for this process ends with the test."""

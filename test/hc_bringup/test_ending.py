@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hc_bringup import heartbeat
+from hc_bringup import heartbeat, last_resort
 from hc_bringup.compilation_notice import NOTICE
 from hc_msgs_py.node_processes import Processes
 
@@ -27,11 +27,14 @@ class Module:
     def run(arguments):
         {work}
 
+last_resort.PATIENCE_S = {patience_s}
 cli._module = lambda name: Module
 cli.COMMANDS = ("work",)
 sys.argv = ["hc", "work"]
 sys.exit(entry.main())
 """
+SHORT_S = 0.1
+"""Patience with commands that never hear the signal, which use the processor so long."""
 WORK = {
     "a sleep": "print('works', flush=True); time.sleep(3600.0)",
     # C calls us back, and the KeyboardInterrupt of a callback goes to nobody.
@@ -48,7 +51,11 @@ WORK = {
 @pytest.fixture
 def start():
     with Processes(None) as processes:
-        yield lambda work: processes.start("-c", COMMAND.format(work=work))
+
+        def begin(work, patience_s=last_resort.PATIENCE_S):
+            return processes.start("-c", COMMAND.format(work=work, patience_s=patience_s))
+
+        yield begin
 
 
 def ended(command, number):
@@ -72,7 +79,7 @@ def test_a_command_that_hears_the_signal_ends_with_its_status(start, work, numbe
 
 
 def test_one_that_is_in_a_long_call_ends_with_the_status_of_the_signal(start):
-    status, said, errors = ended(start(WORK["a long call"]), signal.SIGINT)
+    status, said, errors = ended(start(WORK["a long call"], SHORT_S), signal.SIGINT)
     assert (status, said) == (128 + signal.SIGINT, "")
     assert errors == "hc work: ended at once: it was too busy to end in order\n"
 
@@ -80,7 +87,7 @@ def test_one_that_is_in_a_long_call_ends_with_the_status_of_the_signal(start):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_one_that_cannot_hear_it_is_ended_all_the_same(start, number):
     """Regression: hc setup on a busy machine went on for ten seconds after a SIGTERM."""
-    status, said, errors = ended(start(WORK["a long kernel"]), number)
+    status, said, errors = ended(start(WORK["a long kernel"], SHORT_S), number)
     assert (status, said) == (-signal.SIGKILL, "")
     assert errors == "hc work: ended at once: it was too busy to end in order\n"
 
@@ -95,11 +102,11 @@ def test_what_puts_its_things_away_itself_is_left_to_it(start):
         signal.signal(signal.SIGTERM, lambda *_: ended.append(1))
         print('works', flush=True)
         while not ended:
-            sum(range(10**8))
+            sum(range(2 * 10**7))
         print('away', flush=True)
         return 0
 """
-    command = start(work.strip())
+    command = start(work.strip(), SHORT_S)
     assert ended(command, signal.SIGTERM) == (0, "away\n", "")
 
 

@@ -19,13 +19,15 @@ from hc_sim_rig.bilateral import (
     LumpyTissue,
     Network,
     Operator,
+    rendering_kernel,
     simulate,
     waves_kernel,
 )
 from hc_sim_rig.bilateral import layout as at
 from hc_sim_rig.bilateral.mediator import Mediator
-from hc_sim_rig.bilateral.rendering_kernel import elastic_energy, render
+from hc_sim_rig.bilateral.rendering_kernel import elastic_energy
 from hc_sim_rig.bilateral.task import Span, Task, palpation_task, tremor
+from hc_sim_rig.compilation import compiled
 from hc_sim_rig.schema import ScenarioError
 
 STEP = 0.001
@@ -50,6 +52,14 @@ STEP = 0.001
         waves_kernel.wave_out,
     )
 )
+
+
+@compiled
+def render(
+    position: float, velocity: float, packet: np.ndarray, constants: np.ndarray, memory: np.ndarray
+) -> tuple[float, float]:
+    """The renderer, which has no cache of its own."""
+    return rendering_kernel.render(position, velocity, packet, constants, memory)
 
 
 def short_task(seconds: float = 6.0) -> Task:

@@ -43,7 +43,7 @@ def compiled() -> None:
 
 
 @pytest.fixture
-def start(compiled: None, tmp_path: Path) -> Iterator[Start]:
+def start(tmp_path: Path) -> Iterator[Start]:
     """Start processes in a domain, in a namespace if wanted; ended with the test."""
     with ExitStack() as stack:
 
@@ -54,6 +54,7 @@ def start(compiled: None, tmp_path: Path) -> Iterator[Start]:
         yield begin
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.slow
 def test_two_hosts_feel_through_a_link_with_delay_and_loss(
     start: Start, join_hosts: Callable[..., Any], ros_domain: int, tmp_path: Path
@@ -105,6 +106,7 @@ def test_two_hosts_feel_through_a_link_with_delay_and_loss(
     assert found["stiffness"] > 0.05  # and there was a model of it
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["observer", "extended", "unscented", "sir_pf"])
 def test_without_a_force_sensor_the_force_is_felt_all_the_same(
@@ -142,6 +144,7 @@ def test_without_a_force_sensor_the_force_is_felt_all_the_same(
     assert np.sqrt(np.mean((force - true)[late] ** 2)) < 0.3
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["position_position", "wave_variables", "direct"])
 def test_every_method_of_feedback_runs_live(
@@ -191,6 +194,7 @@ def read_forces(bag: Path) -> dict[str, np.ndarray]:
     return {topic: np.array(found).T for topic, found in rows.items()}
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.slow
 def test_a_side_that_is_killed_comes_back_through_garbage_with_its_clock_set_back(
     start: Start, ros_domain: int, tmp_path: Path
@@ -270,6 +274,7 @@ def strangers(*ports: int) -> Iterator[None]:
         thread.join()
 
 
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [1000, 4000])
 def test_a_haptic_device_of_crtk_is_served_at_1_khz(
