@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from hc_bringup import heartbeat
 from hc_bringup.diagnosis import Finding
+from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
 from hc_bringup.reading_changes import change_lines
+from hc_bringup.service_calls import AGAIN_S, Client
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
+from hc_msgs_py.background import STARTING
 from hc_msgs_py.conversion import sample_from_message
 from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, SAMPLE
@@ -51,7 +54,7 @@ def listen(node: str, seconds: float) -> Heard:
     """Listen to an estimator node and to the samples that it uses.
 
     Raises:
-        UserError: if there is no such node.
+        UserError: if there is no such node, or if it is still starting.
         KeyboardInterrupt: if a signal asks to end.
     """
     from diagnostic_msgs.msg import DiagnosticArray
@@ -63,6 +66,7 @@ def listen(node: str, seconds: float) -> Heard:
     statuses: list[Any] = []
     with Graph() as graph:
         name = graph.require_node(node)
+        _refuse_while_starting(graph, name)
         namespace = name.rpartition("/")[0]
         heard.settings = input_settings(graph, name)
         heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
@@ -130,6 +134,19 @@ def listen(node: str, seconds: float) -> Heard:
         rows[:, 2] -= heard.settings.get("force.zero", 0.0)
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
+
+
+def _refuse_while_starting(graph: Graph, name: str) -> None:
+    """See that a node does not compile: until that is done it takes no sample.
+
+    Raises:
+        UserError: if it does; says how far it is.
+    """
+    from std_srvs.srv import Trigger
+
+    answer = Client(graph, Trigger, f"{name}/ready").call(Trigger.Request(), again_s=AGAIN_S)
+    if not answer.success and answer.message.startswith(STARTING):
+        raise UserError(f"{name} is {answer.message}: ask again when it is done", FAILURE)
 
 
 def _is_within(change: ReadingChange, samples: list[Any]) -> bool:
