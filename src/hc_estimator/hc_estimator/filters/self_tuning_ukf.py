@@ -26,6 +26,7 @@ from hc_estimator.multiple_model import (
     surface_search,
     tempering,
     zero_doubt,
+    zero_fit,
 )
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
@@ -44,6 +45,7 @@ SPECIFICATIONS = (
     *alignment.SPECIFICATIONS,
     *delay_joint.SPECIFICATIONS,
     *delay_evidence.SPECIFICATIONS,
+    *zero_fit.SPECIFICATIONS,
     *zero_doubt.SPECIFICATIONS,
 )
 # For experiments: nobody tunes these, and the accuracy pages say what each is worth.

@@ -95,7 +95,7 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
-        return False
+        return _look_for_zeros(settings, bank, share)
     if row.active == 0:
         row.active = 1
         seed(constant, row, clock, constant.counts_from)  # a copy of one that waits waits too
@@ -113,8 +113,20 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
+    return _look_for_zeros(settings, bank, share)
+
+
+@compiled
+def _look_for_zeros(settings: Any, bank: Any, share: float) -> bool:
+    """Ask the points for zeros that are off; True if onset.shift says by how much.
+
+    Args:
+        settings: settings record.
+        bank: records of the zeros are changed.
+        share: of a reading's variance in that of a point, as far as the information goes.
+    """
+    history, finder, onset = bank.history, bank.delay, bank.onset
     # Where the tool was seen free, the first touch shows the zeros (`contact_onset`).
-    onset = bank.onset
     if onset.decided != 0 or onset.in_air != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay of many milliseconds must have been found before, or ruled out.
@@ -123,7 +135,8 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         return False
     # Of the middle of a parabola: 9/4 of a reading's variance over their number.
     expected = 2.25 * finder.grid_step * history.every / finder.grid_width
-    return zero_fit.look(settings, bank, force_noise, expected)
+    noise = (share * bank.sensor_noise[0], share * bank.sensor_noise[1])
+    return zero_fit.look(settings, bank, noise, expected)
 
 
 @compiled
@@ -172,6 +185,8 @@ def _take_velocity_noise(history: Any, finder: Any, noise: float, independent: f
     history.velocity_std[0] = math.sqrt(noisier * variance)
     history.velocity_noise[0] = noisier * variance * width / spacing
     variance *= 1.0 + CUBIC_NOISE
+    history.velocity_std[2] = math.sqrt(variance)
+    history.velocity_noise[2] = variance * width / spacing
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
         value = noise * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
         variance = smoothing.wide_variance(finder, value)
@@ -201,14 +216,14 @@ def _fit(
     count = history.count - histories.oldest(history)
     left, total = math.inf, 0.0
     for _ in range(PASSES):  # the weights are those of the law found before
-        total = weigh(settings, history, history, force_noise)
-        squares = gather(settings, history, history, history.fit)
+        total = weigh(settings, history, force_noise)
+        squares = gather(settings, history, history.fit)
         before = max(squares / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
             return -1.0
         if _is_anything_held(history):
             squares = math.nan  # the fit has moved
-        squares = improve(settings, history, history, 1.0 / min(before, 1e6), squares)
+        squares = improve(settings, history, 1.0 / min(before, 1e6), squares)
         if not math.isfinite(squares):
             return -1.0
         left = max(squares / count, 1.0)
@@ -222,7 +237,7 @@ def _fit(
         history.guessed = max(history.guessed, history.held[i])
         history.held[i] = 0
     if not _is_gathered(history):
-        gather(settings, history, history, history.fit)
+        gather(settings, history, history.fit)
     add_prior(settings, history, history.fit, 1.0 / left)
     if not invert(settings, history):
         return -1.0
@@ -288,7 +303,7 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
                 break
             history.fit[1] = history.fit[0] + first
             history.fit[3] = settings.initial_velocity_exponent
-            gather(settings, history, history, history.fit)
+            gather(settings, history, history.fit)
         for i in (3, 1, 3):  # p once more: with B / K held it is what noise would move
             if history.held[i] != 0:
                 continue

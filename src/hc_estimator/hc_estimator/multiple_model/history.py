@@ -20,6 +20,8 @@ from hc_estimator.multiple_model.records import GRID, POINTS
 LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
 TOUCHING = 5.0  # deviations of the force below which it may be none
+# Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
+UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
 SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
 
 
@@ -73,7 +75,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     # Parabolas of readings that are far apart are wide enough for a cubic of their own.
     point[5] = point[1] + place[6]
     point[6] = place[2]
-    point[7] = 1.0 if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else 0.0
+    point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
     point[8] = grids.time_of(finder, there)
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
@@ -114,10 +116,13 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
         if abs(point[8] - time) < 0.5 * finder.grid_step:
             variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
             touching = _is_in_contact_around(finder, there + shift, noise[1])
-            if touching and smoothing.take_wide(finder, there, variance):
+            if not touching:
+                return
+            point[7] = NARROW
+            if smoothing.take_wide(finder, there, variance):
                 point[5] = finder.wide[0] + rest * finder.wide[1]
                 point[6] = finder.wide[1]
-                point[7] = 1.0
+                point[7] = WIDE
             return
 
 

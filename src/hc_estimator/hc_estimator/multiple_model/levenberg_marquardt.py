@@ -49,45 +49,44 @@ def _limit(values: Any) -> None:
 
 
 @compiled
-def improve(settings: Any, history: Any, work: Any, weight: float, squares: float) -> float:
-    """Levenberg-Marquardt from work.fit on.
+def improve(settings: Any, history: Any, weight: float, squares: float) -> float:
+    """Levenberg-Marquardt from history.fit on.
 
     Args:
         settings: settings record.
-        history: points.
-        work: its fit, and all that belongs to one, is changed.
+        history: points; its fit, and all that belongs to one, is changed.
         weight: of the squares beside the prior.
-        squares: what `gather` gave for work.fit, if it came last; NaN: it is to be called.
+        squares: what `gather` gave for history.fit, if it came last; NaN: it is to be called.
 
     Returns:
         Weighted sum of squares at its end; NaN if it broke down.
     """
-    values, following = work.fit, work.next
+    values, following = history.fit, history.next
     if math.isnan(squares):
-        squares = gather(settings, history, work, values)
-    cost = weight * squares + prior_cost(settings, work, values)
+        squares = gather(settings, history, values)
+    cost = weight * squares + prior_cost(settings, history, values)
     damping = FIRST_DAMPING
-    add_prior(settings, work, values, weight)
+    add_prior(settings, history, values, weight)
     for _ in range(STEPS):
-        copy_matrix(work.information, work.damped)
-        copy_vector(work.slope, following)
+        copy_matrix(history.information, history.damped)
+        copy_vector(history.slope, following)
         for i in range(values.shape[0]):
-            work.damped[i, i] *= 1.0 + damping
-        if not cholesky(work.damped, work.factor):
+            history.damped[i, i] *= 1.0 + damping
+        if not cholesky(history.damped, history.factor):
             return math.nan
-        solve(work.factor, following)
+        solve(history.factor, following)
         for i in range(values.shape[0]):
             following[i] += values[i]
         _limit(following)
-        squares_after = gather(settings, history, work, following)
-        after = weight * squares_after + prior_cost(settings, work, following)
+        squares_after = gather(settings, history, following)
+        after = weight * squares_after + prior_cost(settings, history, following)
         if after < cost:
             gain = cost - after
             cost, squares = after, squares_after
             copy_vector(following, values)
             if gain < SMALLEST_GAIN * cost:
                 break
-            add_prior(settings, work, values, weight)
+            add_prior(settings, history, values, weight)
             damping *= 0.1
         else:
             damping *= 10.0

@@ -23,7 +23,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     SURFACE_ROW,
 )
-from hc_estimator.multiple_model.zero_fit import OF_FORCE
+from hc_estimator.multiple_model.zero_fit import NONE
 from hc_estimator.specification import ParameterSpecification
 
 PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE
@@ -64,14 +64,16 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
         row: whose estimate is given out.
         out: row of numbers; its covariance is changed.
     """
+    if bank.zeros.unknown != NONE:
+        _add_joint(bank.zeros.doubt, out)
+        return
     exponent = row.state[EXPONENT]
     if not SURFACE[row.index]:
         variance = _position_variance(settings, bank)
         if variance > 0.0:
             _add_position(bank.tool, variance, exponent, out)
     deviation = force_deviation(settings, bank)
-    considered = bank.zeros.unknown & OF_FORCE != 0 or settings.force_zero_std > 0.0
-    if considered and deviation > 0.0:
+    if settings.force_zero_std > 0.0 and deviation > 0.0:
         _add_force_zero(bank.tool, deviation**2, exponent, out)
 
 
@@ -144,3 +146,13 @@ def _add_bent(
     for i in range(3):
         for j in range(3):
             out[COVARIANCE + 4 * i + j] += variance * (slopes[i] * slopes[j])
+
+
+@compiled
+def _add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
+    """Add what both zeros leave open of ln K, ln B, n and p (`zero_fit`)."""
+    for i in range(4):
+        first = out[PARAMETERS + i] if i < 2 else 1.0
+        for j in range(4):
+            second = out[PARAMETERS + j] if j < 2 else 1.0
+            out[COVARIANCE + 4 * i + j] += doubt[i, j] * (first * second)

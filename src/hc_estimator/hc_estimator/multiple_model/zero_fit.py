@@ -3,17 +3,21 @@
 Where the tool starts in contact no first touch shows the zeros (`contact_onset`). But a power law
 begins at zero force and zero depth: one that has to begin elsewhere leaves what no K, B, n and p
 explain. So does a force that is late. Least squares with contact position, force zero and delay as
-further unknowns finds within seconds which of them it is (ours; `hc bench accuracy delay`: 0.6 mm
-of 3 mm makes K 50 % wrong).
+further unknowns finds within seconds which of them it is, on tissue that stays, beneath a surface
+that sinks, and where the stiffness varies (`spline_fit`; ours; `hc bench accuracy delay`: 0.6 mm of
+3 mm makes K 50 % wrong; `together`: zeros off).
 
 One fit has all three unknown; what each choice of fewer would cost follows from its covariance.
 The choice with the least cost and fewest unknowns wins, but all that explains the points nearly as
 well stays unknown with it (Occam's window; Madigan and Raftery, JASA 89, 1994): where nothing shows
-which of two zeros it is, both are taken from the fit that has both, with the deviations of that.
+which of two zeros it is, both are taken from the fit that has both. The choice is among zeros as
+they were given, so that more points can take back what fewer seemed to show. What is left open of
+the zeros in use goes with the estimate, by how much the K, B, n and p of the fit depend on them
+(Schmidt 1966; `zero_doubt` gives it out).
 
 A law that does not fit real tissue would find zeros as well that make it fit better. So zeros move
-only where the law then fits to within the noise of the sensors, and did not before: where no law
-does, nothing is concluded.
+only where the law then fits to within the noise of the sensors: where no law does, nothing is
+concluded.
 """
 
 from __future__ import annotations
@@ -22,38 +26,46 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import cholesky, copy_vector
-from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.levenberg_marquardt import improve, solve
-from hc_estimator.multiple_model.normal_equations import (
-    add_prior,
-    gather,
-    is_used,
-    weigh,
-)
-from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
+from hc_estimator.multiple_model import spline_fit
+from hc_estimator.multiple_model.history import UNKNOWN
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
+from hc_estimator.multiple_model.kalman import LARGEST_LOG
+from hc_estimator.multiple_model.levenberg_marquardt import solve
+from hc_estimator.multiple_model.records import POINTS, SPLINE_FIRST
+from hc_estimator.multiple_model.spline_fit import SINKS, STAYS, VARIES
+from hc_estimator.specification import ParameterSpecification
 
-POSITION, FORCE_ZERO, DELAY = 4, 5, 6  # of the unknowns
-ZERO_UNKNOWNS = 7
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "find_zeros",
+        "bool",
+        True,
+        "Look for a contact position and a force zero that are off, where the motion shows them.",
+    ),
+)
+
 # A choice of unknowns is the sum of these.
 NONE, OF_POSITION, OF_FORCE, OF_DELAY = 0, 1, 2, 4
 ZEROS = OF_POSITION + OF_FORCE
 ALL = ZEROS + OF_DELAY
 SIGNIFICANT = 8.0  # decrease of the weighted squares beyond that
 PENALTY = 9.0  # of the same, that another unknown must be worth: three deviations
-CONSISTENT = 1.5  # largest mean square left, in that of the noise
-REFUTED = 6.0  # at which zeros that were found are taken back
-LEAST_TIME = 2.0  # in contact [s]
-LASTING = 2.0  # time in contact for which a candidate must stay the same [s]
-BETTER_BY = 16.0  # decrease by which one candidate is better than the other
-FINER = 0.5  # of the deviation with which a zero was found, at which it is found anew
+BETTER_BY = 16.0  # decrease by which one choice is better than another
+CONSISTENT = 1.5  # largest squares left, in those of the noise
+REFUTED = 6.0  # the same, at which zeros that were found are taken back
+EVERY = 1.0  # time in contact between two fits [s]
+FEWEST = 60  # points
+LEAST_TIME = 2.0  # that they must span [s]
+LEAST_TIME_VARYING = 6.0  # the same where the tissue or the surface does not stay [s]
+LASTING = 2.0  # time in contact for which a choice must stay the same [s]
+WANDERS = 4.0  # square of a change by which zeros of the same choice have become others
+FINER = 0.5  # of the deviation that zeros in use leave to ln K, at which they are found anew
 LEAST_POSITION = 0.05  # [mm]
 LEAST_ZERO = 0.005  # of the largest force
 LARGEST_POSITION = 0.5  # of the largest depth
 LARGEST_ZERO = 0.3  # of the largest force
 LARGEST_DELAY = 0.005  # up to which the fit's tangents hold; a larger one is for `delay` [s]
-PASSES = 3  # with other weights
-SETTLED = 1e-2  # relative change of the squares between two passes at which they end
 
 
 @compiled
@@ -61,148 +73,202 @@ def reset(zeros: Any) -> None:
     """Neither zero was found to be off."""
     zeros.unknown = NONE
     zeros.candidate = NONE
+    zeros.waiting = 0
     zeros.since = 0.0
+    zeros.refuted_since = math.inf
+    zeros.looked_at = -math.inf
     zeros.deviation = 0.0
+    clear_matrix(zeros.doubt)
 
 
 @compiled
-def look(settings: Any, bank: Any, force_noise: float, expected: float) -> bool:
-    """Look for zeros that are off; True if onset.shift says by how much.
+def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -> bool:
+    """Look for zeros that are off; True if onset.shift says by how much they are to move.
 
     Args:
         settings: settings record.
         bank: its records `zeros` and `onset` are changed, and the weights of its points.
-        force_noise: variance of a point's force by its share in the information [N^2].
-        expected: weighted square of a point where noise of the force is all that is left.
+        noise: variances of a point's displacement [mm^2] and force [N^2] by its share in the
+            information.
+        scatter: variance of what is left of a point's readings over `noise`.
     """
-    history, zeros = bank.history, bank.zeros
-    count = _count(history)
-    if 2 * count < history.count - histories.oldest(history):
-        return False
+    history, zeros, clock = bank.history, bank.zeros, bank.tool.contact_clock
     # A press in one direction leaves too much to K, B and n alone.
-    if bank.tool.contact_clock < LEAST_TIME or bank.tool.retreated == 0:
+    if settings.find_zeros == 0 or bank.tool.retreated == 0:
         return False
-    if history.guessed != 0:  # a damping that is only a guess leaves what zeros would explain
+    if clock - zeros.looked_at < EVERY:
         return False
-    if zeros.unknown == NONE and not _promises(settings, history, zeros, force_noise):
-        zeros.candidate = NONE
+    # A damping that is only a guess leaves what zeros would explain.
+    if history.fitted != 0 and history.guessed != 0:
         return False
-    possible = ALL if math.isnan(settings.channel_delay) else ZEROS
-    squares = _fit(settings, history, zeros, possible, force_noise)
-    if zeros.unknown != NONE and not squares < REFUTED * expected * count:
-        _take_back(bank)
-        return True
-    if not squares < CONSISTENT * expected * count:  # nor if it is none
+    first = max(history.count - POINTS, 0)
+    if _count(history, first) < FEWEST or 2 * _count(history, first) < history.count - first:
         return False
-    weight = 1.0 / max(squares / count, 1.0)
-    unknown = _choose(settings, zeros, possible, weight)
-    if zeros.unknown != NONE:
-        unknown |= zeros.unknown
-    if unknown & ZEROS == NONE:
-        zeros.candidate = NONE
-        return False
-    if unknown != possible:
-        squares = _fit(settings, history, zeros, unknown, force_noise)
-        if not squares < CONSISTENT * expected * count:
+    zeros.looked_at = clock
+    row = bank.rows[bank.judge.chosen]
+    if not _fit_any(settings, history, zeros, row, first, noise, scatter):
+        zeros.waiting = 0
+        return _review(bank, clock)
+    zeros.refuted_since = math.inf
+    _note_covariance(zeros)
+    in_use = bank.onset.zero
+    unknown = _choose(settings, zeros, in_use)
+    _note_doubt(zeros, ZEROS, zeros.doubt_of_fit)
+    if unknown != ZEROS and (unknown != NONE or zeros.unknown != NONE):
+        copy_vector(zeros.fit, zeros.change)
+        copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
+        if not _fit_fewer(settings, history, zeros, unknown, in_use, first, noise, scatter):
+            zeros.waiting = 0
             return False
-        weight = 1.0 / max(squares / count, 1.0)
-    found = POSITION if unknown & OF_POSITION != 0 else FORCE_ZERO
-    deviation = _deviation(settings, zeros, found, weight)
-    if zeros.unknown != NONE and deviation > FINER * zeros.deviation:
-        return False
-    deepest, largest = _extremes(history)
-    position, zero = zeros.fit[POSITION], zeros.fit[FORCE_ZERO]
-    if abs(position) > LARGEST_POSITION * deepest or abs(zero) > LARGEST_ZERO * largest:
-        return False
-    if abs(zeros.fit[DELAY]) > LARGEST_DELAY:
-        return False
-    least = abs(position) < LEAST_POSITION and abs(zero) < LEAST_ZERO * largest
-    if not math.isfinite(deviation) or (zeros.unknown == NONE and least):
-        return False
+        _note_covariance(zeros)
+        _note_doubt(zeros, unknown, zeros.doubt_of_fit)
+        _average(zeros, unknown)
+    if zeros.kind == SINKS and zeros.unknown != NONE:
+        zeros.position = 0.0  # where the surface is by now is for the rows that follow it
+    if not _is_worth_it(zeros, unknown) or not _is_possible(history, zeros, first):
+        zeros.waiting = 0
+    elif zeros.waiting == 0 or zeros.candidate != unknown or _wanders(zeros, unknown):
+        zeros.waiting = 1
+        zeros.candidate = unknown
+        zeros.since = clock
+        zeros.begun[0] = zeros.position
+        zeros.begun[1] = zeros.force
+        copy_matrix(zeros.covariance, zeros.begun_covariance)
     # Tissue that has just changed looks the same for as long as the change was not found.
-    clock = bank.tool.contact_clock
-    if zeros.unknown == NONE:
-        if zeros.candidate == NONE:
-            zeros.candidate = unknown & ZEROS
-            zeros.since = clock
-        if clock - zeros.since < LASTING:
-            return False
-    _note(settings, bank.onset, zeros, unknown, deviation, weight)
-    return True
+    if zeros.waiting != 0 and clock - zeros.since >= LASTING:
+        _use(bank.onset, zeros, unknown)
+        return True
+    if zeros.unknown != NONE and zeros.unknown == unknown:
+        _keep_doubt(zeros)
+    return False
 
 
 @compiled
-def _count(history: Any) -> int:
-    """Number of points that count here."""
+def _count(history: Any, first: int) -> int:
+    """Number of points whose motion is known well enough."""
     count = 0
-    for k in range(histories.oldest(history), history.count):
-        count += 1 if is_used(history.points[k % POINTS], ZERO_UNKNOWNS) else 0
+    for k in range(first, history.count):
+        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
     return count
 
 
 @compiled
-def _take_back(bank: Any) -> None:
-    """The zeros that were found explain nothing any more: back to those given, for good."""
-    onset = bank.onset
-    for i in range(2):
-        onset.shift[i] = -onset.zero[i]
-    onset.position_deviation = 0.0
-    onset.force_deviation = math.nan
-    onset.decided = 1
-    reset(bank.zeros)
-    for i in range(4):
-        bank.zeros.fit[i] = bank.history.fit[i]
+def _fit_any(
+    settings: Any,
+    history: Any,
+    zeros: Any,
+    row: Any,
+    first: int,
+    noise: tuple[float, float],
+    scatter: float,
+) -> bool:
+    """Fit tissue that stays, on a surface that sinks, or that varies; False if none explains all.
+
+    The smallest squares left over those of the noise are in zeros.misfit.
+    """
+    last = history.points[(history.count - 1) % POINTS, 8]
+    span = last - history.points[first % POINTS, 8]
+    zeros.misfit = math.inf
+    for kind in (STAYS, SINKS, VARIES):
+        if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
+            continue
+        clear_vector(zeros.values)
+        for i in range(zeros.held.shape[0]):
+            zeros.held[i] = 0
+        if not math.isnan(settings.channel_delay):
+            zeros.held[spline_fit.DELAY] = 1
+        if not spline_fit.lay_out(history, zeros, first, kind):
+            continue
+        spline_fit.begin(zeros, row, LOG_STIFFNESS)
+        if _explains(settings, history, zeros, first, noise, scatter):
+            return True
+    return False
 
 
 @compiled
-def _note(
-    settings: Any, onset: Any, zeros: Any, unknown: int, deviation: float, weight: float
-) -> None:
-    """Note by how much the zeros are to move, and how well that is known."""
-    zeros.unknown = zeros.unknown | (unknown & ZEROS)
-    zeros.deviation = deviation
-    onset.shift[0] = zeros.fit[POSITION]
-    onset.shift[1] = zeros.fit[FORCE_ZERO]
-    if unknown & OF_POSITION != 0:
-        onset.position_deviation = deviation
-    if unknown & OF_FORCE != 0:
-        onset.force_deviation = _deviation(settings, zeros, FORCE_ZERO, weight)
-
-
-@compiled
-def _promises(settings: Any, history: Any, zeros: Any, force_noise: float) -> bool:
-    """True if the tangent at the fit promises enough of the unknowns (score test; Rao 1948)."""
-    _begin(history, zeros, ALL)
-    weigh(settings, history, zeros, force_noise)
-    gather(settings, history, zeros, zeros.fit)
-    add_prior(settings, zeros, zeros.fit, 1.0)
-    if not cholesky(zeros.information, zeros.factor):
+def _explains(
+    settings: Any,
+    history: Any,
+    zeros: Any,
+    first: int,
+    noise: tuple[float, float],
+    scatter: float,
+) -> bool:
+    """Fit from zeros.values on; False if more than noise is left."""
+    squares = spline_fit.fit(settings, history, zeros, first, noise, scatter)
+    if not (math.isfinite(squares) and zeros.expected > 0.0):
         return False
-    copy_vector(zeros.slope, zeros.next)
-    solve(zeros.factor, zeros.next)
-    promised = 0.0
-    for i in range(zeros.next.shape[0]):
-        promised += zeros.slope[i] * zeros.next[i]
-    return bool(promised > SIGNIFICANT + PENALTY)
+    zeros.weight = 1.0 / max(squares / zeros.count, 1.0)
+    zeros.misfit = min(zeros.misfit, squares / zeros.expected)
+    return bool(squares < CONSISTENT * zeros.expected)
 
 
 @compiled
-def _choose(settings: Any, zeros: Any, possible: int, weight: float) -> int:
-    """Which unknowns the points ask for; NONE if they can do without.
+def _fit_fewer(
+    settings: Any,
+    history: Any,
+    zeros: Any,
+    unknown: int,
+    in_use: Any,
+    first: int,
+    noise: tuple[float, float],
+    scatter: float,
+) -> bool:
+    """The last fit once more, with the zeros that are not unknown as they were given."""
+    for i in range(2):
+        if unknown >> i & 1 == 0:
+            zeros.held[spline_fit.POSITION + i] = 1
+            zeros.values[spline_fit.POSITION + i] = -in_use[i]
+    return _explains(settings, history, zeros, first, noise, scatter)
+
+
+@compiled
+def _note_covariance(zeros: Any) -> None:
+    """What the fit says of the zeros and of the parameters, and how these go together."""
+    values, column = zeros.values, zeros.next
+    start = spline_fit.locate(zeros, zeros.latest)
+    stiffness = spline_fit.log_stiffness(zeros, values, start)
+    zeros.fit[0] = stiffness
+    zeros.fit[1] = stiffness + values[spline_fit.LOG_RATIO]
+    zeros.fit[2] = values[spline_fit.EXPONENT]
+    zeros.fit[3] = values[spline_fit.VELOCITY_EXPONENT]
+    zeros.position = values[spline_fit.POSITION]
+    zeros.force = values[spline_fit.FORCE_ZERO]
+    zeros.delay = values[spline_fit.DELAY]
+    for k in range(3):
+        clear_vector(column)
+        if zeros.held[spline_fit.POSITION + k] == 0:
+            column[spline_fit.POSITION + k] = 1.0 / zeros.weight
+        solve(zeros.factor, column)
+        by_stiffness = 0.0
+        for i in range(4 if zeros.kind == VARIES else 1):
+            by_stiffness += zeros.basis[i] * column[SPLINE_FIRST + start + i]
+        zeros.columns[0, k] = by_stiffness
+        zeros.columns[1, k] = by_stiffness + column[spline_fit.LOG_RATIO]
+        zeros.columns[2, k] = column[spline_fit.EXPONENT]
+        zeros.columns[3, k] = column[spline_fit.VELOCITY_EXPONENT]
+        for i in range(3):
+            zeros.covariance[i, k] = column[spline_fit.POSITION + i]
+
+
+@compiled
+def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
+    """Which zeros the points ask for, counted from where they were given; NONE if they do without.
 
     Args:
         settings: settings record.
-        zeros: gathered at the fit with all that is possible; covariance and cost are set.
-        possible: the choice of all that may be unknown.
-        weight: of the squares beside the prior.
+        zeros: fitted with all that may be unknown; the costs of the choices are set.
+        in_use: zeros in use beyond those given, shape (2,).
     """
-    if not _invert(settings, zeros, weight):
-        return NONE
+    position, force = in_use[0] + zeros.position, in_use[1] + zeros.force
+    possible = ALL if math.isnan(settings.channel_delay) else ZEROS
     best = math.inf
     for choice in range(ALL + 1):
         zeros.cost[choice] = math.inf
         if choice | possible == possible:
-            without = _cost_without(zeros, possible - choice)
+            # Of a surface that sinks the position is always unknown.
+            free = choice | OF_POSITION if zeros.kind == SINKS else choice
+            without = _cost_without(zeros, position, force, possible - (free & possible))
             zeros.cost[choice] = without + PENALTY * _number(choice)
         best = min(best, zeros.cost[choice])
     if not zeros.cost[NONE] > best + SIGNIFICANT:
@@ -214,6 +280,9 @@ def _choose(settings: Any, zeros: Any, possible: int, weight: float) -> int:
     for choice in range(1, ALL + 1):
         if _number(choice) <= fewest and not zeros.cost[choice] > best + BETTER_BY:
             together |= choice
+    together &= ZEROS
+    if zeros.kind == SINKS and together != NONE:
+        return ZEROS if together & OF_FORCE != 0 else NONE
     return together
 
 
@@ -224,33 +293,16 @@ def _number(choice: int) -> int:
 
 
 @compiled
-def _invert(settings: Any, zeros: Any, weight: float) -> bool:
-    """Covariance of contact position, force zero and delay at the fit."""
-    add_prior(settings, zeros, zeros.fit, weight)
-    if not cholesky(zeros.information, zeros.factor):
-        return False
-    column = zeros.next
-    for j in range(3):
-        for i in range(column.shape[0]):
-            column[i] = 1.0 if i == POSITION + j else 0.0
-        solve(zeros.factor, column)
-        for i in range(3):
-            zeros.covariance[i, j] = column[POSITION + i]
-    return True
-
-
-@compiled
-def _cost_without(zeros: Any, choice: int) -> float:
+def _cost_without(zeros: Any, position: float, force: float, choice: int) -> float:
     """By how much the squares would grow with the unknowns of a choice at zero.
 
     b' C^-1 b for their values b and their covariance C, by elimination.
     """
     total = 0.0
     a = zeros.covariance
-    fit = zeros.fit
     c00, c11, c22 = a[0, 0], a[1, 1], a[2, 2]
     c01, c02, c12 = a[0, 1], a[0, 2], a[1, 2]
-    first, second, third = fit[POSITION], fit[FORCE_ZERO], fit[DELAY]
+    first, second, third = position, force, zeros.delay
     if choice & OF_POSITION != 0:
         total += first * first / c00
         second -= c01 / c00 * first
@@ -268,57 +320,156 @@ def _cost_without(zeros: Any, choice: int) -> float:
 
 
 @compiled
-def _begin(history: Any, zeros: Any, unknown: int) -> None:
-    """Begin with the fit of the law alone."""
-    for i in range(4):
-        zeros.fit[i] = history.fit[i]
-        zeros.held[i] = history.held[i]
-    for i in range(3):
-        zeros.held[POSITION + i] = 0 if unknown >> i & 1 != 0 else 1
-        zeros.fit[POSITION + i] = 0.0
+def _is_worth_it(zeros: Any, unknown: int) -> bool:
+    """True if zeros are to move to those of the fit."""
+    if unknown != zeros.unknown:
+        return True
+    if unknown == NONE:
+        return False
+    square = _square(zeros.covariance, unknown, zeros.position, zeros.force)
+    if square > SIGNIFICANT + PENALTY * _number(unknown):
+        return True
+    if zeros.kind == SINKS:
+        return False
+    return bool(math.sqrt(zeros.doubt_of_fit[0, 0]) < FINER * zeros.deviation)
 
 
 @compiled
-def _fit(
-    settings: Any,
-    history: Any,
-    zeros: Any,
-    unknown: int,
-    force_noise: float,
-) -> float:
-    """Fit with the zeros that are unknown; weighted sum of squares, NaN if it broke down."""
-    _begin(history, zeros, unknown)
-    squares = math.inf
-    for _ in range(PASSES):
-        weigh(settings, history, zeros, force_noise)
-        before = squares
-        squares = improve(settings, history, zeros, 1.0, math.nan)
-        finite = math.isfinite(zeros.fit[POSITION]) and math.isfinite(zeros.fit[FORCE_ZERO])
-        if not math.isfinite(squares) or not finite or not math.isfinite(zeros.fit[DELAY]):
-            return math.nan
-        if abs(before - squares) < SETTLED * abs(squares):
-            break
-    return squares
+def _wanders(zeros: Any, unknown: int) -> bool:
+    """True if more points say something else, as of a law that does not hold all along the way."""
+    if unknown == NONE:
+        return False
+    if zeros.kind == SINKS:  # its position goes on
+        unknown = OF_FORCE
+    position, force = zeros.position - zeros.begun[0], zeros.force - zeros.begun[1]
+    square = _square(zeros.begun_covariance, unknown, position, force)
+    return bool(square > WANDERS * _number(unknown))
 
 
 @compiled
-def _deviation(settings: Any, zeros: Any, unknown: int, weight: float) -> float:
-    """Standard deviation of an unknown at the fit; infinite if the points do not determine it."""
-    add_prior(settings, zeros, zeros.fit, weight)
-    if not cholesky(zeros.information, zeros.factor):
-        return math.inf
-    column = zeros.next
-    for i in range(column.shape[0]):
-        column[i] = 1.0 if i == unknown else 0.0
-    solve(zeros.factor, column)
-    return math.sqrt(max(column[unknown], 0.0))
+def _square(covariance: Any, unknown: int, position: float, force: float) -> float:
+    """Square of differences of the unknown zeros, in a covariance of contact position and force."""
+    a, b, c = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    if unknown == OF_POSITION:
+        return float(position * position / a)
+    if unknown == OF_FORCE:
+        return float(force * force / c)
+    square = c * position * position - 2.0 * b * position * force + a * force * force
+    return float(square / (a * c - b * b))
 
 
 @compiled
-def _extremes(history: Any) -> tuple[float, float]:
-    """Largest depth [mm] and force [N] of the points."""
+def _is_possible(history: Any, zeros: Any, first: int) -> bool:
+    """False for zeros that are too far off, or too little, to be moved."""
     deepest, largest = 0.0, 0.0
-    for k in range(histories.oldest(history), history.count):
+    for k in range(first, history.count):
         point = history.points[k % POINTS]
         deepest, largest = max(deepest, point[0]), max(largest, point[2])
-    return deepest, largest
+    if abs(zeros.delay) > LARGEST_DELAY:
+        return False
+    if (
+        abs(zeros.position) > LARGEST_POSITION * deepest
+        or abs(zeros.force) > LARGEST_ZERO * largest
+    ):
+        return False
+    if zeros.unknown != NONE:
+        return True
+    return bool(abs(zeros.position) > LEAST_POSITION or abs(zeros.force) > LEAST_ZERO * largest)
+
+
+@compiled
+def _use(onset: Any, zeros: Any, unknown: int) -> None:
+    """Note by how much the zeros are to move, and what is then left open."""
+    zeros.unknown = unknown
+    zeros.waiting = 0
+    onset.shift[0] = zeros.position
+    onset.shift[1] = zeros.force
+    onset.position_deviation = 0.0
+    if unknown & OF_POSITION != 0 and zeros.kind != SINKS:
+        onset.position_deviation = math.sqrt(max(zeros.covariance[0, 0], 0.0))
+    onset.force_deviation = math.nan
+    if unknown & OF_FORCE != 0:
+        onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))
+    copy_matrix(zeros.doubt_of_fit, zeros.doubt)
+    zeros.deviation = math.sqrt(zeros.doubt[0, 0])
+
+
+@compiled
+def _note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
+    """What zeros that are unknown leave open of ln K, ln B, n and p.
+
+    Args:
+        zeros: fitted with these unknown; the parameters' derivatives by them are set.
+        unknown: which zeros; the others are as they were given.
+        doubt: takes the covariance, shape (4, 4).
+    """
+    a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
+    for i in range(4):
+        by_position, by_force = zeros.columns[i, 0], zeros.columns[i, 1]
+        first, second = 0.0, 0.0
+        if unknown == ZEROS:
+            first = (c * by_position - b * by_force) / (a * c - b * b)
+            second = (a * by_force - b * by_position) / (a * c - b * b)
+        elif unknown == OF_POSITION:
+            first = by_position / a
+        elif unknown == OF_FORCE:
+            second = by_force / c
+        zeros.slopes_by[i, 0] = first
+        zeros.slopes_by[i, 1] = second
+    for i in range(4):
+        for j in range(4):
+            first, second = zeros.slopes_by[i, 0], zeros.slopes_by[i, 1]
+            element = first * (a * zeros.slopes_by[j, 0] + b * zeros.slopes_by[j, 1])
+            element += second * (b * zeros.slopes_by[j, 0] + c * zeros.slopes_by[j, 1])
+            doubt[i, j] = element
+
+
+@compiled
+def _average(zeros: Any, unknown: int) -> None:
+    """Both zeros may be off although one explains the points (Bayesian model averaging).
+
+    Hoeting et al., Statistical Science 14, 1999. The chosen fit stays what is used; in
+    zeros.change are the parameters of the fit with both.
+    """
+    share = 1.0 / (
+        1.0 + math.exp(min(0.5 * (zeros.cost[ZEROS] - zeros.cost[unknown]), LARGEST_LOG))
+    )
+    for i in range(4):
+        zeros.change[i] -= zeros.fit[i]
+    for i in range(4):
+        for j in range(4):
+            both = zeros.doubt_of_both[i, j] + zeros.change[i] * zeros.change[j]
+            zeros.doubt_of_fit[i, j] += share * (both - zeros.doubt_of_fit[i, j])
+
+
+@compiled
+def _keep_doubt(zeros: Any) -> None:
+    """What the zeros in use leave open by now: the fit's doubt, and what it would change."""
+    position, force = zeros.position, zeros.force
+    for i in range(4):
+        zeros.change[i] = zeros.slopes_by[i, 0] * position + zeros.slopes_by[i, 1] * force
+    for i in range(4):
+        for j in range(4):
+            zeros.doubt[i, j] = zeros.doubt_of_fit[i, j] + zeros.change[i] * zeros.change[j]
+
+
+@compiled
+def _review(bank: Any, clock: float) -> bool:
+    """Zeros that explain nothing for long any more go back to those given, for good."""
+    zeros, onset = bank.zeros, bank.onset
+    if zeros.unknown == NONE or not zeros.misfit > REFUTED:
+        zeros.refuted_since = math.inf
+        return False
+    zeros.refuted_since = min(zeros.refuted_since, clock)
+    if clock - zeros.refuted_since < LASTING:
+        return False
+    row = bank.rows[bank.judge.chosen]
+    for i in range(2):
+        onset.shift[i] = -onset.zero[i]
+    for i in range(4):
+        zeros.fit[i] = row.state[LOG_STIFFNESS + i]
+    onset.position_deviation = 0.0
+    onset.force_deviation = math.nan
+    onset.decided = 1
+    reset(zeros)
+    return True
