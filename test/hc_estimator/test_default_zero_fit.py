@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_evaluation.accuracy import scan, together
+from hc_evaluation.accuracy.scenarios import simulate
 
 FILTER = "self_tuning_ukf"
 TISSUE = np.array([0.9, 0.06, 1.6, 0.9])
@@ -120,3 +122,53 @@ def test_what_was_found_is_the_same_step_by_step_and_after_restore():
     rest = restored.run(time[1500:], displacement[1500:], force[1500:])
     np.testing.assert_array_equal(rest.parameters, whole.parameters[1500:])
     np.testing.assert_array_equal(rest.contact_position, whole.contact_position[1500:])
+
+
+PAIRS = [
+    ("tissue drifts, zeros off", 100005),
+    ("lumps, zeros off", 100003),
+    ("lumps, zeros off", 100006),
+    ("sinking, zeros off", 100006),
+]
+
+
+@pytest.mark.parametrize(("pair", "seed"), PAIRS)
+def test_zeros_are_found_where_tissue_or_surface_does_not_stay(pair, seed):
+    """Regression of 2026-11-25: K was 9 to 25 % off in the median, up to 200 deviations."""
+    scenario = together.contact_of(pair, seed)
+    contact = simulate(scenario, seed)
+    series = hc.create_estimator(FILTER).run(
+        contact.time_s, contact.displacement_mm, contact.force_n
+    )
+    late = contact.time_s > 16.0
+    off = series.parameters[late, 0] / contact.parameters[late, 0] - 1.0
+    assert np.median(np.abs(off)) < 0.02
+    claimed = series.parameters_std[late, 0] / series.parameters[late, 0]
+    assert np.mean(np.abs(off) < 3.0 * claimed) > 0.9
+    largest = contact.force.max()
+    assert series.force_zero[-1] == pytest.approx(scenario.force_zero_n, abs=2e-3 * largest)
+    assert not series.change_detected.any()
+
+
+def test_layers_whose_exponent_varies_have_no_zeros_that_are_off():
+    """Regression of 2026-11-25, before it landed: what the spline misses passed for a zero."""
+    contact = scan.scanned(list(scan.KINDS)[4], 5000)[1]
+    series = hc.create_estimator(FILTER).run(
+        contact.time_s, contact.displacement_mm, contact.force_n
+    )
+    assert np.all(series.force_zero == 0.0)
+
+
+def test_they_are_not_looked_for_where_the_user_says_so():
+    series = hc.create_estimator(FILTER, find_zeros=False).run(*readings(0, zero=0.4))
+    assert np.all(series.force_zero == 0.0)
+    assert abs(series.parameters[-1, 0] / TISSUE[0] - 1.0) > 0.1
+
+
+def test_one_zero_and_both_are_averaged():
+    """What is said of K allows for the other zero, by how likely that one is off as well."""
+    ends = [hc.create_estimator(FILTER).run(*readings(seed, position=0.4))[-1] for seed in range(8)]
+    off = np.array([end.parameters[0] / TISSUE[0] - 1.0 for end in ends])
+    claimed = np.array([end.parameters_std[0] / end.parameters[0] for end in ends])
+    assert np.all(np.abs(off) < 3.5 * claimed)
+    assert np.median(claimed) < 0.03

@@ -71,7 +71,11 @@ OWNERS = {
     "maneuver": ("multiple_model/maneuver", "multiple_model/departure"),
     "kept row": ("multiple_model/maneuver",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
-    "zeros": ("multiple_model/zero_fit",),
+    "zeros": (
+        "multiple_model/zero_fit",
+        "multiple_model/zero_sensitivity",
+        "multiple_model/spline_fit",
+    ),
     "delay": (
         "multiple_model/delay",
         "multiple_model/grid",
@@ -138,6 +142,7 @@ GUESTS = {
     "multiple_model/reserve": {"row": "active state"},
     "multiple_model/surface_search": {"row": "covariance model_error position_deviation state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
+    "multiple_model/levenberg_marquardt": {"history": "damped"},
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"
     },

@@ -28,7 +28,7 @@ from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import OWN_WALKS, TREND_ROW
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.normal_equations import exp_limited
-from hc_estimator.multiple_model.records import POINTS, SPLINE, SPLINE_FIRST
+from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
     LARGEST_EXPONENT,
     LARGEST_LOG_RATIO,
@@ -38,6 +38,7 @@ from hc_estimator.multiple_model.rows import (
     SMALLEST_VELOCITY_EXPONENT,
     prior_deviation,
 )
+from hc_estimator.multiple_model.zero_records import SPLINE, SPLINE_FIRST
 
 # Of the unknowns; the coefficients of the spline come after them.
 LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
@@ -57,47 +58,47 @@ SECOND_DIFFERENCE = 2.0 / 3.0
 
 
 @compiled
-def lay_out(history: Any, work: Any, first: int, kind: int) -> bool:
+def lay_out(history: Any, zeros: Any, first: int, kind: int) -> bool:
     """Lay the knots over the points from `first` on; False if they are too far apart.
 
     Args:
         history: points.
-        work: record of the fit; begin, knot, intervals and what is held are set.
+        zeros: record of the fit; begin, knot, intervals and what is held are set.
         first: number of the first point.
         kind: STAYS, SINKS or VARIES.
     """
     start = history.points[first % POINTS, 8]
-    work.latest = history.points[(history.count - 1) % POINTS, 8]
-    work.begin = start
-    span = work.latest - start
-    work.kind = kind
-    work.held[SPEED] = 0 if kind == SINKS else 1
+    zeros.latest = history.points[(history.count - 1) % POINTS, 8]
+    zeros.begin = start
+    span = zeros.latest - start
+    zeros.kind = kind
+    zeros.held[SPEED] = 0 if kind == SINKS else 1
     if kind != VARIES:
-        work.intervals = 0
-        work.knot = max(span, KNOT)
+        zeros.intervals = 0
+        zeros.knot = max(span, KNOT)
         return True
-    work.intervals = min(max(math.ceil(span / KNOT), 1), SPLINE - 3)
-    work.knot = span / work.intervals
-    return bool(work.knot <= LONGEST_KNOT and work.knot > 0.0)
+    zeros.intervals = min(max(math.ceil(span / KNOT), 1), SPLINE - 3)
+    zeros.knot = span / zeros.intervals
+    return bool(zeros.knot <= LONGEST_KNOT and zeros.knot > 0.0)
 
 
 @compiled
-def coefficients(work: Any) -> int:
+def coefficients(zeros: Any) -> int:
     """Number of the spline's coefficients in use."""
-    return work.intervals + 3 if work.intervals > 0 else 1
+    return zeros.intervals + 3 if zeros.intervals > 0 else 1
 
 
 @compiled
-def locate(work: Any, time: float) -> int:
-    """Values of the four splines that are not zero at a time, in work.basis; the first's number."""
-    basis = work.basis
-    if work.intervals == 0:
+def locate(zeros: Any, time: float) -> int:
+    """Note the four splines that are not zero at a time in zeros.basis; give the first's number."""
+    basis = zeros.basis
+    if zeros.intervals == 0:
         basis[0] = 1.0
         for i in range(1, 4):
             basis[i] = 0.0
         return 0
-    place = (time - work.begin) / work.knot
-    interval = min(max(int(place), 0), work.intervals - 1)
+    place = (time - zeros.begin) / zeros.knot
+    interval = min(max(int(place), 0), zeros.intervals - 1)
     s = place - interval
     r = 1.0 - s
     basis[0] = r * r * r / 6.0
@@ -108,24 +109,24 @@ def locate(work: Any, time: float) -> int:
 
 
 @compiled
-def log_stiffness(work: Any, values: Any, first: int) -> float:
+def log_stiffness(zeros: Any, values: Any, first: int) -> float:
     """Give ln K where `locate` was called last."""
     total = 0.0
-    for i in range(4 if work.intervals > 0 else 1):
-        total += work.basis[i] * values[SPLINE_FIRST + first + i]
+    for i in range(4 if zeros.intervals > 0 else 1):
+        total += zeros.basis[i] * values[SPLINE_FIRST + first + i]
     return total
 
 
 @compiled
-def _law_at(settings: Any, work: Any, values: Any, point: Any, first: int) -> float:
-    """Force of a point [N], less the zero's; its derivatives are in work.gradient."""
-    stiffness = exp_limited(log_stiffness(work, values, first))
+def _law_at(settings: Any, zeros: Any, values: Any, point: Any, first: int) -> float:
+    """Force of a point [N], less the zero's; its derivatives are in zeros.gradient."""
+    stiffness = exp_limited(log_stiffness(zeros, values, first))
     damping = stiffness * math.exp(values[LOG_RATIO])
     velocity, acceleration = point[5], point[6]
-    ago = point[8] - work.latest
+    ago = point[8] - zeros.latest
     depth = point[0] - values[POSITION] - values[SPEED] * ago - values[DELAY] * velocity
     velocity -= values[SPEED] + values[DELAY] * acceleration
-    gradient = work.gradient
+    gradient = zeros.gradient
     n, p = values[EXPONENT], values[VELOCITY_EXPONENT]
     force = contact_gradient(
         settings.contact_model, depth, velocity, stiffness, damping, n, p, gradient
@@ -139,54 +140,54 @@ def _law_at(settings: Any, work: Any, values: Any, point: Any, first: int) -> fl
 def weigh(
     settings: Any,
     history: Any,
-    work: Any,
+    zeros: Any,
     first: int,
     noise: tuple[float, float],
     scatter: float,
 ) -> None:
-    """Give each point its weight by the law at work.values: the motion is not exact either.
+    """Give each point its weight by the law at zeros.values: the motion is not exact either.
 
     What overlapping parabolas leave is larger than what a point adds to the information: how large
-    the weighted squares are where only noise is left is noted in work.expected.
+    the weighted squares are where only noise is left is noted in zeros.expected.
 
     Args:
         settings: settings record.
         history: its points are changed.
-        work: record of the fit.
+        zeros: record of the fit.
         first: number of the first point.
         noise: variances of a point's displacement [mm^2] and force [N^2], each by the point's share
             in the information.
         scatter: variance of what is left of a point's readings over `noise`.
     """
-    gradient = work.gradient
+    gradient = zeros.gradient
     expected = 0.0
     for k in range(first, history.count):
         point = history.points[k % POINTS]
         if point[7] == UNKNOWN:
             continue
-        _law_at(settings, work, work.values, point, locate(work, point[8]))
+        _law_at(settings, zeros, zeros.values, point, locate(zeros, point[8]))
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(point[7])
         point[3] = 1.0 / (variance + drag * history.velocity_noise[cubic])
         expected += point[3] * (scatter * variance + drag * history.velocity_std[cubic] ** 2)
-    work.expected = expected
+    zeros.expected = expected
 
 
 @compiled
-def gather(settings: Any, history: Any, work: Any, values: Any, first: int) -> float:
-    """Normal equations of the points at `values`, in work.seen and work.pull; their squares."""
-    seen, pull, gradient, slopes = work.seen, work.pull, work.gradient, work.slopes
+def gather(settings: Any, history: Any, zeros: Any, values: Any, first: int) -> float:
+    """Normal equations of the points at `values`, in zeros.seen and zeros.pull; their squares."""
+    seen, pull, gradient, slopes = zeros.seen, zeros.pull, zeros.gradient, zeros.slopes
     clear_matrix(seen)
     clear_vector(pull)
     total = 0.0
     count = 0
-    places = SPLINE_FIRST + (4 if work.intervals > 0 else 1)
+    places = SPLINE_FIRST + (4 if zeros.intervals > 0 else 1)
     for k in range(first, history.count):
         point = history.points[k % POINTS]
         if point[7] == UNKNOWN:
             continue
-        start = locate(work, point[8])
-        force = _law_at(settings, work, values, point, start)
+        start = locate(zeros, point[8])
+        force = _law_at(settings, zeros, values, point, start)
         residual = point[2] - values[FORCE_ZERO] - force
         count += 1
         total += point[3] * residual * residual
@@ -196,23 +197,23 @@ def gather(settings: Any, history: Any, work: Any, values: Any, first: int) -> f
         slopes[POSITION] = -gradient[0]
         slopes[FORCE_ZERO] = 1.0
         slopes[DELAY] = -gradient[0] * point[5] - gradient[1] * point[6]
-        slopes[SPEED] = -gradient[0] * (point[8] - work.latest) - gradient[1]
+        slopes[SPEED] = -gradient[0] * (point[8] - zeros.latest) - gradient[1]
         for i in range(SPLINE_FIRST, places):
-            slopes[i] = work.basis[i - SPLINE_FIRST] * (gradient[2] + gradient[3])
+            slopes[i] = zeros.basis[i - SPLINE_FIRST] * (gradient[2] + gradient[3])
         for i in range(places):
             row = i if i < SPLINE_FIRST else i + start
             share = point[3] * slopes[i]
             pull[row] += share * residual
             for j in range(i + 1):
                 seen[row, j if j < SPLINE_FIRST else j + start] += share * slopes[j]
-    work.count = count
+    zeros.count = count
     return total
 
 
 @compiled
-def _deviation(settings: Any, work: Any, i: int) -> float:
+def _deviation(settings: Any, zeros: Any, i: int) -> float:
     """Prior deviation of an unknown; 0 for one that is held, infinite for one without."""
-    if work.held[i] != 0:
+    if zeros.held[i] != 0:
         return 0.0
     if i <= VELOCITY_EXPONENT:
         return prior_deviation(settings, i + 1)
@@ -224,7 +225,7 @@ def _deviation(settings: Any, work: Any, i: int) -> float:
 
 
 @compiled
-def _guess(settings: Any, work: Any, i: int) -> float:
+def _guess(settings: Any, zeros: Any, i: int) -> float:
     """First guess of an unknown."""
     if i == LOG_RATIO:
         return math.log(settings.initial_damping / settings.initial_stiffness)
@@ -232,45 +233,45 @@ def _guess(settings: Any, work: Any, i: int) -> float:
         return settings.initial_displacement_exponent  # type: ignore[no-any-return]
     if i == VELOCITY_EXPONENT:
         return settings.initial_velocity_exponent  # type: ignore[no-any-return]
-    return 0.0 if i < SPLINE_FIRST else float(work.level)
+    return 0.0 if i < SPLINE_FIRST else float(zeros.level)
 
 
 @compiled
-def _roughness(work: Any) -> float:
+def _roughness(zeros: Any) -> float:
     """Variance of a second difference of the coefficients."""
-    return float(SECOND_DIFFERENCE * OWN_WALKS[TREND_ROW, 0] * work.knot**3)
+    return float(SECOND_DIFFERENCE * OWN_WALKS[TREND_ROW, 0] * zeros.knot**3)
 
 
 @compiled
-def _prior_cost(settings: Any, work: Any, values: Any) -> float:
+def _prior_cost(settings: Any, zeros: Any, values: Any) -> float:
     """Squared distance from the prior."""
-    total, count = 0.0, coefficients(work)
+    total, count = 0.0, coefficients(zeros)
     for i in range(SPLINE_FIRST + count):
-        deviation = _deviation(settings, work, i)
+        deviation = _deviation(settings, zeros, i)
         if deviation > 0.0 and deviation < math.inf:
-            total += ((values[i] - _guess(settings, work, i)) / deviation) ** 2
+            total += ((values[i] - _guess(settings, zeros, i)) / deviation) ** 2
     for i in range(SPLINE_FIRST, SPLINE_FIRST + count - 2):
-        total += (values[i] - 2.0 * values[i + 1] + values[i + 2]) ** 2 / _roughness(work)
+        total += (values[i] - 2.0 * values[i + 1] + values[i + 2]) ** 2 / _roughness(zeros)
     return total
 
 
 @compiled
-def add_prior(settings: Any, work: Any, values: Any) -> None:
+def add_prior(settings: Any, zeros: Any, values: Any) -> None:
     """Normal equations of the cost, from what was gathered at `values`."""
-    information, slope = work.information, work.slope
-    count = SPLINE_FIRST + coefficients(work)
-    copy_matrix(work.seen, information)
-    copy_vector(work.pull, slope)
+    information, slope = zeros.information, zeros.slope
+    count = SPLINE_FIRST + coefficients(zeros)
+    copy_matrix(zeros.seen, information)
+    copy_vector(zeros.pull, slope)
     for i in range(SPLINE_FIRST, count - 2):
-        bend = (values[i] - 2.0 * values[i + 1] + values[i + 2]) / _roughness(work)
+        bend = (values[i] - 2.0 * values[i + 1] + values[i + 2]) / _roughness(zeros)
         for a in range(3):
             by_a = -2.0 if a == 1 else 1.0
             slope[i + a] -= by_a * bend
             for b in range(a + 1):
                 by_b = -2.0 if b == 1 else 1.0
-                information[i + a, i + b] += by_a * by_b / _roughness(work)
+                information[i + a, i + b] += by_a * by_b / _roughness(zeros)
     for i in range(information.shape[0]):
-        deviation = _deviation(settings, work, i) if i < count else 0.0
+        deviation = _deviation(settings, zeros, i) if i < count else 0.0
         if deviation == 0.0:
             slope[i] = 0.0
             for j in range(information.shape[0]):
@@ -278,7 +279,7 @@ def add_prior(settings: Any, work: Any, values: Any) -> None:
                 information[j, i] = 0.0
             information[i, i] = 1.0
         elif deviation < math.inf:
-            slope[i] -= (values[i] - _guess(settings, work, i)) / (deviation * deviation)
+            slope[i] -= (values[i] - _guess(settings, zeros, i)) / (deviation * deviation)
             information[i, i] += 1.0 / (deviation * deviation)
 
 
@@ -292,33 +293,33 @@ def _limit(values: Any) -> None:
 
 
 @compiled
-def _improve(settings: Any, history: Any, work: Any, first: int) -> float:
-    """Levenberg-Marquardt (SIAM J. 11, 1963) from work.values on; its squares, or NaN."""
-    values, following = work.values, work.next
-    squares = gather(settings, history, work, values, first)
-    cost = squares + _prior_cost(settings, work, values)
-    add_prior(settings, work, values)
+def _improve(settings: Any, history: Any, zeros: Any, first: int) -> float:
+    """Levenberg-Marquardt (SIAM J. 11, 1963) from zeros.values on; its squares, or NaN."""
+    values, following = zeros.values, zeros.next
+    squares = gather(settings, history, zeros, values, first)
+    cost = squares + _prior_cost(settings, zeros, values)
+    add_prior(settings, zeros, values)
     damping = FIRST_DAMPING
     for _ in range(STEPS):
-        copy_matrix(work.information, work.damped)
-        copy_vector(work.slope, following)
+        copy_matrix(zeros.information, zeros.damped)
+        copy_vector(zeros.slope, following)
         for i in range(values.shape[0]):
-            work.damped[i, i] *= 1.0 + damping
-        if not cholesky(work.damped, work.factor):
+            zeros.damped[i, i] *= 1.0 + damping
+        if not cholesky(zeros.damped, zeros.factor):
             return math.nan
-        solve(work.factor, following)
+        solve(zeros.factor, following)
         for i in range(values.shape[0]):
             following[i] += values[i]
         _limit(following)
-        squares_after = gather(settings, history, work, following, first)
-        after = squares_after + _prior_cost(settings, work, following)
+        squares_after = gather(settings, history, zeros, following, first)
+        after = squares_after + _prior_cost(settings, zeros, following)
         if after < cost:
             gain = cost - after
             cost, squares = after, squares_after
             copy_vector(following, values)
             if gain < SMALLEST_GAIN * cost:
                 break
-            add_prior(settings, work, values)
+            add_prior(settings, zeros, values)
             damping *= 0.1
         else:
             damping *= 10.0
@@ -331,17 +332,17 @@ def _improve(settings: Any, history: Any, work: Any, first: int) -> float:
 def fit(
     settings: Any,
     history: Any,
-    work: Any,
+    zeros: Any,
     first: int,
     noise: tuple[float, float],
     scatter: float,
 ) -> float:
-    """Fit from work.values on.
+    """Fit from zeros.values on.
 
     Args:
         settings: settings record.
         history: points; their weights are changed.
-        work: laid out; `values`, `information`, `count` and `expected` are those at the end.
+        zeros: laid out; `values`, `information`, `count` and `expected` are those at the end.
         first: number of the first point.
         noise: as in `weigh`.
         scatter: as in `weigh`.
@@ -351,27 +352,27 @@ def fit(
     """
     before = math.inf
     for _ in range(PASSES):
-        weigh(settings, history, work, first, noise, scatter)
-        squares = _improve(settings, history, work, first)
+        weigh(settings, history, zeros, first, noise, scatter)
+        squares = _improve(settings, history, zeros, first)
         if not math.isfinite(squares):
             return math.nan
         if abs(before - squares) < 0.01 * squares:
             break
         before = squares
-    squares = gather(settings, history, work, work.values, first)
-    add_prior(settings, work, work.values)
-    return squares if cholesky(work.information, work.factor) else math.nan
+    squares = gather(settings, history, zeros, zeros.values, first)
+    add_prior(settings, zeros, zeros.values)
+    return squares if cholesky(zeros.information, zeros.factor) else math.nan
 
 
 @compiled
-def begin(work: Any, row: Any, first_parameter: int) -> None:
+def begin(zeros: Any, row: Any, first_parameter: int) -> None:
     """Begin with the parameters of a row, and no zeros."""
-    values, state = work.values, row.state
+    values, state = zeros.values, row.state
     clear_vector(values)
-    work.level = state[first_parameter]
+    zeros.level = state[first_parameter]
     values[LOG_RATIO] = state[first_parameter + 1] - state[first_parameter]
     values[EXPONENT] = state[first_parameter + 2]
     values[VELOCITY_EXPONENT] = state[first_parameter + 3]
     for i in range(SPLINE_FIRST, values.shape[0]):
-        values[i] = work.level
+        values[i] = zeros.level
     _limit(values)

@@ -23,7 +23,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     SURFACE_ROW,
 )
-from hc_estimator.multiple_model.zero_fit import NONE
+from hc_estimator.multiple_model.zero_records import NONE
 from hc_estimator.specification import ParameterSpecification
 
 PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE

@@ -27,13 +27,19 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
-from hc_estimator.multiple_model import spline_fit
+from hc_estimator.multiple_model import spline_fit, zero_sensitivity
 from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
-from hc_estimator.multiple_model.kalman import LARGEST_LOG
-from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.records import POINTS, SPLINE_FIRST
+from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_fit import SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.zero_records import (
+    ALL,
+    BOTH,
+    NONE,
+    OF_DELAY,
+    OF_FORCE,
+    OF_POSITION,
+)
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -45,10 +51,6 @@ SPECIFICATIONS = (
     ),
 )
 
-# A choice of unknowns is the sum of these.
-NONE, OF_POSITION, OF_FORCE, OF_DELAY = 0, 1, 2, 4
-ZEROS = OF_POSITION + OF_FORCE
-ALL = ZEROS + OF_DELAY
 SIGNIFICANT = 8.0  # decrease of the weighted squares beyond that
 PENALTY = 9.0  # of the same, that another unknown must be worth: three deviations
 BETTER_BY = 16.0  # decrease by which one choice is better than another
@@ -110,19 +112,19 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         zeros.waiting = 0
         return _review(bank, clock)
     zeros.refuted_since = math.inf
-    _note_covariance(zeros)
+    zero_sensitivity.note_covariance(zeros)
     in_use = bank.onset.zero
     unknown = _choose(settings, zeros, in_use)
-    _note_doubt(zeros, ZEROS, zeros.doubt_of_fit)
-    if unknown != ZEROS and (unknown != NONE or zeros.unknown != NONE):
+    zero_sensitivity.note_doubt(zeros, BOTH, zeros.doubt_of_fit)
+    if unknown != BOTH and (unknown != NONE or zeros.unknown != NONE):
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
         if not _fit_fewer(settings, history, zeros, unknown, in_use, first, noise, scatter):
             zeros.waiting = 0
             return False
-        _note_covariance(zeros)
-        _note_doubt(zeros, unknown, zeros.doubt_of_fit)
-        _average(zeros, unknown)
+        zero_sensitivity.note_covariance(zeros)
+        zero_sensitivity.note_doubt(zeros, unknown, zeros.doubt_of_fit)
+        zero_sensitivity.average(zeros, unknown)
     if zeros.kind == SINKS and zeros.unknown != NONE:
         zeros.position = 0.0  # where the surface is by now is for the rows that follow it
     if not _is_worth_it(zeros, unknown) or not _is_possible(history, zeros, first):
@@ -139,7 +141,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         _use(bank.onset, zeros, unknown)
         return True
     if zeros.unknown != NONE and zeros.unknown == unknown:
-        _keep_doubt(zeros)
+        zero_sensitivity.keep_doubt(zeros)
     return False
 
 
@@ -223,35 +225,6 @@ def _fit_fewer(
 
 
 @compiled
-def _note_covariance(zeros: Any) -> None:
-    """What the fit says of the zeros and of the parameters, and how these go together."""
-    values, column = zeros.values, zeros.next
-    start = spline_fit.locate(zeros, zeros.latest)
-    stiffness = spline_fit.log_stiffness(zeros, values, start)
-    zeros.fit[0] = stiffness
-    zeros.fit[1] = stiffness + values[spline_fit.LOG_RATIO]
-    zeros.fit[2] = values[spline_fit.EXPONENT]
-    zeros.fit[3] = values[spline_fit.VELOCITY_EXPONENT]
-    zeros.position = values[spline_fit.POSITION]
-    zeros.force = values[spline_fit.FORCE_ZERO]
-    zeros.delay = values[spline_fit.DELAY]
-    for k in range(3):
-        clear_vector(column)
-        if zeros.held[spline_fit.POSITION + k] == 0:
-            column[spline_fit.POSITION + k] = 1.0 / zeros.weight
-        solve(zeros.factor, column)
-        by_stiffness = 0.0
-        for i in range(4 if zeros.kind == VARIES else 1):
-            by_stiffness += zeros.basis[i] * column[SPLINE_FIRST + start + i]
-        zeros.columns[0, k] = by_stiffness
-        zeros.columns[1, k] = by_stiffness + column[spline_fit.LOG_RATIO]
-        zeros.columns[2, k] = column[spline_fit.EXPONENT]
-        zeros.columns[3, k] = column[spline_fit.VELOCITY_EXPONENT]
-        for i in range(3):
-            zeros.covariance[i, k] = column[spline_fit.POSITION + i]
-
-
-@compiled
 def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
     """Which zeros the points ask for, counted from where they were given; NONE if they do without.
 
@@ -261,7 +234,7 @@ def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
         in_use: zeros in use beyond those given, shape (2,).
     """
     position, force = in_use[0] + zeros.position, in_use[1] + zeros.force
-    possible = ALL if math.isnan(settings.channel_delay) else ZEROS
+    possible = ALL if math.isnan(settings.channel_delay) else BOTH
     best = math.inf
     for choice in range(ALL + 1):
         zeros.cost[choice] = math.inf
@@ -280,9 +253,9 @@ def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
     for choice in range(1, ALL + 1):
         if _number(choice) <= fewest and not zeros.cost[choice] > best + BETTER_BY:
             together |= choice
-    together &= ZEROS
+    together &= BOTH
     if zeros.kind == SINKS and together != NONE:
-        return ZEROS if together & OF_FORCE != 0 else NONE
+        return BOTH if together & OF_FORCE != 0 else NONE
     return together
 
 
@@ -392,65 +365,6 @@ def _use(onset: Any, zeros: Any, unknown: int) -> None:
         onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))
     copy_matrix(zeros.doubt_of_fit, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
-
-
-@compiled
-def _note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
-    """What zeros that are unknown leave open of ln K, ln B, n and p.
-
-    Args:
-        zeros: fitted with these unknown; the parameters' derivatives by them are set.
-        unknown: which zeros; the others are as they were given.
-        doubt: takes the covariance, shape (4, 4).
-    """
-    a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
-    for i in range(4):
-        by_position, by_force = zeros.columns[i, 0], zeros.columns[i, 1]
-        first, second = 0.0, 0.0
-        if unknown == ZEROS:
-            first = (c * by_position - b * by_force) / (a * c - b * b)
-            second = (a * by_force - b * by_position) / (a * c - b * b)
-        elif unknown == OF_POSITION:
-            first = by_position / a
-        elif unknown == OF_FORCE:
-            second = by_force / c
-        zeros.slopes_by[i, 0] = first
-        zeros.slopes_by[i, 1] = second
-    for i in range(4):
-        for j in range(4):
-            first, second = zeros.slopes_by[i, 0], zeros.slopes_by[i, 1]
-            element = first * (a * zeros.slopes_by[j, 0] + b * zeros.slopes_by[j, 1])
-            element += second * (b * zeros.slopes_by[j, 0] + c * zeros.slopes_by[j, 1])
-            doubt[i, j] = element
-
-
-@compiled
-def _average(zeros: Any, unknown: int) -> None:
-    """Both zeros may be off although one explains the points (Bayesian model averaging).
-
-    Hoeting et al., Statistical Science 14, 1999. The chosen fit stays what is used; in
-    zeros.change are the parameters of the fit with both.
-    """
-    share = 1.0 / (
-        1.0 + math.exp(min(0.5 * (zeros.cost[ZEROS] - zeros.cost[unknown]), LARGEST_LOG))
-    )
-    for i in range(4):
-        zeros.change[i] -= zeros.fit[i]
-    for i in range(4):
-        for j in range(4):
-            both = zeros.doubt_of_both[i, j] + zeros.change[i] * zeros.change[j]
-            zeros.doubt_of_fit[i, j] += share * (both - zeros.doubt_of_fit[i, j])
-
-
-@compiled
-def _keep_doubt(zeros: Any) -> None:
-    """What the zeros in use leave open by now: the fit's doubt, and what it would change."""
-    position, force = zeros.position, zeros.force
-    for i in range(4):
-        zeros.change[i] = zeros.slopes_by[i, 0] * position + zeros.slopes_by[i, 1] * force
-    for i in range(4):
-        for j in range(4):
-            zeros.doubt[i, j] = zeros.doubt_of_fit[i, j] + zeros.change[i] * zeros.change[j]
 
 
 @compiled

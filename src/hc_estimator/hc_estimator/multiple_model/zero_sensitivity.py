@@ -1,0 +1,104 @@
+"""How K, B, n and p of a fit depend on contact position and force zero, and what that leaves open.
+
+A zero that is known to so much leaves so much open of the parameters (Schmidt 1966, as for the
+delay in `delay_sensitivity`); `zero_doubt` gives it out.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.multiple_model import spline_fit
+from hc_estimator.multiple_model.kalman import LARGEST_LOG
+from hc_estimator.multiple_model.levenberg_marquardt import solve
+from hc_estimator.multiple_model.spline_fit import VARIES
+from hc_estimator.multiple_model.zero_records import BOTH, OF_FORCE, OF_POSITION, SPLINE_FIRST
+
+
+@compiled
+def note_covariance(zeros: Any) -> None:
+    """What the fit says of the zeros and of the parameters, and how these go together."""
+    values, column = zeros.values, zeros.next
+    start = spline_fit.locate(zeros, zeros.latest)
+    stiffness = spline_fit.log_stiffness(zeros, values, start)
+    zeros.fit[0] = stiffness
+    zeros.fit[1] = stiffness + values[spline_fit.LOG_RATIO]
+    zeros.fit[2] = values[spline_fit.EXPONENT]
+    zeros.fit[3] = values[spline_fit.VELOCITY_EXPONENT]
+    zeros.position = values[spline_fit.POSITION]
+    zeros.force = values[spline_fit.FORCE_ZERO]
+    zeros.delay = values[spline_fit.DELAY]
+    for k in range(3):
+        clear_vector(column)
+        if zeros.held[spline_fit.POSITION + k] == 0:
+            column[spline_fit.POSITION + k] = 1.0 / zeros.weight
+        solve(zeros.factor, column)
+        by_stiffness = 0.0
+        for i in range(4 if zeros.kind == VARIES else 1):
+            by_stiffness += zeros.basis[i] * column[SPLINE_FIRST + start + i]
+        zeros.columns[0, k] = by_stiffness
+        zeros.columns[1, k] = by_stiffness + column[spline_fit.LOG_RATIO]
+        zeros.columns[2, k] = column[spline_fit.EXPONENT]
+        zeros.columns[3, k] = column[spline_fit.VELOCITY_EXPONENT]
+        for i in range(3):
+            zeros.covariance[i, k] = column[spline_fit.POSITION + i]
+
+
+@compiled
+def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
+    """What zeros that are unknown leave open of ln K, ln B, n and p.
+
+    Args:
+        zeros: fitted with these unknown; the parameters' derivatives by them are set.
+        unknown: which zeros; the others are as they were given.
+        doubt: takes the covariance, shape (4, 4).
+    """
+    a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
+    for i in range(4):
+        by_position, by_force = zeros.columns[i, 0], zeros.columns[i, 1]
+        first, second = 0.0, 0.0
+        if unknown == BOTH:
+            first = (c * by_position - b * by_force) / (a * c - b * b)
+            second = (a * by_force - b * by_position) / (a * c - b * b)
+        elif unknown == OF_POSITION:
+            first = by_position / a
+        elif unknown == OF_FORCE:
+            second = by_force / c
+        zeros.slopes_by[i, 0] = first
+        zeros.slopes_by[i, 1] = second
+    for i in range(4):
+        for j in range(4):
+            first, second = zeros.slopes_by[i, 0], zeros.slopes_by[i, 1]
+            element = first * (a * zeros.slopes_by[j, 0] + b * zeros.slopes_by[j, 1])
+            element += second * (b * zeros.slopes_by[j, 0] + c * zeros.slopes_by[j, 1])
+            doubt[i, j] = element
+
+
+@compiled
+def average(zeros: Any, unknown: int) -> None:
+    """Both zeros may be off although one explains the points (Bayesian model averaging).
+
+    Hoeting et al., Statistical Science 14, 1999. The chosen fit stays what is used; in
+    zeros.change are the parameters of the fit with both.
+    """
+    share = 1.0 / (1.0 + math.exp(min(0.5 * (zeros.cost[BOTH] - zeros.cost[unknown]), LARGEST_LOG)))
+    for i in range(4):
+        zeros.change[i] -= zeros.fit[i]
+    for i in range(4):
+        for j in range(4):
+            both = zeros.doubt_of_both[i, j] + zeros.change[i] * zeros.change[j]
+            zeros.doubt_of_fit[i, j] += share * (both - zeros.doubt_of_fit[i, j])
+
+
+@compiled
+def keep_doubt(zeros: Any) -> None:
+    """What the zeros in use leave open by now: the fit's doubt, and what it would change."""
+    position, force = zeros.position, zeros.force
+    for i in range(4):
+        zeros.change[i] = zeros.slopes_by[i, 0] * position + zeros.slopes_by[i, 1] * force
+    for i in range(4):
+        for j in range(4):
+            zeros.doubt[i, j] = zeros.doubt_of_fit[i, j] + zeros.change[i] * zeros.change[j]
