@@ -95,7 +95,7 @@ def test_attitudes_that_are_none_are_told_in_one_line(bench):
     bench.robot(**ROBOT, tells_attitude=False)
     estimator(bench)
     assert bench.patiently("param", "get", "estimator", "filter").returncode == 0
-    done = bench.hc("doctor", "--seconds", "7")
+    done = bench.patiently("doctor", "--seconds", "7")
     assert done.returncode == 1
     assert "waits for the first sample: " in done.stdout
     assert " attitudes whose quaternion has no length: let the driver fill it" in done.stdout
