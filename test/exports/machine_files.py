@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_estimator.contact.arrays import hunt_crossley_force
 
 G = 9.80665e-3
 """N of a gram."""
@@ -15,12 +15,7 @@ STEP_S = 0.005
 TIME = np.round(np.arange(0.0, 6.0, STEP_S), 6)
 DEPTH = -1.0 + 2.0 * (1.0 - np.cos(2.1 * TIME)) + 0.2 * np.sin(13.0 * TIME)
 _SPEED = 4.2 * np.sin(2.1 * TIME) + 2.6 * np.cos(13.0 * TIME)
-FORCE = np.array(
-    [
-        hunt_crossley_force(d, v, 0.5, 0.05, 1.5, 1.0) if d > 0.0 else 0.0
-        for d, v in zip(DEPTH, _SPEED, strict=True)
-    ]
-)
+FORCE = hunt_crossley_force(DEPTH, _SPEED, np.array([0.5, 0.05, 1.5, 1.0]))
 HALF = len(TIME) // 2
 INDEX = np.arange(len(TIME))
 
