@@ -49,19 +49,19 @@ def arm(name: str) -> None:
     if _pipe >= 0:
         return
     reading, writing = os.pipe()
-    told, telling = os.pipe()
+    answer, telling = os.pipe()
     command = os.getpid()
     line = f"{name}: ended at once: it was too busy to end in order\n".encode()
     child = os.fork()
     if child == 0:
         os.close(writing)
-        os.close(told)
+        os.close(answer)
         _watch(reading, telling, command, line)
     os.close(reading)
     os.close(telling)
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
-    threading.Thread(target=_end_when_told, args=(told, line), daemon=True).start()
+    threading.Thread(target=_end_when_answered, args=(answer, line), daemon=True).start()
     _pipe, _child = writing, child
 
 
@@ -95,10 +95,10 @@ def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-def _end_when_told(told: int, line: bytes) -> None:
+def _end_when_answered(answer: int, line: bytes) -> None:
     """Wait for the child's word, the number of a signal, and end the process; the thread's life."""
-    number = os.read(told, 1)
-    os.close(told)
+    number = os.read(answer, 1)
+    os.close(answer)
     if number:
         os.write(sys.stderr.fileno(), line)
         os._exit(128 + number[0])
