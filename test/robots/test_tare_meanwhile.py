@@ -24,10 +24,10 @@ def test_a_bag_with_two_zeros_is_said_to_have_them_and_gives_the_tissue_all_the_
     bench.start("-m", "hc_estimator.node", "--ros-args", "--params-file", str(path))
     assert bench.patiently("reset").returncode == 0
     recorder = bench.start("-m", "hc_bringup", "record", "-a", "-o", "bag")
-    time.sleep(10.0)
+    time.sleep(4.0)
     done = bench.patiently("find-surface", "--timeout", "60")
     assert done.returncode == 0, done.stderr
-    time.sleep(12.0)
+    time.sleep(18.0)  # longer than what came before, the search for the surface with it
     recorder.send_signal(signal.SIGINT)
     assert recorder.wait(60) == 0
 
