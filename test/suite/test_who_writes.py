@@ -142,7 +142,6 @@ GUESTS = {
     "multiple_model/reserve": {"row": "active state"},
     "multiple_model/surface_search": {"row": "covariance model_error position_deviation state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
-    "multiple_model/levenberg_marquardt": {"history": "damped"},
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"
     },

@@ -71,7 +71,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
         depth, velocity = point[0], velocity_at(history, point)
-        centre = law_at(settings, stiffness, damping, fit, depth, velocity, gradient)
+        centre = law_at(settings, stiffness, damping, fit[2], fit[3], depth, velocity, gradient)
         for j in range(4):
             if prior_deviation(settings, j) <= 0.0:
                 continue

@@ -40,6 +40,27 @@ def solve(factor: Any, vector: Any) -> None:
 
 
 @compiled
+def step(work: Any, values: Any, damping: float) -> bool:
+    """Take a damped step from `values`; False if the information has no factor.
+
+    Args:
+        work: `information` and `slope` at the values; `next` takes where the step leads.
+        values: the unknowns.
+        damping: added to the diagonal, as a share of it.
+    """
+    copy_matrix(work.information, work.damped)
+    copy_vector(work.slope, work.next)
+    for i in range(values.shape[0]):
+        work.damped[i, i] *= 1.0 + damping
+    if not cholesky(work.damped, work.factor):
+        return False
+    solve(work.factor, work.next)
+    for i in range(values.shape[0]):
+        work.next[i] += values[i]
+    return True
+
+
+@compiled
 def _limit(values: Any) -> None:
     """Keep ln K, ln B, n and p where the law means something."""
     for i in range(2):
@@ -68,15 +89,8 @@ def improve(settings: Any, history: Any, weight: float, squares: float) -> float
     damping = FIRST_DAMPING
     add_prior(settings, history, values, weight)
     for _ in range(STEPS):
-        copy_matrix(history.information, history.damped)
-        copy_vector(history.slope, following)
-        for i in range(values.shape[0]):
-            history.damped[i, i] *= 1.0 + damping
-        if not cholesky(history.damped, history.factor):
+        if not step(history, values, damping):
             return math.nan
-        solve(history.factor, following)
-        for i in range(values.shape[0]):
-            following[i] += values[i]
         _limit(following)
         squares_after = gather(settings, history, following)
         after = weight * squares_after + prior_cost(settings, history, following)

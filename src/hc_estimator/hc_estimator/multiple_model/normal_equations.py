@@ -36,7 +36,8 @@ def law_at(
     settings: Any,
     stiffness: float,
     damping: float,
-    values: Any,
+    n: float,
+    p: float,
     depth: float,
     velocity: float,
     out: Any,
@@ -47,7 +48,8 @@ def law_at(
         settings: settings record.
         stiffness: K, finite.
         damping: B, finite.
-        values: of which n and p are taken, shape (4,).
+        n: exponent of the depth.
+        p: exponent of the velocity.
         depth: [mm].
         velocity: [mm/s].
         out: takes the derivatives after depth, velocity, ln K, ln B, n and p, shape (6,).
@@ -56,7 +58,7 @@ def law_at(
         The force [N].
     """
     model = settings.contact_model
-    force = contact_gradient(model, depth, velocity, stiffness, damping, values[2], values[3], out)
+    force = contact_gradient(model, depth, velocity, stiffness, damping, n, p, out)
     out[2] *= stiffness
     out[3] *= damping
     return force
@@ -91,12 +93,12 @@ def law_beside(
     gradient, above, below = work.gradient, work.above, work.below
     faster, slower = velocity + spread, velocity - spread
     model = settings.contact_model
-    if not is_plain(model):
-        force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
-        change = law_at(settings, stiffness, damping, values, depth, faster, above)
-        change -= law_at(settings, stiffness, damping, values, depth, slower, below)
-        return force, change
     n, p = values[2], values[3]
+    if not is_plain(model):
+        force = law_at(settings, stiffness, damping, n, p, depth, velocity, gradient)
+        change = law_at(settings, stiffness, damping, n, p, depth, faster, above)
+        change -= law_at(settings, stiffness, damping, n, p, depth, slower, below)
+        return force, change
     power = displacement_power(depth, n)
     force = plain_gradient(model, depth, power, velocity, stiffness, damping, n, p, gradient)
     change = plain_gradient(model, depth, power, faster, stiffness, damping, n, p, above)
@@ -138,7 +140,7 @@ def weigh(settings: Any, history: Any, force_noise: float) -> float:
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
         velocity = velocity_at(history, point)
-        law_at(settings, stiffness, damping, fit, point[0], velocity, gradient)
+        law_at(settings, stiffness, damping, fit[2], fit[3], point[0], velocity, gradient)
         variance = force_noise + gradient[1] * gradient[1] * noise
         total += variance
         point[3] = 1.0 / variance
@@ -180,7 +182,8 @@ def gather(settings: Any, history: Any, values: Any) -> float:
                 settings, stiffness, damping, values, depth, velocity, spread, history
             )
         else:
-            force = law_at(settings, stiffness, damping, values, depth, velocity, gradient)
+            n, p = values[2], values[3]
+            force = law_at(settings, stiffness, damping, n, p, depth, velocity, gradient)
             change = 0.0
         residual = point[2] - force
         total += weight * residual * residual

@@ -16,7 +16,6 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import contact_gradient
 from hc_estimator.linear_algebra import (
     cholesky,
     clear_matrix,
@@ -26,8 +25,14 @@ from hc_estimator.linear_algebra import (
 )
 from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import OWN_WALKS, TREND_ROW
-from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.normal_equations import exp_limited
+from hc_estimator.multiple_model.levenberg_marquardt import (
+    FIRST_DAMPING,
+    LARGEST_DAMPING,
+    SMALLEST_GAIN,
+    STEPS,
+    step,
+)
+from hc_estimator.multiple_model.normal_equations import exp_limited, law_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
     LARGEST_EXPONENT,
@@ -49,9 +54,7 @@ LONGEST_KNOT = 0.75  # the same where there was no contact in between [s]
 DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
 SPEED_DEVIATION = 0.1  # of a surface that sinks [mm/s]
 LEVEL_DEVIATION = 10.0  # of a coefficient: any stiffness is as likely
-PASSES, STEPS = 3, 8  # of other weights, and of Levenberg-Marquardt within one
-FIRST_DAMPING, LARGEST_DAMPING = 1e-3, 1e6
-SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which a pass is done
+PASSES = 3  # with other weights
 # Variance of a second difference of the coefficients by that of the rate's wandering and the third
 # power of the time between knots.
 SECOND_DIFFERENCE = 2.0 / 3.0
@@ -75,7 +78,6 @@ def lay_out(history: Any, zeros: Any, first: int, kind: int) -> bool:
     zeros.held[SPEED] = 0 if kind == SINKS else 1
     if kind != VARIES:
         zeros.intervals = 0
-        zeros.knot = max(span, KNOT)
         return True
     zeros.intervals = min(max(math.ceil(span / KNOT), 1), SPLINE - 3)
     zeros.knot = span / zeros.intervals
@@ -126,14 +128,8 @@ def _law_at(settings: Any, zeros: Any, values: Any, point: Any, first: int) -> f
     ago = point[8] - zeros.latest
     depth = point[0] - values[POSITION] - values[SPEED] * ago - values[DELAY] * velocity
     velocity -= values[SPEED] + values[DELAY] * acceleration
-    gradient = zeros.gradient
     n, p = values[EXPONENT], values[VELOCITY_EXPONENT]
-    force = contact_gradient(
-        settings.contact_model, depth, velocity, stiffness, damping, n, p, gradient
-    )
-    gradient[2] *= stiffness
-    gradient[3] *= damping
-    return force
+    return law_at(settings, stiffness, damping, n, p, depth, velocity, zeros.gradient)
 
 
 @compiled
@@ -301,15 +297,8 @@ def _improve(settings: Any, history: Any, zeros: Any, first: int) -> float:
     add_prior(settings, zeros, values)
     damping = FIRST_DAMPING
     for _ in range(STEPS):
-        copy_matrix(zeros.information, zeros.damped)
-        copy_vector(zeros.slope, following)
-        for i in range(values.shape[0]):
-            zeros.damped[i, i] *= 1.0 + damping
-        if not cholesky(zeros.damped, zeros.factor):
+        if not step(zeros, values, damping):
             return math.nan
-        solve(zeros.factor, following)
-        for i in range(values.shape[0]):
-            following[i] += values[i]
         _limit(following)
         squares_after = gather(settings, history, zeros, following, first)
         after = squares_after + _prior_cost(settings, zeros, following)

@@ -26,7 +26,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.multiple_model import spline_fit, zero_sensitivity
 from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
@@ -104,7 +104,8 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     if history.fitted != 0 and history.guessed != 0:
         return False
     first = max(history.count - POINTS, 0)
-    if _count(history, first) < FEWEST or 2 * _count(history, first) < history.count - first:
+    count = _count(history, first)
+    if count < FEWEST or 2 * count < history.count - first:
         return False
     zeros.looked_at = clock
     row = bank.rows[bank.judge.chosen]
@@ -174,7 +175,6 @@ def _fit_any(
     for kind in (STAYS, SINKS, VARIES):
         if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
             continue
-        clear_vector(zeros.values)
         for i in range(zeros.held.shape[0]):
             zeros.held[i] = 0
         if not math.isnan(settings.channel_delay):
