@@ -14,6 +14,7 @@ from rich.live import Live
 
 from hc_bringup import heartbeat
 from hc_bringup.explanation import BackgroundExplainer
+from hc_bringup.phrases import without_numbers
 from hc_bringup.runner import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.terminal.keys import Keys
@@ -70,7 +71,7 @@ class Display:
         self._explainer = BackgroundExplainer()
         self._last_line_at = 0.0
         self._page_announced = False
-        self._reported: dict[str, str] = {}
+        self._reported: dict[str, set[str]] = {}
         self._doubted: set[str] = set()
         self._silence_reported = False
 
@@ -135,13 +136,16 @@ class Display:
             sys.stderr.flush()
 
     def _tell_problems(self, state: RunState) -> None:
-        """Write a line for each problem that is new."""
-        problems = {name: f"{name}: {problem}" for name, problem in state.problems.items()}
-        for name, line in problems.items():
-            if self._reported.get(name) != line:
-                sys.stderr.write(f"{line}\n")
+        """Write a line for each problem that is new, and not for one whose numbers change."""
+        for name in set(self._reported) - set(state.problems):
+            del self._reported[name]
+        for name, problem in state.problems.items():
+            said = self._reported.setdefault(name, set())
+            parts = without_numbers(problem)
+            if parts - said:
+                sys.stderr.write(f"{name}: {problem}\n")
                 sys.stderr.flush()
-        self._reported = problems
+            said |= parts
         for name, sentence in state.suspicions.items():
             if name not in self._doubted:  # its numbers change with every look
                 self._doubted.add(name)

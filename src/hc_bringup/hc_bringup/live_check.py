@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +14,7 @@ from hc_bringup import heartbeat
 from hc_bringup.diagnosis import Finding
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
+from hc_bringup.phrases import left_of
 from hc_bringup.reading_changes import change_lines
 from hc_bringup.service_calls import AGAIN_S, Client
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
@@ -25,6 +27,7 @@ from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, SAMPLE
 from hc_msgs_py.units import nanoseconds_from_stamp
 
 LEAST_SAMPLES = 100
+NODE_SAYS = "the node says: "
 OWN_SENSORS = ("sensors", "effort")
 """Sources of which the node makes samples itself."""
 
@@ -105,7 +108,7 @@ def listen(node: str, seconds: float) -> Heard:
     if not statuses:
         heard.findings.append(Finding(f"{name} tells no diagnostics: is it stopped or too busy?"))
     elif int.from_bytes(statuses[-1].level, "little") > 0:
-        heard.findings.append(Finding(f"the node says: {statuses[-1].message}"))
+        heard.findings.append(Finding(f"{NODE_SAYS}{statuses[-1].message}"))
     if len(samples) < LEAST_SAMPLES:
         hidden = heard.settings.get("source") in OWN_SENSORS and not heard.settings.get(
             "publish_samples", True
@@ -134,6 +137,20 @@ def listen(node: str, seconds: float) -> Heard:
         rows[:, 2] -= heard.settings.get("force.zero", 0.0)
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
+
+
+def said_once(findings: list[Finding]) -> list[Finding]:
+    """Return findings where the node's own words leave out what another finding says as well."""
+    kept = []
+    for finding in findings:
+        if finding.what.startswith(NODE_SAYS):
+            others = [f.what for f in findings if f is not finding]
+            said = left_of(finding.what.removeprefix(NODE_SAYS), others)
+            if not said:
+                continue
+            finding = dataclasses.replace(finding, what=NODE_SAYS + said)
+        kept.append(finding)
+    return kept
 
 
 def _refuse_while_starting(graph: Graph, name: str) -> None:

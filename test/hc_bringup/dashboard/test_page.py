@@ -202,6 +202,62 @@ def test_without_a_position_the_map_gives_its_room_away(
     assert "over the contacts" in page.text("#map .note")
 
 
+def test_presses_at_one_place_are_no_map(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """Regression: a robot that presses at x = 400 mm saw one block in an empty chart, as a map."""
+    served = serve()
+    table = make_estimates(500)
+    feed(served, table, make_stamps(table), Digest())
+    place = {name: i for i, name in enumerate(MAP_COLUMNS)}
+    cells = np.zeros((2, len(MAP_COLUMNS)))
+    cells[:, place["x"]] = [400.0, 400.5]
+    cells[:, place["ln_K"]] = np.log(0.7)
+    cells[:, place["n"]] = 1.4
+    cells[:, place["var_ln_K"]] = 1e-4
+    cells[:, place["deepest"]] = 4.0
+    served.server.publish_map(0, 0.5, cells[:1])
+    opened(page, served, make_status)
+    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")  # no contact has ended yet
+    contact = {
+        "number": 1,
+        "start": 0.0,
+        "end": 1.0,
+        "parameters": [0.7, 0.01, 1.4, 1.0],
+        "std": [0.01, 0.001, 0.02, 0.02],
+        "stiffness_exponent_covariance": 0.0,
+        "peak_depth": 4.0,
+    }
+    served.server.publish_text("contacts", {"items": [contact]})
+    page.wait_for("HC.app.map.kind === 'contacts'")
+    assert "at one place" in page.text("#map .note")
+    served.server.publish_map(0, 0.5, cells)  # the neighbour is the same place
+    page.wait_for("HC.app.map.cells.length === 2 && HC.app.map.kind === 'contacts'")
+    cells[1, place["x"]] = 402.0
+    served.server.publish_map(0, 0.5, cells)
+    page.wait_for("HC.app.map.kind === 'line'")
+    assert page.complaints() == []
+
+
+def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """Regression: of two robots on one topic only a line at the foot of the page knew."""
+    served = serve()
+    table = make_estimates(500)
+    feed(served, table, make_stamps(table), Digest())
+    said = "2 publishers on /wrench (/a, /b): follows the one that was first"
+    node = {"level": 2, "message": said, "hardware": "", "values": {}, "age_s": 0.2}
+    opened(page, served, make_status, silent_s=0.0, nodes={"estimator": node})
+    page.wait(lambda: said in page.text("#banner"), "the banner")
+    assert page.run("return document.getElementById('banner').dataset.level") == "bad"
+    assert page.text("#state") != "stopped"
+    served.server.publish_text(
+        "status", make_status(silent_s=0.0, nodes={"estimator": node | {"level": 1}})
+    )
+    page.wait_for("document.getElementById('banner').hidden")  # a warning has its line below
+
+
 def test_reconnects_and_fills_the_gap(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:

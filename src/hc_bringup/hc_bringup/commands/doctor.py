@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command; status 1 where something is wrong."""
     from hc_bringup.diagnosis import Finding, diagnose
-    from hc_bringup.live_check import listen, too_short_wait
+    from hc_bringup.live_check import listen, said_once, too_short_wait
     from hc_bringup.reading_changes import (
         change_lines,
         judged_line,
@@ -88,6 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
         if arguments.input in (None, "live"):
             findings += too_short_wait(rows, settings, findings)
+            findings = said_once(findings)
     heartbeat.nothing()
     if arguments.json:
         _print_json(findings, diagnosis, settings, type_it, notes)

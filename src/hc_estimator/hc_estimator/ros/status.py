@@ -21,7 +21,8 @@ SHARE_REFUSED = 0.05
 SHARE_WAITING = 0.25
 """More than this share of the allowed backlog waits: the node falls behind, and says so."""
 _REFUSED = {
-    Rejection.NOT_FINITE: "a reading is no finite number",
+    Rejection.NOT_FINITE: "a reading is no finite number, or a force comes before the first "
+    "position (after a gap, too)",
     Rejection.TIME_REPEATED: "their stamp is that of the sample before",
     Rejection.TIME_BACKWARD: "their stamp lies before that of the sample before",
     Rejection.OUT_OF_RANGE: "a reading beyond force_limit or displacement_limit",

@@ -159,7 +159,7 @@ HC.App = class {
     state.dataset.level = word[1];
     const banner = document.getElementById("banner");
     HC.setText(banner, word[2] || "");
-    banner.dataset.level = word[1];
+    banner.dataset.level = word[3] || word[1];
     banner.hidden = !word[2];
     if (!this.store || this.frozen) return;
     if (!this.store.empty) {
@@ -171,7 +171,7 @@ HC.App = class {
     HC.setText(document.getElementById("headline"), sentences.join(" "));
   }
 
-  /* State in a word, its level, and a line for the banner where something is wrong. */
+  /* State in a word, its level, a line for the banner where something is wrong, and its level. */
   word() {
     if (this.state !== "connected") {
       return [this.state || "connecting", "bad",
@@ -191,8 +191,10 @@ HC.App = class {
     }
     if (this.frozen) return ["frozen", "idle", ""];
     if (!this.store || this.store.empty) return ["waiting", "idle", ""];
-    if (this.store.last("mismatch")) return ["law does not fit", "warn", ""];
-    return this.store.last("contact") ? ["in contact", "good", ""] : ["in the air", "idle", ""];
+    const wrong = HC.reasonOf(status.nodes, HC.ERROR);
+    if (this.store.last("mismatch")) return ["law does not fit", "warn", wrong, "bad"];
+    const touches = this.store.last("contact");
+    return touches ? ["in contact", "good", wrong, "bad"] : ["in the air", "idle", wrong, "bad"];
   }
 
   connectionState(word, why) {

@@ -68,10 +68,13 @@ HC.HealthPanel = class {
   }
 };
 
-/* What the estimator says of why nothing comes; nothing where it is gone or content. */
-HC.reasonOf = function (nodes) {
+HC.WARNING = 1; // levels of diagnostic_msgs/DiagnosticStatus
+HC.ERROR = 2;
+
+/* What the estimator says is wrong, at such a level or above; nothing where it is gone. */
+HC.reasonOf = function (nodes, least = HC.WARNING) {
   const estimator = (nodes || {}).estimator;
-  if (!estimator || estimator.age_s > 2.5 || !(estimator.level > 0)) return "";
+  if (!estimator || estimator.age_s > 2.5 || !(estimator.level >= least)) return "";
   return `The estimator says: ${estimator.message}.`;
 };
 

@@ -1,6 +1,6 @@
 /* The palpation map: stiffness at a chosen depth over where the tip was, with its uncertainty.
    Along a line: a coloured strip above a profile with its band. Over a plane: coloured cells.
-   Where no position is known: over the contacts. */
+   Where no position is known, or all of it was at one place: over the contacts. */
 "use strict";
 
 HC.STRIP = 0.26; // share of the height
@@ -50,14 +50,22 @@ HC.MapPanel = class {
 
   setContacts(contacts) {
     this.contacts = contacts;
-    if (!this.cells.length) this.refresh();
+    if (!this.cells.length || this.atOnePlace()) this.refresh();
+  }
+
+  /* True if the cells are neighbours at most: that is no map yet. */
+  atOnePlace() {
+    return ["x", "y"].every((axis) => {
+      const [from, to] = HC.extent(this.cells.map((cell) => cell[axis]));
+      return to - from < 1.5 * this.cellMm;
+    });
   }
 
   /* What is shown, from cells or contacts: [{x, y, value, deviation}] sorted along x. */
   refresh() {
     let spots = this.cells;
     this.kind = "plane";
-    if (!spots.length) {
+    if (!spots.length || (this.contacts.length && this.atOnePlace())) {
       this.kind = "contacts";
       spots = this.contacts.map((contact) => ({
         x: contact.number, y: 0, ln_K: Math.log(contact.parameters[0]), n: contact.parameters[2],
@@ -267,7 +275,10 @@ HC.MapPanel = class {
       text = "Nothing felt yet.";
     } else {
       const deepest = HC.extent(this.spots.map((s) => s.deepest))[1];
-      if (this.kind === "contacts") text = "No position is known: over the contacts.";
+      if (this.kind === "contacts") {
+        text = this.cells.length ? "Pressed at one place: over the contacts."
+          : "No position is known: over the contacts.";
+      }
       if (this.kind === "plane") text = "The paler a cell, the less is known of it.";
       if (this.depth > 1.05 * deepest) {
         text += ` Extrapolated: nowhere was it pressed deeper than ${deepest.toFixed(1)} mm.`;
