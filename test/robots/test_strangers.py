@@ -43,6 +43,19 @@ ROBOTS = {
             "frame": "base_link",
         },
     },
+    # A load cell and a laser that give volts; the laser's fall the deeper the tool is.
+    "volts": {
+        "tissue": [0.8, 0.03, 1.5, 0.9],
+        "force": {"topic": "daq/cell", "rate_hz": 500.0, "bias": [0.0, 0.0, 30.0], "scale": 0.04},
+        "position": {
+            "type": "joint",
+            "topic": "daq/laser",
+            "rate_hz": 500.0,
+            "joints": [],
+            "moving": "laser",
+            "unit_per_m": -200.0,
+        },
+    },
     # CRTK, best effort, its clock three seconds behind, the force that of the tool on the tissue.
     "clock": {
         "tissue": [0.3, 0.02, 1.9, 0.8],
@@ -63,12 +76,18 @@ INPUT = {
         "force": {"axis": "direction", "topic": "/wrist/ft"},
         "position": {"type": "tf", "base_frame": "base_link", "child_frame": "tool0", "sign": -1},
     },
+    "volts": {
+        "source": "sensors",
+        "force": {"axis": "z", "sign": 1, "scale": 25.0},
+        "position": {"type": "joint", "joint": "laser", "sign": -1, "scale": 0.005},
+    },
     "clock": {
         "source": "sensors",
         "force": {"axis": "z", "sign": -1},
         "position": {"type": "pose", "axis": "z", "sign": -1},
     },
 }
+SAID = {"volts": ("--force-scale", "25", "--position-scale", "0.005")}
 NAMES = ("stiffness", "damping", "displacement_exponent", "velocity_exponent")
 
 
@@ -83,11 +102,14 @@ def holds(found, wanted):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_stranger_is_set_up_run_and_judged(bench, name):
     bench.robot(rest_s=0.5, **ROBOTS[name])
-    done = bench.patiently("setup", "--yes", "--no-run", "--seconds", "12", "-o", "arm")
+    said = ("--seconds", "12", "-o", "arm", *SAID.get(name, ()))
+    done = bench.patiently("setup", "--yes", "--no-run", *said)
     assert done.returncode == 0, done.stdout + done.stderr
     told = yaml.safe_load((bench.folder / "arm.yaml").read_text())
     found = told["estimator"]["ros__parameters"]["input"]
     assert holds(found, INPUT[name]), found
+    of_one_message = told["estimator"]["ros__parameters"].get("channel_delay")
+    assert of_one_message == (0.0 if name == "actuator" else None)
     if name == "frames":  # the sensor's own frame, and the direction that it is tilted by
         assert "/tf:tool0 (tf): 50 Hz" in done.stdout
         assert found["force"]["direction"] == pytest.approx([-0.5, 0.0, 0.866], abs=0.02)

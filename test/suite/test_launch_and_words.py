@@ -24,6 +24,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/stamp_watch.py",
     "hc_estimator/hc_estimator/ros/moving_surface.py",
     "hc_estimator/hc_estimator/ros/status.py",
+    "hc_estimator/hc_estimator/ros/inputs.py",
     "hc_estimator/hc_estimator/stream/zero_steps.py",
     "hc_bringup/hc_bringup/reading_changes.py",
     "hc_bringup/hc_bringup/stopped_processes.py",
@@ -51,6 +52,7 @@ NO_WARNINGS = (
     "most messages waiting on",
     "no usable \0 for",
     "waits for the first sample",
+    " publishers",  # who is waited for, while a node starts
     "listening to \0: ",
     "recording is played",  # what follows a warning that the page explains
     "recording that is played at another rate",

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.process_state import is_stopped
 
 HIGHEST_DOMAIN = 101
 """Above it the ports of DDS leave the range that Linux keeps free."""
@@ -48,9 +49,11 @@ class DomainLock:
         """
         self._socket = _take(self._domain)
         if self._socket is None:
-            owner = _owner(self._domain)
+            number, owner = _owner(self._domain)
             free = next((d for d in range(1, HIGHEST_DOMAIN + 1) if _is_free(d)), None)
             way_out = "end it first"
+            if number is not None and _seems_stopped(number):
+                way_out = f"it is stopped: kill -CONT {number} lets it go on, kill -9 ends it"
             if free is not None:
                 way_out += f", or take another domain: ROS_DOMAIN_ID={free} hc ..."
             raise UserError(
@@ -92,8 +95,15 @@ def _is_free(domain: int) -> bool:
     return listener is not None
 
 
-def _owner(domain: int) -> str:
-    """Say who has the domain: the process id and what was typed."""
+def _seems_stopped(number: int) -> bool:
+    try:
+        return is_stopped(number)
+    except OSError:  # it has ended just now
+        return False
+
+
+def _owner(domain: int) -> tuple[int | None, str]:
+    """Say who has the domain: the process id, and in words with what was typed."""
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
             asking.settimeout(1.0)
@@ -101,15 +111,15 @@ def _owner(domain: int) -> str:
             size = _CREDENTIALS.size
             raw = asking.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size)
     except OSError:  # it has ended just now, or does not answer
-        return "another process"
+        return None, "another process"
     number, _, _ = _CREDENTIALS.unpack(raw)
     try:
         words = Path(f"/proc/{number}/cmdline").read_bytes().decode(errors="replace").split("\0")
     except OSError:
-        return f"process {number}"
+        return number, f"process {number}"
     names = [Path(word).name for word in words]
     start = next((i for i, name in enumerate(names) if name in ("hc", "hc_bringup")), None)
     if start is None:
-        return f"process {number}"
+        return number, f"process {number}"
     typed = " ".join(["hc", *words[start + 1 :]]).strip()
-    return f"process {number} ({''.join(filter(str.isprintable, typed))[:80]})"
+    return number, f"process {number} ({''.join(filter(str.isprintable, typed))[:80]})"

@@ -107,6 +107,7 @@ def _parameters(
         "  ros__parameters:",
         "    # force_limit: 60.0        # N; set it just below your sensor's range",
         *_deviation(found.position.zero_std),
+        *(_ONE_MESSAGE if force.kind == "effort" else ()),
         "    input:",
         *settings,
     ]
@@ -168,6 +169,9 @@ def _number(value: float) -> str:
     """Return a number as YAML reads it back as one with a fraction."""
     text = f"{value:.9g}"
     return text if "." in text else f"{value:.1f}" if "e" not in text else f"{value:.9f}"
+
+
+_ONE_MESSAGE = ("    channel_delay: 0.0   # s; both are of one message: none is looked for",)
 
 
 def _deviation(zero_std: float) -> list[str]:

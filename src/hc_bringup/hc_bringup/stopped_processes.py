@@ -9,10 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from hc_bringup.domain_lock import domain_id
+from hc_bringup.process_state import PROCESSES, is_stopped
 
-_PROCESSES = Path("/proc")
-_STOPPED = ("T", "t")
-"""States of a process: stopped by a signal, or by a debugger."""
 _ROS_LIBRARY = b"librcl.so"
 _MOST_NAMED = 3
 
@@ -23,13 +21,12 @@ def stopped_processes() -> list[tuple[int, str]]:
     Of other users' processes nothing is known.
     """
     found = []
-    for folder in _PROCESSES.iterdir():
+    for folder in PROCESSES.iterdir():
         if not folder.name.isdigit():
             continue
         try:
-            # The name of the program stands in brackets and may hold anything.
-            state = (folder / "stat").read_text(errors="replace").rpartition(")")[2].split()[0]
-            if state not in _STOPPED or _ROS_LIBRARY not in (folder / "maps").read_bytes():
+            stopped = is_stopped(int(folder.name))
+            if not stopped or _ROS_LIBRARY not in (folder / "maps").read_bytes():
                 continue
             environment = (folder / "environ").read_bytes().split(b"\0")
             words = (folder / "cmdline").read_bytes().decode(errors="replace").split("\0")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,17 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.parameter_file import read_yaml
 
 HELP = "list, read, change, save and load the parameters of a running node"
+_KIND = r"'(?:Parameter\.)?Type\.(\w+)'"
+_WRONG_TYPE = re.compile(f"Wrong parameter type, expected {_KIND} got {_KIND}")
+_TYPES = {
+    "BOOL": "true or false",
+    "INTEGER": "a whole number",
+    "DOUBLE": "a number",
+    "STRING": "a text",
+    "DOUBLE_ARRAY": "a list of numbers",
+    "STRING_ARRAY": "a list of texts",
+}
+"""What a user types for a type of rclpy."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -235,4 +247,13 @@ def _set_atomically(graph: Any, client: Any, parameters: list[Any]) -> None:
     answer = graph.call(lambda: client.set_parameters_atomically(parameters), "setting")
     if not answer.result.successful:
         names = ", ".join(p.name for p in parameters)
-        raise UserError(f"setting {names} failed: {answer.result.reason}", FAILURE)
+        raise UserError(f"setting {names} failed: {_plain(answer.result.reason)}", FAILURE)
+
+
+def _plain(reason: str) -> str:
+    """Return why a value was refused without rclpy's names of types."""
+    wrong = _WRONG_TYPE.fullmatch(reason)
+    if wrong is None:
+        return reason
+    wanted, given = (_TYPES.get(name, name.lower()) for name in wrong.groups())
+    return f"it takes {wanted}, not {given}"

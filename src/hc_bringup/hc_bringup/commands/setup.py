@@ -25,6 +25,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", metavar="TOPIC", help="topic of the force sensor")
     parser.add_argument("--position", metavar="TOPIC", help="topic of the tool's position")
     parser.add_argument(
+        "--force-scale",
+        type=positive,
+        default=1.0,
+        metavar="N",
+        help="newtons that one of the force reading stands for: volts of a load cell, say",
+    )
+    parser.add_argument(
+        "--position-scale",
+        type=positive,
+        default=1.0,
+        metavar="M",
+        help="metres that one of the position reading stands for; signs are found",
+    )
+    parser.add_argument(
         "-o",
         "--output",
         default="my_robot.yaml",
@@ -94,10 +108,11 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
 
     tell = LiveLine()
     names = (arguments.force, arguments.position)
+    scales = (arguments.force_scale, arguments.position_scale)
     if arguments.yes:
         with Graph() as graph:
             recorded = at_once(graph, *names, arguments.seconds or ONE_GO_S, tell)
-        return write_files(output, recorded.force, recorded.position, *_judge(recorded))
+        return write_files(output, recorded.force, recorded.position, *_judge(recorded, scales))
     from hc_bringup.asking import Asker
 
     with Graph() as graph:
@@ -107,7 +122,7 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
             try:
                 recorded = guide.record(*streams)
                 try:
-                    judged = _judge(recorded)
+                    judged = _judge(recorded, scales)
                 except UserError as error:
                     guide.again(str(error))
                     continue
@@ -117,8 +132,12 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
                 streams = guide.choose(None, None)
 
 
-def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
+def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, float]]:
     """Say how the sensors are to be read; returns that, and the time offsets [s].
+
+    Args:
+        recorded: what was recorded.
+        scales: N and m that one of the readings of force and position stands for.
 
     Raises:
         UserError: if the readings do not show it.
@@ -130,7 +149,7 @@ def _judge(recorded: Any) -> tuple[Any, dict[str, float]]:
 
     heartbeat.doing(FINDING)
     try:
-        found = propose(*recorded.readings, rest_s=recorded.rest_s)
+        found = propose(*recorded.readings, rest_s=recorded.rest_s).rescaled(*scales)
     except SetupError as error:
         raise UserError(str(error), FAILURE) from error
     known_mm = found.position.zero_std

@@ -205,10 +205,18 @@ class ArrayInput(SampleInput):
 def missing_publishers(channels: Sequence[Channel], expected: int) -> list[str]:
     """Say of each topic that has fewer publishers than expected how many it has."""
     return [
-        f"{channel.topic} has {found} of {expected} publishers"
+        another_type(channel) or f"{channel.topic} has {found} of {expected} publishers"
         for channel in channels
         if (found := channel.publishers) < expected
     ]
+
+
+def another_type(channel: Channel) -> str:
+    """Say that a topic is published with another type than the one listened to, if it is."""
+    others = [name for name in channel.publisher_names if name.endswith(")")]
+    if not others:
+        return ""
+    return f"{channel.topic} is {channel.type_name} here, but is published by {others[0]}"
 
 
 def publisher_conflict(channels: Sequence[Channel]) -> str:
