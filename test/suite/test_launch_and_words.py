@@ -52,7 +52,7 @@ NO_WARNINGS = (
     "most messages waiting on",
     "no usable \0 for",
     "waits for the first sample",
-    " publishers",  # who is waited for, while a node starts
+    "\0 of \0 publishers",  # who is waited for, while a node starts
     "listening to \0: ",
     "recording is played",  # what follows a warning that the page explains
     "recording that is played at another rate",

@@ -205,18 +205,24 @@ class ArrayInput(SampleInput):
 def missing_publishers(channels: Sequence[Channel], expected: int) -> list[str]:
     """Say of each topic that has fewer publishers than expected how many it has."""
     return [
-        another_type(channel) or f"{channel.topic} has {found} of {expected} publishers"
+        why_unmatched(channel) or f"{channel.topic} has {found} of {expected} publishers"
         for channel in channels
         if (found := channel.publishers) < expected
     ]
 
 
-def another_type(channel: Channel) -> str:
-    """Say that a topic is published with another type than the one listened to, if it is."""
-    others = [name for name in channel.publisher_names if name.endswith(")")]
-    if not others:
-        return ""
-    return f"{channel.topic} is {channel.type_name} here, but is published by {others[0]}"
+def why_unmatched(channel: Channel) -> str:
+    """Say why whoever publishes a topic is not heard: another type, or quality of service."""
+    names = channel.publisher_names
+    others = [name for name in names if name.endswith(")")]
+    if others:
+        return f"{channel.topic} is {channel.type_name} here, but is published by {others[0]}"
+    if names and not channel.publishers:
+        return (
+            f"{channel.topic} is published by {names[0]} with a quality of service that does not "
+            f"fit: qos_overrides.{channel.topic}.subscription, and hc topic info {channel.topic} -v"
+        )
+    return ""
 
 
 def publisher_conflict(channels: Sequence[Channel]) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.ros.channel import Channel
-from hc_estimator.ros.inputs import Input, another_type
+from hc_estimator.ros.inputs import Input, why_unmatched
 from hc_estimator.stream.readings import SUSPECT, Suspicion
 from hc_estimator.stream.session import EstimationSession
 from hc_msgs_py.diagnostics import Level, Status
@@ -225,8 +225,8 @@ def _reasons(since: Mapping[str, float], source: Input, jump_ns: int) -> list[st
     for channel in source.channels:
         names = channel.publisher_names
         if not since[channel.topic]:
-            if other := another_type(channel):
-                reasons.append(other)
+            if why := why_unmatched(channel):
+                reasons.append(why)
             elif not names:
                 reasons.append(f"nobody publishes {channel.topic}")
             else:

@@ -86,7 +86,8 @@ HC.MapPanel = class {
     this.chart.plot.axes[0].label = this.kind === "contacts" ? "contact" : "sideways [mm]";
     this.chart.plot.axes[1].label =
       this.kind === "plane" ? "across [mm]" : `stiffness at ${this.depth.toFixed(1)} mm [N/mm]`;
-    this.lump = this.kind === "empty" ? null : HC.findLump(this.spots);
+    const noMap = this.kind === "empty" || (this.kind === "contacts" && this.cells.length);
+    this.lump = noMap ? null : HC.findLump(this.spots);
     // Where the way ends at its stiffest, the lump has not been passed: it may lie further on.
     if (this.lump && this.kind === "line") {
       const [from, to] = HC.extent(this.spots.map((s) => s.x));
