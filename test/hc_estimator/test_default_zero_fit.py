@@ -34,7 +34,7 @@ def law(depth, velocity):
 def readings(seed, position=0.0, zero=0.0, surface=0.0):
     rng = np.random.default_rng(seed)
     time, depth, velocity = motion()
-    force = law(depth - surface, velocity)
+    force = law(depth - surface, velocity - np.gradient(surface + 0.0 * time, time))
     return (
         time,
         depth + position + NOISE[0] * rng.standard_normal(time.size),

@@ -1,4 +1,4 @@
-"""Least squares with a spline of ln K, against scipy's spline and solver, and differences."""
+"""Least squares with splines of ln K, surface or exponent, against scipy and differences."""
 
 import numpy as np
 import pytest
@@ -6,11 +6,12 @@ from scipy.interpolate import BSpline
 from scipy.optimize import least_squares
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import spline_fit
+from hc_estimator.multiple_model import spline, spline_fit, spline_prior
 from hc_estimator.multiple_model.history import WIDE
-from hc_estimator.multiple_model.zero_records import SPLINE_FIRST
+from hc_estimator.multiple_model.spline import BENDS, MOVES, SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
 
-KINDS = [spline_fit.STAYS, spline_fit.SINKS, spline_fit.VARIES]
+KINDS = [STAYS, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
 COUNT, SPACING = 400, 0.02
 NOISE = (1e-8, 1e-6)  # variances of a point's displacement [mm^2] and force [N^2]
 ZERO, POSITION, SPEED = 0.05, 0.3, 0.04
@@ -24,99 +25,163 @@ def law(depth, velocity, log_stiffness, log_ratio, n, p):
 
 @pytest.fixture
 def filled(records_of):
-    """Settings, history and fit of a contact of a kind, and its ln K."""
+    """Settings, history and fit of a contact of a kind, its ln K, surface and n."""
 
-    def fill(kind):
+    def fill(kind, with_zeros=True):
         settings, bank = records_of(hc.create_estimator("self_tuning_ukf", channel_delay=0.0))
-        history, zeros = bank.history, bank.zeros
+        history, fit = bank.history, bank.fit
         time = SPACING * np.arange(COUNT) + 0.0137  # never quite at rest, where p < 1 has no slope
         slow, quick = 2.0 * np.pi * 1.3, 2.0 * np.pi * 2.9
         depth = 3.0 + np.sin(slow * time) + 0.3 * np.sin(quick * time)
         velocity = slow * np.cos(slow * time) + 0.3 * quick * np.cos(quick * time)
         acceleration = -(slow**2) * np.sin(slow * time) - 0.3 * quick**2 * np.sin(quick * time)
-        level = np.full(COUNT, np.log(0.4))
-        if kind == spline_fit.VARIES:
+        level, exponent = np.full(COUNT, np.log(0.4)), np.full(COUNT, 1.5)
+        surface, speed = np.zeros(COUNT), np.zeros(COUNT)
+        if kind & VARIES:
             level += 0.4 * np.sin(2.0 * np.pi * time / 6.0)
-        speed = SPEED if kind == spline_fit.SINKS else 0.0
+        if kind & BENDS:
+            exponent += 0.1 * np.sin(2.0 * np.pi * time / 7.0)
+        if kind & SINKS:
+            surface, speed = SPEED * (time - time[-1]), np.full(COUNT, SPEED)
+        if kind & MOVES:
+            surface = 0.5 * np.sin(2.0 * np.pi * time / 4.0)
+            speed = 0.25 * np.pi * np.cos(2.0 * np.pi * time / 4.0)
+        zero, position = (ZERO, POSITION) if with_zeros else (0.0, 0.0)
+        position = 0.0 if kind & MOVES else position
         history.points[:] = 0.0
-        history.points[:COUNT, 0] = depth + POSITION + speed * (time - time[-1])
-        history.points[:COUNT, 2] = law(depth, velocity, level, np.log(0.02), 1.5, 1.0) + ZERO
+        history.points[:COUNT, 0] = depth + position + surface
+        history.points[:COUNT, 2] = law(depth, velocity, level, np.log(0.02), exponent, 1.0) + zero
         history.points[:COUNT, 5] = velocity + speed
         history.points[:COUNT, 6] = acceleration
         history.points[:COUNT, 7] = WIDE
         history.points[:COUNT, 8] = time
         history.count, history.first = COUNT, 0
-        zeros.held[spline_fit.DELAY] = 1
-        assert spline_fit.lay_out(history, zeros, 0, kind)
+        spline.free_all(fit)
+        fit.held[spline.DELAY] = 1
+        if not with_zeros:
+            fit.held[spline.FORCE_ZERO] = 1
+            fit.held[spline.POSITION] = 1
+        assert spline.lay_out(history, fit, 0, COUNT, kind)
         bank.rows[0].state[2:6] = np.log(0.6), np.log(0.06), 1.7, 0.9
-        spline_fit.begin(zeros, bank.rows[0], 2)
-        return settings, history, zeros, level
+        spline.begin(fit, bank.rows[0])
+        return settings, history, fit, (level, surface, exponent)
 
     return fill
 
 
-def knots_of(zeros):
-    return zeros.begin + zeros.knot * (np.arange(zeros.intervals + 7) - 3.0)
+def knots_of(fit, which=0):
+    return fit.begin + fit.knot[which] * (np.arange(fit.intervals[which] + 7) - 3.0)
 
 
 def test_its_splines_are_scipys(filled):
-    _, _, zeros, _ = filled(spline_fit.VARIES)
+    _, _, fit, _ = filled(VARIES + MOVES)
     rng = np.random.default_rng(0)
-    coefficients = rng.standard_normal(zeros.intervals + 3)
-    values = np.zeros(zeros.values.shape)
-    values[SPLINE_FIRST : SPLINE_FIRST + coefficients.size] = coefficients
-    spline = BSpline(knots_of(zeros), coefficients, 3)
-    for time in rng.uniform(zeros.begin, zeros.latest, 50):
-        first = spline_fit.locate(zeros, time)
-        assert np.sum(zeros.basis) == pytest.approx(1.0, abs=1e-12)
-        found = spline_fit.log_stiffness(zeros, values, first)
-        assert found == pytest.approx(float(spline(time)), abs=1e-12)
+    values = np.zeros(fit.values.shape)
+    values[SPLINE_FIRST : fit.unknowns] = rng.standard_normal(fit.unknowns - SPLINE_FIRST)
+    between = SPLINE_FIRST + fit.intervals[0] + 3
+    stiffness = BSpline(knots_of(fit), values[SPLINE_FIRST:between], 3)
+    surface = BSpline(knots_of(fit, 1), values[between : fit.unknowns], 3)
+    for time in rng.uniform(fit.begin, fit.latest, 50):
+        assert spline.locate(fit, time) == SPLINE_FIRST + 8
+        found = spline.log_stiffness(fit, values)
+        assert found == pytest.approx(float(stiffness(time)), abs=1e-12)
+        position, speed = spline.second(fit, values)
+        assert position == pytest.approx(float(surface(time)), abs=1e-12)
+        assert speed == pytest.approx(float(surface.derivative()(time)), abs=1e-11)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
-    settings, history, zeros, _ = filled(kind)
-    spline_fit.weigh(settings, history, zeros, 0, NOISE, 1.0)
-    zeros.values[spline_fit.POSITION] = 0.1
-    values = np.array(zeros.values)
-    spline_fit.gather(settings, history, zeros, values, 0)
-    slope = -2.0 * np.array(zeros.pull)
-    for i in range(SPLINE_FIRST + spline_fit.coefficients(zeros)):
+    settings, history, fit, _ = filled(kind)
+    spline_fit.weigh(settings, history, fit, NOISE, 1.0)
+    fit.values[spline.POSITION] = 0.1
+    values = np.array(fit.values)
+    spline_fit.gather(settings, history, fit, values)
+    slope = -2.0 * np.array(fit.pull)
+    for i in range(fit.unknowns):
+        if kind & BENDS and i == spline.EXPONENT:
+            continue  # its place is taken by the spline
         above, below = values.copy(), values.copy()
         above[i] += 1e-6
         below[i] -= 1e-6
-        difference = spline_fit.gather(settings, history, zeros, above, 0)
-        difference -= spline_fit.gather(settings, history, zeros, below, 0)
+        difference = spline_fit.gather(settings, history, fit, above)
+        difference -= spline_fit.gather(settings, history, fit, below)
         scale = 1e-5 * np.abs(slope).max()
         assert slope[i] == pytest.approx(difference / 2e-6, rel=1e-4, abs=scale)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_finds_what_is_true(kind, filled):
-    settings, history, zeros, level = filled(kind)
-    squares = spline_fit.fit(settings, history, zeros, 0, NOISE, 1.0)
-    assert squares < zeros.expected
-    values = zeros.values
-    assert values[spline_fit.POSITION] == pytest.approx(POSITION, abs=0.02)
-    assert values[spline_fit.FORCE_ZERO] == pytest.approx(ZERO, abs=0.01)
-    assert values[spline_fit.EXPONENT] == pytest.approx(1.5, abs=0.02)
-    if kind == spline_fit.SINKS:
-        assert values[spline_fit.SPEED] == pytest.approx(SPEED, abs=1e-3)
-    first = spline_fit.locate(zeros, zeros.latest)
-    found = spline_fit.log_stiffness(zeros, values, first)
-    assert found == pytest.approx(level[-1], abs=0.03)
+    settings, history, fit, (level, surface, exponent) = filled(kind, with_zeros=kind <= SINKS)
+    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    assert squares < fit.expected
+    values = fit.values
+    if kind <= SINKS:
+        assert values[spline.POSITION] == pytest.approx(POSITION, abs=0.02)
+        assert values[spline.FORCE_ZERO] == pytest.approx(ZERO, abs=0.01)
+    if kind & SINKS:
+        assert values[spline.SPEED] == pytest.approx(SPEED, abs=1e-3)
+    spline.locate(fit, fit.latest)
+    value, _ = spline.second(fit, values)
+    if kind & MOVES:
+        assert value == pytest.approx(surface[-1], abs=0.02)
+    n = value if kind & BENDS else values[spline.EXPONENT]
+    assert n == pytest.approx(exponent[-1], abs=0.02)
+    assert spline.log_stiffness(fit, values) == pytest.approx(level[-1], abs=0.03)
+
+
+def test_its_prior_is_the_sum_of_its_terms(filled):
+    settings, _, fit, _ = filled(VARIES + MOVES, with_zeros=False)
+    spline_prior.take_prior(settings, fit)
+    values = np.random.default_rng(4).standard_normal(fit.values.shape)
+    between = SPLINE_FIRST + fit.intervals[0] + 3
+    level, surface = values[SPLINE_FIRST:between], values[between : fit.unknowns]
+    walks = (spline_prior.OWN_WALKS[spline_prior.TREND_ROW, 0], spline_prior.SURFACE_WALK)
+    parts = [
+        (values[0] - np.log(settings.initial_damping / settings.initial_stiffness))
+        / settings.initial_damping_log_std,
+        (values[1] - settings.initial_displacement_exponent)
+        / settings.initial_displacement_exponent_std,
+        (values[2] - settings.initial_velocity_exponent) / settings.initial_velocity_exponent_std,
+        *((level - fit.level) / spline_prior.LEVEL_DEVIATION),
+        *(surface / np.sqrt(surface.size)),
+    ]
+    for which, part in enumerate((level, surface)):
+        variance = spline_prior.SECOND_DIFFERENCE * walks[which] * fit.knot[which] ** 3
+        parts += list(np.diff(part, 2) / np.sqrt(variance))
+    expected = float(np.sum(np.square(parts)))
+    assert spline_prior.prior_cost(fit, values) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("kind", [STAYS, VARIES, VARIES + MOVES])
+def test_its_evidence_is_laplaces(kind, filled):
+    settings, history, fit, _ = filled(kind, with_zeros=False)
+    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    free = np.flatnonzero(
+        np.concatenate([fit.fixed == 0, np.ones(fit.unknowns - SPLINE_FIRST, bool)])
+    )
+    lower = np.tril(np.array(fit.information))
+    posterior = (lower + np.tril(lower, -1).T)[np.ix_(free, free)]
+    prior = np.zeros((fit.unknowns, fit.unknowns))
+    for i in range(fit.unknowns):
+        for k in range(min(BAND, i + 1)):
+            prior[i, i - k] = prior[i - k, i] = fit.prior[i, k]
+    prior = prior[np.ix_(free, free)]
+    expected = -0.5 * (squares + spline_prior.prior_cost(fit, fit.values))
+    expected -= 0.5 * (np.linalg.slogdet(posterior)[1] - np.linalg.slogdet(prior)[1])
+    assert spline_prior.log_evidence(fit, squares) == pytest.approx(expected, rel=1e-9)
 
 
 def test_another_solver_comes_to_the_same(filled):
     """Scipy's least squares on the same cost, with prior and roughness, in numpy."""
-    settings, history, zeros, _ = filled(spline_fit.VARIES)
+    settings, history, fit, _ = filled(VARIES)
     history.points[:COUNT, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
-    spline_fit.fit(settings, history, zeros, 0, NOISE, 1.0)
-    count = SPLINE_FIRST + spline_fit.coefficients(zeros)
-    free = np.flatnonzero(np.array(zeros.held[:count]) == 0)
+    spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    count = fit.unknowns
+    free = [i for i in range(count) if i >= SPLINE_FIRST or fit.held[i] == 0]
     points = np.array(history.points[:COUNT])
-    knots, guess = knots_of(zeros), np.log(settings.initial_damping / settings.initial_stiffness)
-    roughness = spline_fit.SECOND_DIFFERENCE * 2e-2 * zeros.knot**3
+    knots, guess = knots_of(fit), np.log(settings.initial_damping / settings.initial_stiffness)
+    roughness = spline_prior.SECOND_DIFFERENCE * 2e-2 * fit.knot[0] ** 3
     first_guess = (
         guess,
         settings.initial_displacement_exponent,
@@ -129,29 +194,29 @@ def test_another_solver_comes_to_the_same(filled):
     )
 
     def residuals(part):
-        values = np.array(zeros.values)
+        values = np.array(fit.values)
         values[free] = part
         level = values[SPLINE_FIRST:count]
         expected = law(
-            points[:, 0] - values[spline_fit.POSITION],
+            points[:, 0] - values[spline.POSITION],
             points[:, 5],
             BSpline(knots, level, 3)(points[:, 8]),
-            *values[[spline_fit.LOG_RATIO, spline_fit.EXPONENT, spline_fit.VELOCITY_EXPONENT]],
+            *values[[spline.LOG_RATIO, spline.EXPONENT, spline.VELOCITY_EXPONENT]],
         )
-        left = points[:, 2] - values[spline_fit.FORCE_ZERO] - expected
+        left = points[:, 2] - values[spline.FORCE_ZERO] - expected
         return np.concatenate(
             [
                 np.sqrt(points[:, 3]) * left,
                 (values[:3] - first_guess) / deviations,
                 np.diff(level, 2) / np.sqrt(roughness),
-                (level - zeros.level) / spline_fit.LEVEL_DEVIATION,
+                (level - fit.level) / spline_prior.LEVEL_DEVIATION,
             ]
         )
 
-    start = np.array(zeros.values)[free]
+    start = np.array(fit.values)[free]
     found = least_squares(residuals, start, x_scale="jac", xtol=1e-12, ftol=1e-12)
     spread = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
     assert np.all(np.abs(found.x - start) < 0.3 * spread)
-    lower = np.tril(np.array(zeros.information))  # the rest is not read
+    lower = np.tril(np.array(fit.information))  # the rest is not read
     information = (lower + np.tril(lower, -1).T)[np.ix_(free, free)]
     np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(information))), spread, rtol=0.1)

@@ -34,6 +34,8 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "maneuver": "maneuver",
     "kept": "kept row",
     "history": "history",
+    "fit": "fit",
+    "moving": "moving",
     "zeros": "zeros",
     "delay": "delay",
     "finder": "delay",
@@ -71,11 +73,13 @@ OWNERS = {
     "maneuver": ("multiple_model/maneuver", "multiple_model/departure"),
     "kept row": ("multiple_model/maneuver",),
     "history": ("multiple_model/history", "multiple_model/batch_fit"),
-    "zeros": (
-        "multiple_model/zero_fit",
-        "multiple_model/zero_sensitivity",
+    "fit": (
+        "multiple_model/spline",
+        "multiple_model/spline_prior",
         "multiple_model/spline_fit",
     ),
+    "moving": ("multiple_model/moving_fit",),
+    "zeros": ("multiple_model/zero_fit", "multiple_model/zero_sensitivity"),
     "delay": (
         "multiple_model/delay",
         "multiple_model/grid",
@@ -122,7 +126,14 @@ GUESTS = {
         "noise": "readings",
         "row": "position_deviation state",
     },
+    "multiple_model/moving_fit": {
+        "fit": "held position_deviation",
+        "judge": "found found_at",
+        "row": "active counts_from covariance log_likelihood model_error position_deviation score "
+        "since state",
+    },
     "multiple_model/zero_fit": {
+        "fit": "held values",
         "onset": "decided force_deviation position_deviation shift",
     },
     "multiple_model/batch_fit": {

@@ -61,7 +61,12 @@ def cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64]) -> bool:
     Returns:
         False if the matrix is not finite or clearly indefinite; the factor is then unusable.
     """
-    n = matrix.shape[0]
+    return leading_cholesky(matrix, factor, matrix.shape[0])
+
+
+@compiled
+def leading_cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64], n: int) -> bool:
+    """Factor the leading n rows and columns of a matrix, which may be `factor`; see `cholesky`."""
     for j in range(n):
         pivot = matrix[j, j]
         for k in range(j):

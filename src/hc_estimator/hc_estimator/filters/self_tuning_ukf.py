@@ -22,6 +22,7 @@ from hc_estimator.multiple_model import (
     delay_joint,
     hypotheses,
     maneuver,
+    moving_fit,
     plausible,
     surface_search,
     tempering,
@@ -46,6 +47,7 @@ SPECIFICATIONS = (
     *delay_joint.SPECIFICATIONS,
     *delay_evidence.SPECIFICATIONS,
     *zero_fit.SPECIFICATIONS,
+    *moving_fit.SPECIFICATIONS,
     *zero_doubt.SPECIFICATIONS,
 )
 # For experiments: nobody tunes these, and the accuracy pages say what each is worth.
@@ -57,6 +59,7 @@ INTERNAL = (
     *(s.name for s in maneuver.SPECIFICATIONS),
     *(s.name for s in plausible.SPECIFICATIONS),
     *(s.name for s in surface_search.SPECIFICATIONS),
+    *(s.name for s in moving_fit.SPECIFICATIONS),
     *(s.name for s in delay_joint.SPECIFICATIONS),
     *(s.name for s in delay_evidence.SPECIFICATIONS),
     "initial_displacement_std",

@@ -18,6 +18,7 @@ from hc_estimator.multiple_model import (
     beginning,
     delay_evidence,
     delay_sensitivity,
+    moving_fit,
     sample,
     surface_search,
 )
@@ -207,6 +208,7 @@ def _take_point(settings: Any, bank: Any) -> None:
             beginning.begin_with_zeros(settings, bank)
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
+        moving_fit.look(settings, bank, bank.clock.period)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
 

@@ -86,16 +86,15 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     if history.fitted == 0:
         for i in range(4):
             history.fit[i] = constant.state[LOG_STIFFNESS + i]
-    share = period / (finder.grid_step * history.every)  # of a reading's variance
-    force_noise = share * bank.sensor_noise[1]
+    noise, scatter = histories.noise_of_points(history, finder, bank.sensor_noise, period)
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
     _take_velocity_noise(history, finder, bank.sensor_noise[0], independent)
-    left = _fit(settings, history, force_noise, independent)
+    left = _fit(settings, history, noise[1], independent)
     if left < 0.0:
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
-        return _look_for_zeros(settings, bank, share)
+        return _look_for_zeros(settings, bank, noise, scatter)
     if row.active == 0:
         row.active = 1
         seed(constant, row, clock, constant.counts_from)  # a copy of one that waits waits too
@@ -113,19 +112,20 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
-    return _look_for_zeros(settings, bank, share)
+    return _look_for_zeros(settings, bank, noise, scatter)
 
 
 @compiled
-def _look_for_zeros(settings: Any, bank: Any, share: float) -> bool:
+def _look_for_zeros(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -> bool:
     """Ask the points for zeros that are off; True if onset.shift says by how much.
 
     Args:
         settings: settings record.
         bank: records of the zeros are changed.
-        share: of a reading's variance in that of a point, as far as the information goes.
+        noise: variances of a point by its share in the information [mm^2], [N^2].
+        scatter: variance of what is left of a point's readings over `noise`.
     """
-    history, finder, onset = bank.history, bank.delay, bank.onset
+    finder, onset = bank.delay, bank.onset
     # Where the tool was seen free, the first touch shows the zeros (`contact_onset`).
     if onset.decided != 0 or onset.in_air != 0 or not is_tried(settings, SURFACE_ROW):
         return False
@@ -133,10 +133,7 @@ def _look_for_zeros(settings: Any, bank: Any, share: float) -> bool:
     looked = finder.windows >= FEWEST_WINDOWS or finder.exponent_chosen != 0
     if math.isnan(settings.channel_delay) and not looked:
         return False
-    # Of the middle of a parabola: 9/4 of a reading's variance over their number.
-    expected = 2.25 * finder.grid_step * history.every / finder.grid_width
-    noise = (share * bank.sensor_noise[0], share * bank.sensor_noise[1])
-    return zero_fit.look(settings, bank, noise, expected)
+    return zero_fit.look(settings, bank, noise, scatter)
 
 
 @compiled

@@ -12,6 +12,7 @@ from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import (
     contact_onset,
     levels,
+    moving_fit,
     plausible,
     surface_search,
     tempering,
@@ -78,6 +79,7 @@ def _choose_anew(bank: Any) -> None:
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
     surface_search.reset(bank.search)
+    moving_fit.reset(bank.moving)
 
 
 @compiled

@@ -42,6 +42,7 @@ UNEXPLAINED = 4.0  # mean square that a moving surface costs as long as it expla
 UNKNOWN_POSITION = 0.5  # deviation of a surface from which on it may be anywhere [mm]
 WAIT = 2.0  # time in contact after which a row seeded from the chosen one counts [s]
 SEEDED_SCORE = 1.5  # mean square over the chosen row's that it begins with
+FOUND_FOR = 2.5  # time in contact for which the answer of least squares holds [s]
 STEADY_TIME = 4.0  # in contact that a surface at a steady speed has to explain, at least [s]
 
 
@@ -190,8 +191,20 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
         if _cost(row) <= limit and _is_eligible(row, clock, steadiest, likeliest):
             judge.chosen = m
             break
+    _prefer_found(judge, rows, clock, best)
     _prefer_possible(settings, judge, rows, tool, clock)
     _prefer_far_better(judge, rows, clock)
+
+
+@compiled
+def _prefer_found(judge: Any, rows: Any, clock: float, best: float) -> None:
+    """The row that says what least squares over the last seconds say (`moving_fit`)."""
+    found = judge.found
+    if found == 0 or clock - judge.found_at > FOUND_FOR:
+        return
+    row = rows[found]
+    if row.active != 0 and row.model_error == 0.0 and _cost(row) <= FREE_MARGIN * best:
+        judge.chosen = found
 
 
 @compiled

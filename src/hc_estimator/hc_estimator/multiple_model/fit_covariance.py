@@ -39,7 +39,7 @@ def invert(settings: Any, history: Any) -> bool:
     for i in range(4):
         for j in range(4):
             column[j] = 1.0 if i == j else 0.0
-        solve(history.factor, column)
+        solve(history.factor, column, 4)
         for j in range(i + 1):
             fixed = prior_deviation(settings, i) <= 0.0 or prior_deviation(settings, j) <= 0.0
             element = 0.0 if fixed else column[j]

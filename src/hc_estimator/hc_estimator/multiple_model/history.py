@@ -146,3 +146,25 @@ def oldest(history: Any) -> int:
 def forget_older_half(history: Any) -> None:
     """Begin with the latest half of the points: no law fits all of them."""
     history.first = (oldest(history) + history.count) // 2
+
+
+@compiled
+def noise_of_points(
+    history: Any, finder: Any, noise: Any, period: float
+) -> tuple[tuple[float, float], float]:
+    """How noisy the points are, as far as the information goes.
+
+    Args:
+        history: how far apart they are.
+        finder: record of `delay`.
+        noise: variances of a reading, shape (2,).
+        period: usual time between two readings [s].
+
+    Returns:
+        Variances of displacement [mm^2] and force [N^2] by a point's share in the information; and
+        the variance of what is left of a point's readings, over that. Of the middle of a parabola
+        it is 9/4 of a reading's over their number.
+    """
+    spacing = finder.grid_step * history.every
+    share = period / spacing
+    return (share * noise[0], share * noise[1]), 2.25 * spacing / finder.grid_width

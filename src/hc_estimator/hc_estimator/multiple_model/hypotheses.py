@@ -141,6 +141,7 @@ SURFACE = np.array([row.surface for row in ROWS])
 WAITS = np.array([row.waits for row in ROWS])
 RESERVE = np.array([row.reserve for row in ROWS])
 TREND_ROW = next(m for m, row in enumerate(ROWS) if row.own == 1)
+EXPONENT_ROW = next(m for m, row in enumerate(ROWS) if row.hypothesis == Hypothesis.ALL_DRIFT)
 STEADY_SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
 # The freest of those that always take part: it says what is known at least.
 SURFACE_ROW = int(np.flatnonzero(SURFACE & ~RESERVE)[-1])

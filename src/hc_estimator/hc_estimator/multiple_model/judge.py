@@ -66,6 +66,7 @@ def reset(judge: Any) -> None:
     judge.weight = 0.0
     judge.known = 0.0
     judge.varying = 0
+    judge.found = 0
     reserve.reset(judge)
 
 
@@ -279,4 +280,5 @@ def give_to_all(judge: Any, rows: Any, clock: float) -> None:
                 judge.said[slot, m, j] = judge.said[slot, FRESH, j]
     judge.chosen = 0
     judge.varying = 0
+    judge.found = 0
     judge.weight = 0.0

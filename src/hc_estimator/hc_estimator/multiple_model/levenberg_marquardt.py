@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import cholesky, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import copy_vector, leading_cholesky
 from hc_estimator.multiple_model.normal_equations import add_prior, gather, prior_cost
 from hc_estimator.multiple_model.rows import (
     LARGEST_EXPONENT,
@@ -26,9 +26,8 @@ SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
 
 
 @compiled
-def solve(factor: Any, vector: Any) -> None:
-    """Replace b by the solution x of L L^T x = b."""
-    size = factor.shape[0]
+def solve(factor: Any, vector: Any, size: int) -> None:
+    """Replace b by the solution x of L L^T x = b, the leading `size` elements of both."""
     for i in range(size):
         for j in range(i):
             vector[i] -= factor[i, j] * vector[j]
@@ -40,23 +39,27 @@ def solve(factor: Any, vector: Any) -> None:
 
 
 @compiled
-def step(work: Any, values: Any, damping: float) -> bool:
+def step(work: Any, values: Any, damping: float, size: int) -> bool:
     """Take a damped step from `values`; False if the information has no factor.
 
     Args:
-        work: `information` and `slope` at the values; `next` takes where the step leads.
+        work: `information` and `slope` at the values; `next` takes where the step leads, `factor`
+            that of the damped information.
         values: the unknowns.
         damping: added to the diagonal, as a share of it.
+        size: number of unknowns in use.
     """
-    copy_matrix(work.information, work.damped)
-    copy_vector(work.slope, work.next)
-    for i in range(values.shape[0]):
-        work.damped[i, i] *= 1.0 + damping
-    if not cholesky(work.damped, work.factor):
+    damped, following = work.factor, work.next
+    for i in range(size):
+        following[i] = work.slope[i]
+        for j in range(i):
+            damped[i, j] = work.information[i, j]
+        damped[i, i] = work.information[i, i] * (1.0 + damping)
+    if not leading_cholesky(damped, damped, size):
         return False
-    solve(work.factor, work.next)
-    for i in range(values.shape[0]):
-        work.next[i] += values[i]
+    solve(work.factor, following, size)
+    for i in range(size):
+        following[i] += values[i]
     return True
 
 
@@ -89,7 +92,7 @@ def improve(settings: Any, history: Any, weight: float, squares: float) -> float
     damping = FIRST_DAMPING
     add_prior(settings, history, values, weight)
     for _ in range(STEPS):
-        if not step(history, values, damping):
+        if not step(history, values, damping, 4):
             return math.nan
         _limit(following)
         squares_after = gather(settings, history, following)

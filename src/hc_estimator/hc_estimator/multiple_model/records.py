@@ -12,6 +12,7 @@ from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
+from hc_estimator.multiple_model.spline_records import MOVING, SPLINE_FIT
 from hc_estimator.multiple_model.zero_records import ZEROS
 from hc_estimator.screening import CLOCK_FIELDS
 
@@ -105,6 +106,9 @@ JUDGE = record_type(
         # In contact for which constant tissue has not done, and has done [s].
         Field("needed_time", np.float64, (), 0.0),
         Field("unneeded_time", np.float64, (), 0.0),
+        # Row that says what least squares say, and contact clock then [s]; 0: none does.
+        Field("found", np.int64, (), 0, ROW_COUNT - 1),
+        Field("found_at", np.float64),
     )
 )
 
@@ -379,6 +383,8 @@ BANK: tuple[Field, ...] = (
     Field("change", CHANGE),
     Field("maneuver", MANEUVER),
     Field("history", HISTORY),
+    Field("fit", SPLINE_FIT),
+    Field("moving", MOVING),
     Field("zeros", ZEROS),
     Field("delay", DELAY),
     Field("held", HELD_READINGS),

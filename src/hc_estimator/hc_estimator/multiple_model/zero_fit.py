@@ -27,11 +27,12 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
-from hc_estimator.multiple_model import spline_fit, zero_sensitivity
+from hc_estimator.multiple_model import spline, zero_sensitivity
 from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.spline_fit import SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.spline import SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.zero_records import (
     ALL,
     BOTH,
@@ -89,7 +90,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
 
     Args:
         settings: settings record.
-        bank: its records `zeros` and `onset` are changed, and the weights of its points.
+        bank: its records `zeros`, `fit` and `onset` are changed, and the weights of its points.
         noise: variances of a point's displacement [mm^2] and force [N^2] by its share in the
             information.
         scatter: variance of what is left of a point's readings over `noise`.
@@ -109,28 +110,30 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         return False
     zeros.looked_at = clock
     row = bank.rows[bank.judge.chosen]
-    if not _fit_any(settings, history, zeros, row, first, noise, scatter):
+    fit = bank.fit
+    if not _fit_any(settings, history, zeros, fit, row, first, noise, scatter):
         zeros.waiting = 0
         return _review(bank, clock)
     zeros.refuted_since = math.inf
-    zero_sensitivity.note_covariance(zeros)
-    in_use = bank.onset.zero
-    unknown = _choose(settings, zeros, in_use)
+    zero_sensitivity.note_covariance(zeros, fit)
+    in_use, sinks = bank.onset.zero, fit.kind == SINKS
+    unknown = _choose(settings, zeros, in_use, sinks)
     zero_sensitivity.note_doubt(zeros, BOTH, zeros.doubt_of_fit)
     if unknown != BOTH and (unknown != NONE or zeros.unknown != NONE):
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
-        if not _fit_fewer(settings, history, zeros, unknown, in_use, first, noise, scatter):
+        _hold_others(fit, unknown, in_use)
+        if not _explains(settings, history, zeros, fit, noise, scatter):
             zeros.waiting = 0
             return False
-        zero_sensitivity.note_covariance(zeros)
+        zero_sensitivity.note_covariance(zeros, fit)
         zero_sensitivity.note_doubt(zeros, unknown, zeros.doubt_of_fit)
         zero_sensitivity.average(zeros, unknown)
-    if zeros.kind == SINKS and zeros.unknown != NONE:
+    if sinks and zeros.unknown != NONE:
         zeros.position = 0.0  # where the surface is by now is for the rows that follow it
-    if not _is_worth_it(zeros, unknown) or not _is_possible(history, zeros, first):
+    if not _is_worth_it(zeros, unknown, sinks) or not _is_possible(history, zeros, first):
         zeros.waiting = 0
-    elif zeros.waiting == 0 or zeros.candidate != unknown or _wanders(zeros, unknown):
+    elif zeros.waiting == 0 or zeros.candidate != unknown or _wanders(zeros, unknown, sinks):
         zeros.waiting = 1
         zeros.candidate = unknown
         zeros.since = clock
@@ -139,7 +142,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         copy_matrix(zeros.covariance, zeros.begun_covariance)
     # Tissue that has just changed looks the same for as long as the change was not found.
     if zeros.waiting != 0 and clock - zeros.since >= LASTING:
-        _use(bank.onset, zeros, unknown)
+        _use(bank.onset, zeros, unknown, sinks)
         return True
     if zeros.unknown != NONE and zeros.unknown == unknown:
         zero_sensitivity.keep_doubt(zeros)
@@ -160,6 +163,7 @@ def _fit_any(
     settings: Any,
     history: Any,
     zeros: Any,
+    fit: Any,
     row: Any,
     first: int,
     noise: tuple[float, float],
@@ -175,14 +179,13 @@ def _fit_any(
     for kind in (STAYS, SINKS, VARIES):
         if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
             continue
-        for i in range(zeros.held.shape[0]):
-            zeros.held[i] = 0
+        spline.free_all(fit)
         if not math.isnan(settings.channel_delay):
-            zeros.held[spline_fit.DELAY] = 1
-        if not spline_fit.lay_out(history, zeros, first, kind):
+            fit.held[spline.DELAY] = 1
+        if not spline.lay_out(history, fit, first, history.count, kind):
             continue
-        spline_fit.begin(zeros, row, LOG_STIFFNESS)
-        if _explains(settings, history, zeros, first, noise, scatter):
+        spline.begin(fit, row)
+        if _explains(settings, history, zeros, fit, noise, scatter):
             return True
     return False
 
@@ -192,46 +195,36 @@ def _explains(
     settings: Any,
     history: Any,
     zeros: Any,
-    first: int,
+    fit: Any,
     noise: tuple[float, float],
     scatter: float,
 ) -> bool:
-    """Fit from zeros.values on; False if more than noise is left."""
-    squares = spline_fit.fit(settings, history, zeros, first, noise, scatter)
-    if not (math.isfinite(squares) and zeros.expected > 0.0):
+    """Fit from fit.values on; False if more than noise is left."""
+    squares = solve_least_squares(settings, history, fit, noise, scatter)
+    if not (math.isfinite(squares) and fit.expected > 0.0):
         return False
-    zeros.weight = 1.0 / max(squares / zeros.count, 1.0)
-    zeros.misfit = min(zeros.misfit, squares / zeros.expected)
-    return bool(squares < CONSISTENT * zeros.expected)
+    zeros.misfit = min(zeros.misfit, squares / fit.expected)
+    return bool(squares < CONSISTENT * fit.expected)
 
 
 @compiled
-def _fit_fewer(
-    settings: Any,
-    history: Any,
-    zeros: Any,
-    unknown: int,
-    in_use: Any,
-    first: int,
-    noise: tuple[float, float],
-    scatter: float,
-) -> bool:
-    """The last fit once more, with the zeros that are not unknown as they were given."""
+def _hold_others(fit: Any, unknown: int, in_use: Any) -> None:
+    """Hold the zeros that are not unknown as they were given."""
     for i in range(2):
         if unknown >> i & 1 == 0:
-            zeros.held[spline_fit.POSITION + i] = 1
-            zeros.values[spline_fit.POSITION + i] = -in_use[i]
-    return _explains(settings, history, zeros, first, noise, scatter)
+            fit.held[spline.POSITION + i] = 1
+            fit.values[spline.POSITION + i] = -in_use[i]
 
 
 @compiled
-def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
+def _choose(settings: Any, zeros: Any, in_use: Any, sinks: bool) -> int:
     """Which zeros the points ask for, counted from where they were given; NONE if they do without.
 
     Args:
         settings: settings record.
         zeros: fitted with all that may be unknown; the costs of the choices are set.
         in_use: zeros in use beyond those given, shape (2,).
+        sinks: True if the fit has a surface that sinks.
     """
     position, force = in_use[0] + zeros.position, in_use[1] + zeros.force
     possible = ALL if math.isnan(settings.channel_delay) else BOTH
@@ -240,7 +233,7 @@ def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
         zeros.cost[choice] = math.inf
         if choice | possible == possible:
             # Of a surface that sinks the position is always unknown.
-            free = choice | OF_POSITION if zeros.kind == SINKS else choice
+            free = choice | OF_POSITION if sinks else choice
             without = _cost_without(zeros, position, force, possible - (free & possible))
             zeros.cost[choice] = without + PENALTY * _number(choice)
         best = min(best, zeros.cost[choice])
@@ -254,7 +247,7 @@ def _choose(settings: Any, zeros: Any, in_use: Any) -> int:
         if _number(choice) <= fewest and not zeros.cost[choice] > best + BETTER_BY:
             together |= choice
     together &= BOTH
-    if zeros.kind == SINKS and together != NONE:
+    if sinks and together != NONE:
         return BOTH if together & OF_FORCE != 0 else NONE
     return together
 
@@ -293,7 +286,7 @@ def _cost_without(zeros: Any, position: float, force: float, choice: int) -> flo
 
 
 @compiled
-def _is_worth_it(zeros: Any, unknown: int) -> bool:
+def _is_worth_it(zeros: Any, unknown: int, sinks: bool) -> bool:
     """True if zeros are to move to those of the fit."""
     if unknown != zeros.unknown:
         return True
@@ -302,17 +295,17 @@ def _is_worth_it(zeros: Any, unknown: int) -> bool:
     square = _square(zeros.covariance, unknown, zeros.position, zeros.force)
     if square > SIGNIFICANT + PENALTY * _number(unknown):
         return True
-    if zeros.kind == SINKS:
+    if sinks:
         return False
     return bool(math.sqrt(zeros.doubt_of_fit[0, 0]) < FINER * zeros.deviation)
 
 
 @compiled
-def _wanders(zeros: Any, unknown: int) -> bool:
+def _wanders(zeros: Any, unknown: int, sinks: bool) -> bool:
     """True if more points say something else, as of a law that does not hold all along the way."""
     if unknown == NONE:
         return False
-    if zeros.kind == SINKS:  # its position goes on
+    if sinks:  # its position goes on
         unknown = OF_FORCE
     position, force = zeros.position - zeros.begun[0], zeros.force - zeros.begun[1]
     square = _square(zeros.begun_covariance, unknown, position, force)
@@ -351,14 +344,14 @@ def _is_possible(history: Any, zeros: Any, first: int) -> bool:
 
 
 @compiled
-def _use(onset: Any, zeros: Any, unknown: int) -> None:
+def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
     """Note by how much the zeros are to move, and what is then left open."""
     zeros.unknown = unknown
     zeros.waiting = 0
     onset.shift[0] = zeros.position
     onset.shift[1] = zeros.force
     onset.position_deviation = 0.0
-    if unknown & OF_POSITION != 0 and zeros.kind != SINKS:
+    if unknown & OF_POSITION != 0 and not sinks:
         onset.position_deviation = math.sqrt(max(zeros.covariance[0, 0], 0.0))
     onset.force_deviation = math.nan
     if unknown & OF_FORCE != 0:

@@ -11,40 +11,37 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
-from hc_estimator.multiple_model import spline_fit
+from hc_estimator.multiple_model import spline
 from hc_estimator.multiple_model.kalman import LARGEST_LOG
 from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.spline_fit import VARIES
-from hc_estimator.multiple_model.zero_records import BOTH, OF_FORCE, OF_POSITION, SPLINE_FIRST
+from hc_estimator.multiple_model.zero_records import BOTH, OF_FORCE, OF_POSITION
 
 
 @compiled
-def note_covariance(zeros: Any) -> None:
+def note_covariance(zeros: Any, fit: Any) -> None:
     """What the fit says of the zeros and of the parameters, and how these go together."""
-    values, column = zeros.values, zeros.next
-    start = spline_fit.locate(zeros, zeros.latest)
-    stiffness = spline_fit.log_stiffness(zeros, values, start)
+    values, column = fit.values, fit.next
+    spline.locate(fit, fit.latest)
+    stiffness = spline.log_stiffness(fit, values)
     zeros.fit[0] = stiffness
-    zeros.fit[1] = stiffness + values[spline_fit.LOG_RATIO]
-    zeros.fit[2] = values[spline_fit.EXPONENT]
-    zeros.fit[3] = values[spline_fit.VELOCITY_EXPONENT]
-    zeros.position = values[spline_fit.POSITION]
-    zeros.force = values[spline_fit.FORCE_ZERO]
-    zeros.delay = values[spline_fit.DELAY]
+    zeros.fit[1] = stiffness + values[spline.LOG_RATIO]
+    zeros.fit[2] = values[spline.EXPONENT]
+    zeros.fit[3] = values[spline.VELOCITY_EXPONENT]
+    zeros.position = values[spline.POSITION]
+    zeros.force = values[spline.FORCE_ZERO]
+    zeros.delay = values[spline.DELAY]
     for k in range(3):
         clear_vector(column)
-        if zeros.held[spline_fit.POSITION + k] == 0:
-            column[spline_fit.POSITION + k] = 1.0 / zeros.weight
-        solve(zeros.factor, column)
-        by_stiffness = 0.0
-        for i in range(4 if zeros.kind == VARIES else 1):
-            by_stiffness += zeros.basis[i] * column[SPLINE_FIRST + start + i]
+        if fit.held[spline.POSITION + k] == 0:
+            column[spline.POSITION + k] = 1.0 / fit.weight
+        solve(fit.factor, column, fit.unknowns)
+        by_stiffness = spline.log_stiffness(fit, column)
         zeros.columns[0, k] = by_stiffness
-        zeros.columns[1, k] = by_stiffness + column[spline_fit.LOG_RATIO]
-        zeros.columns[2, k] = column[spline_fit.EXPONENT]
-        zeros.columns[3, k] = column[spline_fit.VELOCITY_EXPONENT]
+        zeros.columns[1, k] = by_stiffness + column[spline.LOG_RATIO]
+        zeros.columns[2, k] = column[spline.EXPONENT]
+        zeros.columns[3, k] = column[spline.VELOCITY_EXPONENT]
         for i in range(3):
-            zeros.covariance[i, k] = column[spline_fit.POSITION + i]
+            zeros.covariance[i, k] = column[spline.POSITION + i]
 
 
 @compiled

@@ -42,6 +42,7 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("delay by one fit to all windows", {"delay_by_common_fit": False}),
     ("delay by the innovations", {"delay_by_innovations": False}),
     ("zeros that are off", {"find_zeros": False}),
+    ("least squares for what moves", {"fit_movement": False}),
     ("motion adaptation", {"motion_adaptation": False}),
     ("noise adaptation", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),
     ("tempering of the linearisation", {"coherence_share": 0.0}),

@@ -1,0 +1,302 @@
+"""What do tissue and surface do, where constant tissue does not do?
+
+Lumps on a surface that sinks or breathes are the hardest contact there is for recursive rows: they
+begin with tangents that are wrong, keep what those taught, and on a horizon of some tenths of a
+second a rate of the stiffness, a surface that sinks and one that breathes predict alike. Over ten
+seconds they do not. So, once a second, least squares over the points ask which of them it is
+(`spline_fit`): the calmest that explains as much as the freest, if that explains all but the noise.
+The row that says the same begins with its parameters, if it stands elsewhere, and is chosen until
+the next fit unless another predicts far better. (Ours; `hc bench accuracy together`: lumps on a
+surface that breathes.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.multiple_model import delay_sensitivity, spline
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model.choice import trusted_motion
+from hc_estimator.multiple_model.follows_tool import follows_tool
+from hc_estimator.multiple_model.history import UNKNOWN
+from hc_estimator.multiple_model.hypotheses import (
+    COUNTS,
+    FITTED,
+    FRESH,
+    LOG_STIFFNESS,
+    OWN,
+    ROWS,
+    STATES,
+    SURFACE,
+    is_tried,
+)
+from hc_estimator.multiple_model.levenberg_marquardt import solve
+from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.rows import limit, prior_deviation, seed
+from hc_estimator.multiple_model.spline import BENDS, MOVES, SINKS, STAYS, VARIES, has
+from hc_estimator.multiple_model.spline_fit import solve_least_squares
+from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.spline_records import SPLINE_FIRST
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "fit_movement",
+        "bool",
+        True,
+        "Ask least squares over splines what tissue and surface do, once constant tissue fails.",
+    ),
+)
+
+EVERY = 1.0  # time in contact between two fits [s]
+FEWEST = 60  # points
+LEAST_TIME = 3.0  # that they must span [s]
+CONSISTENT = 1.5  # largest squares left, in those of the noise
+LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
+# Kinds from the calmest to the freest.
+ORDER = np.array([STAYS, VARIES, SINKS, VARIES + BENDS, MOVES, VARIES + SINKS, VARIES + MOVES])
+# Log evidence by which a freer one is believed instead. A spline between its knots is off by more
+# than the noise on the flank of a narrow lump, and a surface that moves would make up for it.
+LIKELIER = np.array([150.0, 150.0, 10.0, 10.0, 10.0, 10.0, 0.0])
+WANDERS = 1e-3  # variance that the speed of a surface gains per second from which it moves
+# ln K, ln B, n, p; position and speed of the surface; rates of ln K and of n.
+OUTCOME = 8
+
+
+def _kind_of(m: int) -> int:
+    """Which kind of fit says what a row says; -1 for none."""
+    row = ROWS[m]
+    if m <= FITTED or m == FRESH:
+        return -1
+    kind = VARIES if any(drives[0] > 0.0 for drives in row.drives) else STAYS
+    kind += BENDS if any(drives[2] > 0.0 for drives in row.drives) else STAYS
+    if row.surface:
+        kind += MOVES if row.own_walks[1] > WANDERS else SINKS
+    return kind
+
+
+KINDS_OF = np.array([_kind_of(m) for m in range(len(ROWS))])
+# Where the outcome of a fit goes in the state of a row.
+OF_SURFACE, OF_TISSUE = (OWN, OWN + 1, OWN + 2, -1), (-1, -1, OWN, OWN + 1)
+TARGETS = np.array(
+    [
+        [*range(LOG_STIFFNESS, LOG_STIFFNESS + 4), *(OF_SURFACE if SURFACE[m] else OF_TISSUE)]
+        for m in range(len(ROWS))
+    ]
+)
+
+
+@compiled
+def reset(moving: Any) -> None:
+    """Nothing is looked for."""
+    moving.looked_at = -math.inf
+    moving.stage = 0
+
+
+@compiled
+def look(settings: Any, bank: Any, period: float) -> None:
+    """Ask what tissue and surface do, if it is time to: one fit a call, so that none takes long.
+
+    Args:
+        settings: settings record.
+        bank: its records `moving`, `fit`, `judge` and `rows` are changed, and weights of points.
+        period: usual time between two samples [s].
+    """
+    moving, judge, clock = bank.moving, bank.judge, bank.tool.contact_clock
+    wanted = settings.fit_movement != 0 and bank.tool.retreated != 0 and judge.needed_time > 0.0
+    finder = bank.delay
+    noise, scatter = histories.noise_of_points(bank.history, finder, bank.sensor_noise, period)
+    if not wanted or bank.change.testing != 0:
+        moving.stage = 0
+    elif moving.stage == 0:
+        if clock - moving.looked_at >= EVERY and _are_enough(bank.history):
+            moving.looked_at = clock
+            moving.last = bank.history.count
+            moving.stage = 1
+    elif moving.stage <= ORDER.size:
+        k = moving.stage - 1
+        beyond = _fit_kind(settings, bank, k, noise, scatter)
+        # What no freer kind can explain better by enough is what is found.
+        moving.stage = ORDER.size + 1 if beyond < 2.0 * LIKELIER[k] else moving.stage + 1
+        for m in range(k + 1, ORDER.size):
+            moving.evidence[m] = -math.inf
+    else:
+        moving.stage = 0
+        judge.found = 0
+        _conclude(settings, bank, noise, scatter)
+
+
+@compiled
+def _are_enough(history: Any) -> bool:
+    """True if the points are many, span enough time, and most have a velocity."""
+    count, first = 0, _oldest(history.count)
+    for k in range(first, history.count):
+        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
+    if count < FEWEST or 2 * count < history.count - first:
+        return False
+    last = history.points[(history.count - 1) % POINTS, 8]
+    return bool(last - history.points[first % POINTS, 8] >= LEAST_TIME)
+
+
+@compiled
+def _oldest(last: int) -> int:
+    """First of the points before `last` that is remembered until the last fit."""
+    return max(last - POINTS + ORDER.size + 1, 0)
+
+
+@compiled
+def _fit_kind(
+    settings: Any, bank: Any, k: int, noise: tuple[float, float], scatter: float
+) -> float:
+    """Fit a kind, and note its evidence; by how much a freer one can lower its squares."""
+    fit, history, moving = bank.fit, bank.history, bank.moving
+    moving.evidence[k] = -math.inf
+    if not _lay_out(settings, history, fit, ORDER[k], moving.last):
+        return math.inf
+    spline.begin(fit, bank.rows[bank.judge.chosen])
+    left = solve_least_squares(settings, history, fit, noise, scatter)
+    copy_vector(fit.values, moving.values[k])
+    moving.unknowns[k] = fit.unknowns
+    if not left < CONSISTENT * fit.expected:
+        return math.inf
+    moving.evidence[k] = log_evidence(fit, left)
+    return left - LEAST_LEFT * fit.expected  # type: ignore[no-any-return]
+
+
+@compiled
+def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> bool:
+    """Lay out a fit of a kind with the zeros as they are; False if points are too far apart."""
+    if kind & BENDS != 0 and prior_deviation(settings, 2) <= 0.0:
+        return False
+    spline.free_all(fit)
+    fit.held[spline.FORCE_ZERO] = 1
+    if not math.isnan(settings.channel_delay):
+        fit.held[spline.DELAY] = 1
+    fit.position_deviation = SURFACE_DEVIATION
+    if kind & SINKS == 0:
+        fit.held[spline.POSITION] = 1
+    return spline.lay_out(history, fit, _oldest(last), last, kind)
+
+
+@compiled
+def _conclude(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -> None:
+    """Let the row that says the same as the calmest of the likely kinds begin with its fit."""
+    fit, history, moving, judge = bank.fit, bank.history, bank.moving, bank.judge
+    best = -math.inf
+    for k in range(ORDER.size):
+        best = max(best, moving.evidence[k])
+    found = 0
+    while found < ORDER.size - 1 and not moving.evidence[found] >= best - LIKELIER[found]:
+        found += 1
+    kind = ORDER[found]
+    for m in range(FRESH):
+        if best == -math.inf or KINDS_OF[m] != kind or not SURFACE[m]:
+            continue
+        if not is_tried(settings, m) or not _lay_out(settings, history, fit, kind, history.count):
+            continue
+        # The points that have come since are few: its knots are next to where they were.
+        if fit.unknowns == moving.unknowns[found]:
+            copy_vector(moving.values[found], fit.values)
+        else:
+            spline.begin(fit, bank.rows[judge.chosen])
+        left = solve_least_squares(settings, history, fit, noise, scatter)
+        if left < CONSISTENT * fit.expected and not follows_tool(history, fit):
+            judge.found = m
+            judge.found_at = bank.tool.contact_clock
+            _note_outcome(fit, moving, bank.clock.state_time)
+            _take(settings, bank, bank.rows[m], bank.tool.contact_clock)
+
+
+@compiled
+def _note_outcome(fit: Any, moving: Any, now: float) -> None:
+    """Parameters, surface and rate of ln K by the fit at a time [s], and their covariance."""
+    ahead = min(max(now - fit.latest, 0.0), spline.KNOT)
+    used = spline.locate(fit, fit.latest)
+    slopes, outcome = moving.slopes, moving.outcome
+    for i in range(OUTCOME):
+        for j in range(fit.unknowns):
+            slopes[i, j] = 0.0
+    for i in range(3):
+        slopes[1 + i, spline.LOG_RATIO + i] = 1.0
+    first = SPLINE_FIRST + 1
+    if has(fit, VARIES):
+        first = SPLINE_FIRST + 4
+        for i in range(4):
+            place = fit.places[SPLINE_FIRST + i]
+            slopes[0, place] = fit.basis[0, i] + ahead * fit.basis_rate[0, i]
+            slopes[6, place] = fit.basis_rate[0, i]
+    else:
+        slopes[0, SPLINE_FIRST] = 1.0
+    for j in range(fit.unknowns):
+        slopes[1, j] += slopes[0, j]
+    value, rate = (2, 7) if has(fit, BENDS) else (4, 5)
+    if has(fit, BENDS):
+        slopes[2, spline.EXPONENT] = 0.0
+    for i in range(first, used):
+        place = fit.places[i]
+        slopes[value, place] = fit.basis[1, i - first] + ahead * fit.basis_rate[1, i - first]
+        slopes[rate, place] = fit.basis_rate[1, i - first]
+    if not has(fit, MOVES):
+        slopes[4, spline.POSITION] = 1.0
+        slopes[4, spline.SPEED] = ahead
+        slopes[5, spline.SPEED] = 1.0
+    for i in range(OUTCOME):
+        outcome[i] = _product(slopes, i, fit.values, fit.unknowns)
+    column = fit.next
+    for i in range(OUTCOME):
+        clear_vector(column)
+        for j in range(fit.unknowns):
+            held = j < SPLINE_FIRST and fit.fixed[j] != 0
+            column[j] = 0.0 if held else slopes[i, j] / fit.weight
+        solve(fit.factor, column, fit.unknowns)
+        for k in range(OUTCOME):
+            moving.covariance[k, i] = _product(slopes, k, column, fit.unknowns)
+
+
+@compiled
+def _product(slopes: Any, i: int, values: Any, size: int) -> float:
+    """Sum of a row of derivatives times values."""
+    total = 0.0
+    for j in range(size):
+        total += slopes[i, j] * values[j]
+    return total
+
+
+@compiled
+def _take(settings: Any, bank: Any, row: Any, clock: float) -> None:
+    """Begin a row with what was found."""
+    moving, rows, judge = bank.moving, bank.rows, bank.judge
+    chosen = rows[judge.chosen]
+    score, likelihood = chosen.score, chosen.log_likelihood
+    source = rows[trusted_motion(judge, rows)]
+    if source.index != row.index:
+        seed(source, row, clock, clock)
+    row.active = 1
+    row.since = clock
+    row.counts_from = clock
+    row.model_error = 0.0
+    row.position_deviation = 0.0
+    row.score = score
+    row.log_likelihood = likelihood
+    delay_sensitivity.clear(row, LOG_STIFFNESS, LOG_STIFFNESS + 4)
+    delay_sensitivity.clear(row, OWN, STATES)
+    targets, used = TARGETS[row.index], COUNTS[row.index]
+    for i in range(OUTCOME):
+        if targets[i] < 0 or targets[i] >= used:
+            continue
+        for j in range(STATES):
+            row.covariance[targets[i], j] = 0.0
+            row.covariance[j, targets[i]] = 0.0
+    for i in range(OUTCOME):
+        if targets[i] < 0 or targets[i] >= used:
+            continue
+        row.state[targets[i]] = moving.outcome[i]
+        for j in range(OUTCOME):
+            if targets[j] >= 0 and targets[j] < used:
+                row.covariance[targets[i], targets[j]] = moving.covariance[i, j]
+    limit(settings, row)

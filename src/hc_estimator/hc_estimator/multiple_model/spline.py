@@ -1,0 +1,180 @@
+"""Tissue and surface over time in a least-squares fit: what is unknown, and which splines.
+
+ln K is a cubic spline over time with a knot every quarter of a second, or one number. Beside it n
+may be a spline with half as many knots, or the surface, which otherwise stays or sinks at a steady
+speed. ln (B / K), p, contact position, force zero and a small delay are the same all along.
+(Penalised splines: O'Sullivan, Statistical Science 1, 1986; their use here is ours, `hc bench
+accuracy together`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
+from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.spline_records import SECOND_SPLINE, SPLINE, SPLINE_FIRST
+
+# Of the unknowns; the coefficients of ln K come after them, and then those of surface or exponent.
+LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
+# A kind is the sum of what does not stay.
+STAYS, VARIES, SINKS, MOVES, BENDS = 0, 1, 2, 4, 8  # stiffness; surface, surface; exponent
+KNOT = 0.25  # time between two knots of the stiffness [s]
+SECOND_KNOT = 0.5  # of surface or exponent [s]
+STRETCHED = 1.5  # factor on both up to which the points may lie apart
+
+
+@compiled
+def has(fit: Any, what: int) -> bool:
+    """True if something does not stay in this fit."""
+    return bool(fit.kind & what != 0)
+
+
+@compiled
+def lay_out(history: Any, fit: Any, first: int, last: int, kind: int) -> bool:
+    """Lay the knots over the points from `first` to before `last`; False if too far apart.
+
+    Args:
+        history: points.
+        fit: record of the fit; knots, size and what the kind holds are set.
+        first: number of the first point.
+        last: number of the point after the last.
+        kind: what does not stay.
+    """
+    start = history.points[first % POINTS, 8]
+    fit.latest = history.points[(last - 1) % POINTS, 8]
+    fit.first = first
+    fit.last = last
+    fit.begin = start
+    span = fit.latest - start
+    fit.kind = kind
+    fit.held[SPEED] = 0 if has(fit, SINKS) else 1
+    if has(fit, MOVES):
+        fit.held[POSITION] = 1  # the spline has it
+    if has(fit, BENDS):
+        fit.held[EXPONENT] = 1
+    fit.intervals[0] = 0
+    fit.intervals[1] = 0
+    if has(fit, VARIES):
+        fit.intervals[0] = _intervals(span, KNOT, SPLINE)
+    if has(fit, MOVES + BENDS):
+        fit.intervals[1] = _intervals(span, SECOND_KNOT, SECOND_SPLINE)
+    fit.unknowns = SPLINE_FIRST + stiffness_count(fit) + second_count(fit)
+    for i in range(2):
+        fit.knot[i] = span / max(fit.intervals[i], 1)
+        longest = STRETCHED * (KNOT if i == 0 else SECOND_KNOT)
+        if fit.intervals[i] > 0 and not (fit.knot[i] > 0.0 and fit.knot[i] <= longest):
+            return False
+    return True
+
+
+@compiled
+def _intervals(span: float, knot: float, most: int) -> int:
+    """Number of intervals between knots over a time [s]."""
+    return min(max(math.ceil(span / knot), 1), most - 3)
+
+
+@compiled
+def free_all(fit: Any) -> None:
+    """Everything is unknown, and any contact position is as likely."""
+    for i in range(fit.held.shape[0]):
+        fit.held[i] = 0
+    fit.position_deviation = math.inf
+
+
+@compiled
+def stiffness_count(fit: Any) -> int:
+    """Number of coefficients of ln K."""
+    return fit.intervals[0] + 3 if has(fit, VARIES) else 1
+
+
+@compiled
+def second_count(fit: Any) -> int:
+    """Number of coefficients of surface or exponent."""
+    return fit.intervals[1] + 3 if has(fit, MOVES + BENDS) else 0
+
+
+@compiled
+def locate(fit: Any, time: float) -> int:
+    """Note the splines that are not zero at a time, and their places among the unknowns.
+
+    Returns:
+        Number of unknowns on which a force depends there.
+    """
+    places = fit.places
+    for i in range(SPLINE_FIRST + 1):
+        places[i] = i
+    used = SPLINE_FIRST + 1
+    if has(fit, VARIES):
+        interval = _locate_in(fit, 0, time)
+        for i in range(4):
+            places[SPLINE_FIRST + i] = SPLINE_FIRST + interval + i
+        used = SPLINE_FIRST + 4
+    if has(fit, MOVES + BENDS):
+        interval = _locate_in(fit, 1, time)
+        for i in range(4):
+            places[used + i] = SPLINE_FIRST + stiffness_count(fit) + interval + i
+        used += 4
+    return used
+
+
+@compiled
+def _locate_in(fit: Any, which: int, time: float) -> int:
+    """Note the values and derivatives of one spline's four bases at a time; the first's number."""
+    basis, rate, knot = fit.basis[which], fit.basis_rate[which], fit.knot[which]
+    place = (time - fit.begin) / knot
+    interval = min(max(int(place), 0), fit.intervals[which] - 1)
+    s = place - interval
+    r = 1.0 - s
+    basis[0] = r * r * r / 6.0
+    basis[1] = (3.0 * s * s * s - 6.0 * s * s + 4.0) / 6.0
+    basis[2] = (3.0 * r * r * r - 6.0 * r * r + 4.0) / 6.0
+    basis[3] = s * s * s / 6.0
+    rate[0] = -r * r / (2.0 * knot)
+    rate[1] = (3.0 * s * s - 4.0 * s) / (2.0 * knot)
+    rate[2] = -(3.0 * r * r - 4.0 * r) / (2.0 * knot)
+    rate[3] = s * s / (2.0 * knot)
+    return int(interval)
+
+
+@compiled
+def log_stiffness(fit: Any, values: Any) -> float:
+    """Give ln K where `locate` was called last."""
+    if not has(fit, VARIES):
+        return values[SPLINE_FIRST]  # type: ignore[no-any-return]
+    total = 0.0
+    for i in range(4):
+        total += fit.basis[0, i] * values[fit.places[SPLINE_FIRST + i]]
+    return total
+
+
+@compiled
+def second(fit: Any, values: Any) -> tuple[float, float]:
+    """Value and rate of the surface or exponent where `locate` was called last; else zeros."""
+    value, rate = 0.0, 0.0
+    if has(fit, MOVES + BENDS):
+        first = SPLINE_FIRST + (4 if has(fit, VARIES) else 1)
+        for i in range(4):
+            value += fit.basis[1, i] * values[fit.places[first + i]]
+            rate += fit.basis_rate[1, i] * values[fit.places[first + i]]
+    return value, rate
+
+
+@compiled
+def begin(fit: Any, row: Any) -> None:
+    """Begin with the parameters of a row, no zeros and a surface that stays."""
+    values, state = fit.values, row.state
+    clear_vector(values)
+    fit.level = state[LOG_STIFFNESS]
+    values[LOG_RATIO] = state[LOG_STIFFNESS + 1] - state[LOG_STIFFNESS]
+    values[EXPONENT] = state[LOG_STIFFNESS + 2]
+    values[VELOCITY_EXPONENT] = state[LOG_STIFFNESS + 3]
+    between = SPLINE_FIRST + stiffness_count(fit)
+    for i in range(SPLINE_FIRST, between):
+        values[i] = fit.level
+    if has(fit, BENDS):
+        for i in range(between, fit.unknowns):
+            values[i] = values[EXPONENT]

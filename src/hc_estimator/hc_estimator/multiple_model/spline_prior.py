@@ -1,0 +1,178 @@
+"""What is likely of splines and parameters before any point: a mean and a precision.
+
+A spline costs what a rate makes likely that wanders as in the rows that follow one, and a surface
+what breathing does. The prior is normal, so that the evidence of a fit, with which kinds are
+compared, follows from two determinants (MacKay, Neural Computation 4, 1992).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import leading_cholesky
+from hc_estimator.multiple_model.hypotheses import EXPONENT_ROW, OWN_WALKS, TREND_ROW
+from hc_estimator.multiple_model.rows import prior_deviation
+from hc_estimator.multiple_model.spline import (
+    BENDS,
+    DELAY,
+    EXPONENT,
+    LOG_RATIO,
+    POSITION,
+    SPEED,
+    VELOCITY_EXPONENT,
+    has,
+    stiffness_count,
+)
+from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
+
+DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
+SPEED_DEVIATION = 0.1  # of a surface that sinks [mm/s]
+LEVEL_DEVIATION = 10.0  # of a coefficient of ln K: any stiffness is as likely
+SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [mm]
+# Variance that the speed of such a surface gains per second [mm^2/s^3]: 1 mm at 0.25 Hz.
+SURFACE_WALK = 1.0
+# Variance of a second difference of the coefficients by that of the rate's wandering and the third
+# power of the time between knots.
+SECOND_DIFFERENCE = 2.0 / 3.0
+
+
+@compiled
+def _deviation(settings: Any, fit: Any, i: int) -> float:
+    """Prior deviation of an unknown; 0 for one that is held, infinite for one without."""
+    if i < SPLINE_FIRST and fit.held[i] != 0:
+        return 0.0
+    if i <= VELOCITY_EXPONENT:
+        return prior_deviation(settings, i + 1)
+    if i == DELAY:
+        return DELAY_DEVIATION
+    if i == SPEED:
+        return SPEED_DEVIATION
+    if i == POSITION:
+        return float(fit.position_deviation)
+    if i < SPLINE_FIRST:
+        return math.inf
+    if i < SPLINE_FIRST + stiffness_count(fit):
+        return LEVEL_DEVIATION
+    mean = SURFACE_DEVIATION
+    if has(fit, BENDS):
+        mean = prior_deviation(settings, 2)
+    return mean * math.sqrt(fit.intervals[1] + 3.0)
+
+
+@compiled
+def _guess(settings: Any, fit: Any, i: int) -> float:
+    """First guess of an unknown."""
+    if i == LOG_RATIO:
+        return math.log(settings.initial_damping / settings.initial_stiffness)
+    between = SPLINE_FIRST + stiffness_count(fit)
+    if i == EXPONENT or (i >= between and has(fit, BENDS)):
+        return settings.initial_displacement_exponent  # type: ignore[no-any-return]
+    if i == VELOCITY_EXPONENT:
+        return settings.initial_velocity_exponent  # type: ignore[no-any-return]
+    return float(fit.level) if i >= SPLINE_FIRST and i < between else 0.0
+
+
+@compiled
+def _wandering(fit: Any, is_second: bool) -> float:
+    """Variance that a rate gains per second."""
+    if not is_second:
+        return OWN_WALKS[TREND_ROW, 0]  # type: ignore[no-any-return]
+    return OWN_WALKS[EXPONENT_ROW, 1] if has(fit, BENDS) else SURFACE_WALK
+
+
+@compiled
+def take_prior(settings: Any, fit: Any) -> None:
+    """Set fit.guess and fit.prior, the precision by row and distance from the diagonal, of a fit.
+
+    Args:
+        settings: settings record.
+        fit: laid out.
+    """
+    prior, size = fit.prior, fit.unknowns
+    for i in range(size):
+        for j in range(BAND):
+            prior[i, j] = 0.0
+        deviation = _deviation(settings, fit, i)
+        if i < SPLINE_FIRST:
+            fit.fixed[i] = 1 if deviation == 0.0 else 0
+        prior[i, 0] = 0.0 if deviation == 0.0 else 1.0 / (deviation * deviation)
+        fit.guess[i] = _guess(settings, fit, i)
+    between = SPLINE_FIRST + stiffness_count(fit)
+    for i in range(SPLINE_FIRST, size - 2):
+        if i < between <= i + 2:
+            continue
+        wandering, knot = _wandering(fit, i >= between), fit.knot[0 if i < between else 1]
+        precision = 1.0 / (SECOND_DIFFERENCE * wandering * knot**3)
+        for a in range(3):
+            by_a = -2.0 if a == 1 else 1.0
+            for b in range(a + 1):
+                by_b = -2.0 if b == 1 else 1.0
+                prior[i + a, a - b] += by_a * by_b * precision
+
+
+@compiled
+def prior_cost(fit: Any, values: Any) -> float:
+    """Squared distance from the prior."""
+    total, prior, guess = 0.0, fit.prior, fit.guess
+    for i in range(fit.unknowns):
+        here = values[i] - guess[i]
+        total += prior[i, 0] * here * here
+        for j in range(max(i - BAND + 1, 0), i):
+            total += 2.0 * prior[i, i - j] * here * (values[j] - guess[j])
+    return total
+
+
+@compiled
+def add_prior(fit: Any, values: Any) -> None:
+    """Normal equations of the cost, from what was gathered at `values`."""
+    information, slope, prior, guess = fit.information, fit.slope, fit.prior, fit.guess
+    for i in range(fit.unknowns):
+        slope[i] = fit.pull[i]
+        for j in range(i + 1):
+            information[i, j] = fit.seen[i, j]
+    for i in range(fit.unknowns):
+        here = values[i] - guess[i]
+        slope[i] -= prior[i, 0] * here
+        information[i, i] += prior[i, 0]
+        for j in range(max(i - BAND + 1, 0), i):
+            slope[i] -= prior[i, i - j] * (values[j] - guess[j])
+            slope[j] -= prior[i, i - j] * here
+            information[i, j] += prior[i, i - j]
+    for i in range(SPLINE_FIRST):
+        if fit.fixed[i] != 0:
+            _hold(information, slope, i, fit.unknowns)
+
+
+@compiled
+def _hold(information: Any, slope: Any, i: int, size: int) -> None:
+    """Take an unknown out of the normal equations."""
+    slope[i] = 0.0
+    for j in range(i):
+        information[i, j] = 0.0
+    for j in range(i + 1, size):
+        information[j, i] = 0.0
+    information[i, i] = 1.0
+
+
+@compiled
+def log_evidence(fit: Any, squares: float) -> float:
+    """Laplace's logarithm of the evidence of a fit that is solved, up to what all kinds share.
+
+    Args:
+        fit: as `solve_least_squares` left it; its matrix `seen` is overwritten.
+        squares: weighted sum of squares.
+    """
+    total, precision = squares + prior_cost(fit, fit.values), fit.seen
+    for i in range(fit.unknowns):
+        total += 2.0 * math.log(fit.factor[i, i])
+        for j in range(i):
+            precision[i, j] = fit.prior[i, i - j] if i - j < BAND else 0.0
+        is_held = i < SPLINE_FIRST and fit.fixed[i] != 0
+        precision[i, i] = 1.0 if is_held else fit.prior[i, 0]
+    if not leading_cholesky(precision, precision, fit.unknowns):
+        return -math.inf
+    for i in range(fit.unknowns):
+        total -= 2.0 * math.log(precision[i, i])
+    return -0.5 * total

@@ -1,0 +1,68 @@
+"""The records of fits in which tissue or surface are splines over time (`spline_fit`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hc_estimator.memory import Field, record_type
+
+SPLINE = 44  # coefficients of the stiffness over ten seconds, at most
+SECOND_SPLINE = 24  # of surface or exponent
+SPLINE_FIRST = 7  # of the unknowns that is one
+BAND = 3  # coefficients next to one another that the prior ties
+UNKNOWNS = SPLINE_FIRST + SPLINE + SECOND_SPLINE
+KINDS = 7  # of what tissue and surface do
+LOCAL = SPLINE_FIRST + 2 * 4  # of which the force depends at one time
+
+SPLINE_FIT = record_type(
+    (
+        Field("values", np.float64, (UNKNOWNS,)),
+        Field("held", np.int64, (SPLINE_FIRST,), 0, 1),
+        Field("fixed", np.int64, (SPLINE_FIRST,), 0, 1),  # held, or without a deviation
+        Field("kind", np.int64, (), 0, 15),  # what does not stay; see `spline`
+        Field("position_deviation", np.float64, (), 0.0, finite=False),  # of the prior [mm]
+        Field("level", np.float64),  # ln K to begin with
+        Field("begin", np.float64),  # time of the first point [s]
+        Field("latest", np.float64),  # and of the last
+        Field("first", np.int64, (), 0),  # number of that point
+        Field("last", np.int64, (), 0),  # and of the one after the last
+        # Of the stiffness, and of surface or exponent: time between two knots [s], and number of
+        # intervals between them (0: no spline).
+        Field("knot", np.float64, (2,)),
+        Field("intervals", np.int64, (2,), 0, SPLINE - 3),
+        Field("unknowns", np.int64, (), 0, UNKNOWNS),  # unknowns in use
+        Field("count", np.int64, (), 0),  # points that were used
+        Field("expected", np.float64, (), 0.0),  # squares where only noise is left
+        Field("weight", np.float64, (), 0.0, 1.0),  # of the points' squares
+        # Of one point:
+        Field("basis", np.float64, (2, 4)),  # splines that are not zero there
+        Field("basis_rate", np.float64, (2, 4)),  # their derivatives [1/s]
+        Field("places", np.int64, (LOCAL,), 0, UNKNOWNS - 1),  # unknowns that its force depends on
+        Field("slopes", np.float64, (LOCAL,)),  # derivatives by those
+        Field("gradient", np.float64, (6,)),
+        Field("guess", np.float64, (UNKNOWNS,)),
+        Field("prior", np.float64, (UNKNOWNS, BAND)),  # precision about the guess, in diagonals
+        Field("next", np.float64, (UNKNOWNS,)),
+        Field("slope", np.float64, (UNKNOWNS,)),
+        Field("pull", np.float64, (UNKNOWNS,)),
+        Field("seen", np.float64, (UNKNOWNS, UNKNOWNS)),
+        Field("information", np.float64, (UNKNOWNS, UNKNOWNS)),
+        Field("factor", np.float64, (UNKNOWNS, UNKNOWNS)),
+    )
+)
+
+# What tissue and surface do, by the last fit; see `moving_fit`.
+MOVING = record_type(
+    (
+        Field("looked_at", np.float64, (), finite=False),  # contact clock of the last search [s]
+        Field("stage", np.int64, (), 0, KINDS + 1),  # fit that comes next; 0: none
+        Field("last", np.int64, (), 0),  # number of the point after the last that is asked
+        Field("evidence", np.float64, (KINDS,), finite=False),  # logarithm, by kind
+        Field("values", np.float64, (KINDS, UNKNOWNS)),  # of each fit
+        Field("unknowns", np.int64, (KINDS,), 0, UNKNOWNS),  # number of those in use
+        # ln K, ln B, n, p; position and speed of the surface; rates of ln K and of n.
+        Field("outcome", np.float64, (8,)),
+        Field("covariance", np.float64, (8, 8)),
+        Field("slopes", np.float64, (8, UNKNOWNS)),  # derivatives by the unknowns
+    )
+)
