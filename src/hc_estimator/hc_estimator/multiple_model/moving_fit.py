@@ -4,9 +4,9 @@ Lumps on a surface that sinks or breathes are the hardest contact there is for r
 begin with tangents that are wrong, keep what those taught, and on a horizon of some tenths of a
 second a rate of the stiffness, a surface that sinks and one that breathes predict alike. Over ten
 seconds they do not. So, once a second, least squares over the points ask which of them it is
-(`spline_fit`): the calmest that explains as much as the freest, if that explains all but the noise.
-The row that says the same begins with its parameters, if it stands elsewhere, and is chosen until
-the next fit unless another predicts far better. (Ours; `hc bench accuracy together`: lumps on a
+(`spline_fit`): the calmest of those that are likely by their evidence, if it explains all but the
+noise. Where that is a surface that moves, the row that says the same begins with the fit, and is
+chosen for a while unless another predicts better. (Ours; `hc bench accuracy together`: lumps on a
 surface that breathes.)
 """
 
@@ -26,13 +26,11 @@ from hc_estimator.multiple_model.follows_tool import follows_tool
 from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
-    FITTED,
     FRESH,
     LOG_STIFFNESS,
     OWN,
     ROWS,
     STATES,
-    SURFACE,
     is_tried,
 )
 from hc_estimator.multiple_model.levenberg_marquardt import solve
@@ -64,31 +62,21 @@ ORDER = np.array([STAYS, VARIES, SINKS, VARIES + BENDS, MOVES, VARIES + SINKS, V
 # than the noise on the flank of a narrow lump, and a surface that moves would make up for it.
 LIKELIER = np.array([150.0, 150.0, 10.0, 10.0, 10.0, 10.0, 0.0])
 WANDERS = 1e-3  # variance that the speed of a surface gains per second from which it moves
-# ln K, ln B, n, p; position and speed of the surface; rates of ln K and of n.
-OUTCOME = 8
+OUTCOME = 7  # ln K, ln B, n, p; position and speed of the surface; rate of ln K
 
 
 def _kind_of(m: int) -> int:
-    """Which kind of fit says what a row says; -1 for none."""
+    """Which kind of fit says what a row says; -1 for a row whose surface stays."""
     row = ROWS[m]
-    if m <= FITTED or m == FRESH:
+    if not row.surface:
         return -1
-    kind = VARIES if any(drives[0] > 0.0 for drives in row.drives) else STAYS
-    kind += BENDS if any(drives[2] > 0.0 for drives in row.drives) else STAYS
-    if row.surface:
-        kind += MOVES if row.own_walks[1] > WANDERS else SINKS
-    return kind
+    kind = MOVES if row.own_walks[1] > WANDERS else SINKS
+    return kind + (VARIES if any(drives[0] > 0.0 for drives in row.drives) else STAYS)
 
 
 KINDS_OF = np.array([_kind_of(m) for m in range(len(ROWS))])
-# Where the outcome of a fit goes in the state of a row.
-OF_SURFACE, OF_TISSUE = (OWN, OWN + 1, OWN + 2, -1), (-1, -1, OWN, OWN + 1)
-TARGETS = np.array(
-    [
-        [*range(LOG_STIFFNESS, LOG_STIFFNESS + 4), *(OF_SURFACE if SURFACE[m] else OF_TISSUE)]
-        for m in range(len(ROWS))
-    ]
-)
+# Where the outcome of a fit goes in the state of such a row.
+TARGETS = np.array([*range(LOG_STIFFNESS, LOG_STIFFNESS + 4), OWN, OWN + 1, OWN + 2])
 
 
 @compiled
@@ -195,7 +183,7 @@ def _conclude(settings: Any, bank: Any, noise: tuple[float, float], scatter: flo
         found += 1
     kind = ORDER[found]
     for m in range(FRESH):
-        if best == -math.inf or KINDS_OF[m] != kind or not SURFACE[m]:
+        if best == -math.inf or KINDS_OF[m] != kind:
             continue
         if not is_tried(settings, m) or not _lay_out(settings, history, fit, kind, history.count):
             continue
@@ -234,13 +222,10 @@ def _note_outcome(fit: Any, moving: Any, now: float) -> None:
         slopes[0, SPLINE_FIRST] = 1.0
     for j in range(fit.unknowns):
         slopes[1, j] += slopes[0, j]
-    value, rate = (2, 7) if has(fit, BENDS) else (4, 5)
-    if has(fit, BENDS):
-        slopes[2, spline.EXPONENT] = 0.0
     for i in range(first, used):
         place = fit.places[i]
-        slopes[value, place] = fit.basis[1, i - first] + ahead * fit.basis_rate[1, i - first]
-        slopes[rate, place] = fit.basis_rate[1, i - first]
+        slopes[4, place] = fit.basis[1, i - first] + ahead * fit.basis_rate[1, i - first]
+        slopes[5, place] = fit.basis_rate[1, i - first]
     if not has(fit, MOVES):
         slopes[4, spline.POSITION] = 1.0
         slopes[4, spline.SPEED] = ahead
@@ -285,18 +270,17 @@ def _take(settings: Any, bank: Any, row: Any, clock: float) -> None:
     row.log_likelihood = likelihood
     delay_sensitivity.clear(row, LOG_STIFFNESS, LOG_STIFFNESS + 4)
     delay_sensitivity.clear(row, OWN, STATES)
-    targets, used = TARGETS[row.index], COUNTS[row.index]
+    used = COUNTS[row.index]
     for i in range(OUTCOME):
-        if targets[i] < 0 or targets[i] >= used:
-            continue
-        for j in range(STATES):
-            row.covariance[targets[i], j] = 0.0
-            row.covariance[j, targets[i]] = 0.0
+        if TARGETS[i] < used:
+            for j in range(STATES):
+                row.covariance[TARGETS[i], j] = 0.0
+                row.covariance[j, TARGETS[i]] = 0.0
     for i in range(OUTCOME):
-        if targets[i] < 0 or targets[i] >= used:
+        if TARGETS[i] >= used:
             continue
-        row.state[targets[i]] = moving.outcome[i]
+        row.state[TARGETS[i]] = moving.outcome[i]
         for j in range(OUTCOME):
-            if targets[j] >= 0 and targets[j] < used:
-                row.covariance[targets[i], targets[j]] = moving.covariance[i, j]
+            if TARGETS[j] < used:
+                row.covariance[TARGETS[i], TARGETS[j]] = moving.covariance[i, j]
     limit(settings, row)

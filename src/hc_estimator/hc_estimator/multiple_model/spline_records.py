@@ -60,9 +60,9 @@ MOVING = record_type(
         Field("evidence", np.float64, (KINDS,), finite=False),  # logarithm, by kind
         Field("values", np.float64, (KINDS, UNKNOWNS)),  # of each fit
         Field("unknowns", np.int64, (KINDS,), 0, UNKNOWNS),  # number of those in use
-        # ln K, ln B, n, p; position and speed of the surface; rates of ln K and of n.
-        Field("outcome", np.float64, (8,)),
-        Field("covariance", np.float64, (8, 8)),
-        Field("slopes", np.float64, (8, UNKNOWNS)),  # derivatives by the unknowns
+        # ln K, ln B, n, p; position and speed of the surface; rate of ln K.
+        Field("outcome", np.float64, (7,)),
+        Field("covariance", np.float64, (7, 7)),
+        Field("slopes", np.float64, (7, UNKNOWNS)),  # derivatives by the unknowns
     )
 )
