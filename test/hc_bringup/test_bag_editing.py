@@ -168,7 +168,13 @@ def test_a_run_takes_scenario_seed_rate_filter_and_parameters() -> None:
     words += " --param indenter.stiffness=0.4 --param estimator.input.force.zero=1"
     found = run_command.given_parameters(plan, options(*words.split()))
     assert found == {
-        "indenter": {"scenario": "lump", "seed": 4, "rate": 2.0, "stiffness": 0.4},
+        "indenter": {
+            "scenario": "lump",
+            "seed": 4,
+            "rate": 2.0,
+            "stiffness": 0.4,
+            "time": "simulated",
+        },
         "estimator": {"filter": "ukf", "initial_stiffness": 0.3, "input.force.zero": 1},
     }
 

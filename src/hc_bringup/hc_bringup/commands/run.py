@@ -183,6 +183,9 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
         if name in found.setdefault(node, {}):
             raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
         found[node][name] = value
+    if arguments.rate not in (None, 1.0):
+        # The system's clock goes at one pace only.
+        found["indenter"].setdefault("time", "simulated")
     return found
 
 
