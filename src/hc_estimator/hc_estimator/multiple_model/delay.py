@@ -145,7 +145,7 @@ def learn_window(
     common = False
     if settings.delay_by_common_fit != 0:
         delay_joint.take(finder)
-        common = delay_joint.decide(finder, sensor_noise[1])
+        common = delay_joint.decide(settings, finder, sensor_noise[1])
     finder.windows += 1
     chosen = _choose(finder)
     start = (chosen - centre) * finder.grid_step

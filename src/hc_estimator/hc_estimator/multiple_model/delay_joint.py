@@ -17,9 +17,15 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_rules import APART, LEAD, RIVAL
 from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
+from hc_estimator.multiple_model.rows import (
+    LARGEST_VELOCITY_EXPONENT,
+    SMALLEST_VELOCITY_EXPONENT,
+    prior_deviation,
+)
 from hc_estimator.multiple_model.window_fit import (
     EXPONENTS,
     LEAST_RESIDUAL,
+    SMALLEST_DEVIATION,
     gather,
     secant_step,
     stiffness_and_damping,
@@ -147,12 +153,13 @@ def _refine(finder: Any, j: int) -> float:
 
 
 @compiled
-def decide(finder: Any, force_noise: float) -> bool:
+def decide(settings: Any, finder: Any, force_noise: float) -> bool:
     """True if the common fit clearly says a delay, in finder.joint_delay.
 
     The fit is made anew once it has points enough that are new; until then it says what it said.
 
     Args:
+        settings: settings record.
         finder: the fit is changed.
         force_noise: variance of a reading [N^2].
     """
@@ -163,16 +170,17 @@ def decide(finder: Any, force_noise: float) -> bool:
     elif finder.joint_count - finder.joint_fitted >= NEW * count:
         finder.joint_fitted = finder.joint_count
         finder.joint_clear = (
-            1 if _goes_both_ways(finder, count) and _fit(finder, force_noise) else 0
+            1 if _goes_both_ways(finder, count) and _fit(settings, finder, force_noise) else 0
         )
     return bool(finder.joint_clear != 0)
 
 
 @compiled
-def _fit(finder: Any, force_noise: float) -> bool:
+def _fit(settings: Any, finder: Any, force_noise: float) -> bool:
     """Find the delay of the common fit; False if it says none clearly.
 
     Args:
+        settings: settings record.
         finder: joint_left, joint_delay and its deviation are set, the n of the fits improved.
         force_noise: variance of a reading [N^2].
     """
@@ -206,8 +214,59 @@ def _fit(finder: Any, force_noise: float) -> bool:
     if not is_far(finder, finder.delay):
         return True
     used = min(max(centre + round(finder.delay / step), low), high)
-    ratio = finder.joint_left[used] / best
+    if not _leads(finder.joint_left[used] / best, weight):
+        return False
+    # The p in use goes with the delay that the windows say: with its own, the other may do better.
+    return _leads(_left_with_its_own_p(settings, finder, used, weight, noise) / best, weight)
+
+
+@compiled
+def _leads(ratio: float, weight: float) -> bool:
+    """True if the delay in use leaves so many times the squares of the best that it is not it."""
     return bool(ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD)
+
+
+@compiled
+def _left_with_its_own_p(settings: Any, finder: Any, j: int, weight: float, noise: float) -> float:
+    """Squares that a candidate leaves with the p that suits it best [N^2], and the prior of p.
+
+    Args:
+        settings: settings record.
+        finder: as it was afterwards.
+        j: candidate.
+        weight: log likelihood by the logarithm of the squares.
+        noise: squares that noise adds to what the fit leaves [N^2].
+    """
+    in_use, exponent = finder.velocity_exponent, finder.joint_exponent[j]
+    p, width, best = in_use, WIDTH, finder.joint_left[j] - noise
+    for _ in range(REFINEMENTS):
+        step = secant_step(
+            _left_at(finder, j, p + width), best, _left_at(finder, j, p - width), width
+        )
+        trial = min(max(p + step, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+        left = _left_at(finder, j, trial)
+        if left < best:
+            p, best = trial, left
+        if abs(step) <= width:
+            width *= 0.3
+    finder.velocity_exponent = in_use
+    finder.joint_exponent[j] = exponent
+    less_likely = 0.5 * (_deviations(settings, p) ** 2 - _deviations(settings, in_use) ** 2)
+    return float((best + noise) * math.exp(less_likely / weight))
+
+
+@compiled
+def _left_at(finder: Any, j: int, p: float) -> float:
+    """Squares that a candidate leaves with another p, which is then in use [N^2]."""
+    finder.velocity_exponent = p
+    return _refine(finder, j)
+
+
+@compiled
+def _deviations(settings: Any, p: float) -> float:
+    """How many deviations of its prior a p is off."""
+    deviation = max(prior_deviation(settings, 3), SMALLEST_DEVIATION)
+    return float((p - settings.initial_velocity_exponent) / deviation)
 
 
 @compiled
