@@ -135,3 +135,35 @@ def test_the_lag_of_the_motion_between_two_poses_is_no_delay():
         estimator = hc.create_estimator(FILTER, **rates.DECLARED)
         series = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
         assert np.all(series.channel_delay == 0.0)
+
+
+def apart(seed, seconds=20.0):
+    """Presses of a tool with a ripple: force at 500 Hz, position at 125 Hz, each at its stamp."""
+    rng = np.random.default_rng(seed)
+    times = np.arange(0.0, seconds, 0.002), np.arange(rng.uniform(0.0001, 0.0079), seconds, 0.008)
+    force, depth = ([], [])
+    for time, readings in zip(times, (force, depth), strict=True):
+        after = np.maximum(time - 1.0, 0.0)
+        d = -4.0 + 4.25 * (1.0 - np.cos(2.2 * after)) + 0.2 * np.sin(11.0 * after)
+        v = 9.35 * np.sin(2.2 * after) + 2.2 * np.cos(11.0 * after)
+        inside = np.maximum(d, 0.0) ** 1.4
+        law = np.maximum(inside * (0.7 + 0.04 * np.sign(v) * np.abs(v) ** 0.9), 0.0)
+        readings.append(law + 0.03 * rng.standard_normal(time.size))
+        readings.append(d + 0.01 * rng.standard_normal(time.size))
+    nothing = [np.full(time.size, np.nan) for time in times]
+    stamps = np.concatenate(times)
+    order = np.argsort(stamps, kind="stable")
+    columns = (
+        stamps,
+        np.concatenate([nothing[0], depth[1]]),
+        np.concatenate([force[0], nothing[1]]),
+    )
+    return tuple(column[order] for column in columns)
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4, 7])
+def test_a_velocity_exponent_that_is_off_is_no_delay(seed):
+    """Regression of 2026-11-25: 11 to 35 ms, with the p of windows near a delay that was not."""
+    series = hc.create_estimator(FILTER, missing_readings=True).run(*apart(seed))
+    assert abs(series.channel_delay[-1]) < 1e-3
+    assert series.parameters[-1, 0] == pytest.approx(0.7, rel=0.02)

@@ -259,7 +259,7 @@ def _left_with_its_own_p(settings: Any, finder: Any, j: int, weight: float, nois
 def _left_at(finder: Any, j: int, p: float) -> float:
     """Squares that a candidate leaves with another p, which is then in use [N^2]."""
     finder.velocity_exponent = p
-    return _refine(finder, j)  # type: ignore[no-any-return]
+    return _refine(finder, j)
 
 
 @compiled
