@@ -18,6 +18,7 @@ from hc_estimator.multiple_model import (
     beginning,
     delay_evidence,
     delay_sensitivity,
+    plausible,
     sample,
     surface_search,
 )
@@ -86,6 +87,8 @@ def use(settings: Any, bank: Any, time: float) -> int:
         decision = _use_single(settings, bank, time)
     if decision == ACCEPTED:
         _take_point(settings, bank)
+    given = bank.rows[sample.given_row(bank)]
+    plausible.limit_law(settings, given, bank.tool, bank.sensor_noise[1])
     return decision
 
 
@@ -205,6 +208,8 @@ def _take_point(settings: Any, bank: Any) -> None:
         clock = bank.tool.contact_clock
         if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):
             beginning.begin_with_zeros(settings, bank)
+        elif plausible.is_no_law(settings, rows[FITTED], bank.tool):
+            rows[FITTED].active = 0
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
     if full and math.isnan(settings.channel_delay):

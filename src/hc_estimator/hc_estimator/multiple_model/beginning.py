@@ -11,6 +11,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import (
     contact_onset,
+    expectation,
     levels,
     plausible,
     surface_search,
@@ -60,6 +61,7 @@ def start(settings: Any, bank: Any) -> None:
     bank.tool.away_time = 0.0
     bank.tool.contact_clock = 0.0
     plausible.reset(bank.tool)
+    expectation.reset(bank.expected)
     levels.reset(bank.tool)
     for m in range(bank.rows.shape[0]):
         row = bank.rows[m]

@@ -21,7 +21,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
-from hc_estimator.multiple_model import plausible, zero_fit
+from hc_estimator.multiple_model import expectation, plausible, zero_fit
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 from hc_estimator.multiple_model.records import RAW
 
@@ -377,4 +377,6 @@ def move_zeros(bank: Any) -> None:
         for m in range(bank.rows.shape[0]):
             bank.rows[m].position_deviation = onset.position_deviation
     bank.given.predicted_force -= force
+    bank.given.expected_force -= force
+    expectation.move(bank.expected, force)
     bank.given.reconstructed_force -= force

@@ -31,6 +31,8 @@ ROW = record_type(
         # What its innovations say of that error; see `delay_evidence`.
         Field("delay_score", np.float64),  # [1/s]
         Field("delay_information", np.float64, (), 0.0),  # [1/s^2]
+        # Mean square of what the law has missed one step ahead of late [N^2]; -1: nothing foretold.
+        Field("missed", np.float64),
         # Of a contact position that stays, at the row's start [mm]; 0: it moves, or is given.
         Field("position_deviation", np.float64, (), 0.0),
         # Variance of the force that the law misses [N^2].
@@ -78,6 +80,7 @@ TOOL = record_type(
         Field("deepest", np.float64),  # largest displacement in contact [mm]
         Field("fastest", np.float64, (), 0.0),  # largest speed there [mm/s]
         Field("largest_force", np.float64, (), 0.0),  # [N]
+        Field("known_time", np.float64, (), 0.0),  # in contact in which these were learnt [s]
         Field("mean_square_force", np.float64, (), 0.0),  # of the last second in contact [N^2]
         Field("worthless_time", np.float64, (), 0.0),  # for which a model error exceeds it [s]
     )
@@ -350,12 +353,25 @@ SEARCH = record_type(
     )
 )
 
+# Which force is expected without any law; see `expectation`.
+EXPECTED = record_type(
+    (
+        # Last reading that was accepted, and the one that is held for a step; NaN: none yet [N].
+        Field("last_force", np.float64, (), finite=False),
+        Field("held_force", np.float64, (), finite=False),
+        Field("held_from", np.float64),  # time of the latter [s]
+        Field("far_readings", np.int64, (), 0),  # in a row that are far from it
+        Field("change", np.float64),  # mean square by which the force changes in a step [N^2]
+    )
+)
+
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
         Field("row", np.int64, (), 0, ROW_COUNT - 1),
         Field("extrapolated", np.float64),  # by how much later the sample's own force belongs [s]
-        Field("predicted_force", np.float64),  # [N]
+        Field("predicted_force", np.float64),  # of the law [N]
+        Field("expected_force", np.float64),  # of it, or the last reading; see `expectation` [N]
         Field("latest_force", np.float64),  # the sample's own reading [N]
         Field("reconstructed_force", np.float64),  # [N]
         # Displacement [mm], force [N]; NaN where a reading is missing.
@@ -385,4 +401,5 @@ BANK: tuple[Field, ...] = (
     Field("given", GIVEN),
     Field("onset", ONSET),
     Field("search", SEARCH),
+    Field("expected", EXPECTED),
 )

@@ -81,7 +81,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     zero_doubt.add(settings, bank, row, out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
-        out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
+        out[FORCE_PREDICTED] = given.expected_force + bank.onset.zero[1]
         out[NIS] = given.nis
         for i in range(2):
             out[INNOVATION + i] = given.innovation[i]

@@ -12,7 +12,7 @@ from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import fixed_value
 from hc_estimator.linear_algebra import clear_matrix
-from hc_estimator.multiple_model import delay_sensitivity
+from hc_estimator.multiple_model import delay_sensitivity, expectation
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
@@ -148,6 +148,7 @@ def reset(settings: Any, row: Any, displacement: float) -> None:
     row.predicted_force = 0.0
     row.since = -1.0
     row.counts_from = 0.0
+    row.missed = expectation.UNKNOWN
     clear_adaptation(row)
 
 
@@ -168,6 +169,7 @@ def seed(source: Any, row: Any, since: float, counts_from: float) -> None:
     delay_sensitivity.take(source, row, 0, OWN)
     begin_own_states(row)
     row.predicted_force = source.predicted_force
+    row.missed = source.missed
     contact_time, model_error = source.contact_time, source.model_error
     clear_adaptation(row)
     row.contact_time = contact_time

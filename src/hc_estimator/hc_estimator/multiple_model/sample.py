@@ -24,6 +24,7 @@ from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
     departure,
+    expectation,
     first_guess,
     levels,
     model_error,
@@ -111,6 +112,8 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         clock.state_time = place
         return ACCEPTED
     decision = _update(settings, bank, place)
+    if decision != NUMERICAL:
+        expectation.learn(bank, place)
     clock.state_time = place
     if clock.present[1] != 0:
         clock.force_time = place
@@ -189,6 +192,9 @@ def _foretell(settings: Any, bank: Any) -> None:
     bank.given.row = row.index
     bank.given.predicted_force = force_of_row(settings, row, bank.given.extrapolated)
     bank.given.reconstructed_force = bank.given.predicted_force
+    bank.given.expected_force = expectation.force_of(
+        settings, bank, row, bank.given.predicted_force
+    )
     bank.given.innovation[0] = math.nan
     bank.given.innovation[1] = math.nan
 
