@@ -137,7 +137,10 @@ class Estimate(_Rows):
 
     @property
     def force_predicted(self) -> float:
-        """Force [N] expected before the sample was used; NaN if it was rejected unseen."""
+        """Force [N] expected before the sample was used; NaN if it was rejected unseen.
+
+        Of the contact law; in the default filter the last reading while that law foretells worse.
+        """
         return self._values[FORCE_PREDICTED]
 
     @property

@@ -87,8 +87,6 @@ def use(settings: Any, bank: Any, time: float) -> int:
         decision = _use_single(settings, bank, time)
     if decision == ACCEPTED:
         _take_point(settings, bank)
-    given = bank.rows[sample.given_row(bank)]
-    plausible.limit_law(settings, given, bank.tool, bank.sensor_noise[1])
     return decision
 
 

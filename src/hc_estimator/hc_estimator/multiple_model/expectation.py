@@ -6,6 +6,7 @@ to the next: the forecast by persistence, against which forecasts are measured (
 Weather Review 120, 1992). So the last reading is what is expected where the law of the row in
 charge
 
+- says more than three times what was ever felt,
 - has missed the force by more, of late, than the force has changed,
 - has foretold nothing yet, because the row began anew,
 - foretells a jump, and says itself that it does not know.
@@ -22,6 +23,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import plausible
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -69,11 +71,13 @@ def force_of(settings: Any, bank: Any, row: Any, law: float) -> float:
     """
     expected, clock = bank.expected, bank.clock
     last = expected.last_force
-    if settings.expect_last_force == 0 or math.isnan(last):
+    if settings.expect_last_force == 0 or math.isnan(last) or expected.change < 0.0:
         return law
     if clock.force_elapsed > LONGEST_STEP * max(STEP, clock.period):
         return law
-    change = max(expected.change, 0.0)
+    change = expected.change
+    if plausible.is_beyond(settings, row, bank.tool, law, bank.sensor_noise[1]):
+        return float(last)
     if row.missed < 0.0 or row.missed > WORSE * WORSE * change:
         return float(last)
     jump = (law - last) * (law - last)

@@ -40,7 +40,8 @@ LARGEST_FACTOR = 2.5  # of the largest force felt
 NOISE = 10.0  # deviations of the force sensor that are added to it
 KNOWN_AFTER = 0.1  # in contact before it means anything [s]
 LARGEST_FORETOLD = 4.0  # of the largest force felt, where deepest and fastest come together
-LARGEST_LAW = 3.0  # the same of what is given out
+LARGEST_EXPECTED = 3.0  # of it where the depth is not new, whatever the speed
+SURE = 0.2  # deviation of ln K and ln B of a law that is known, whatever it foretells
 NOWHERE = 1e9  # [mm]
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p of a row brought down
 
@@ -108,32 +109,47 @@ def _foretold(settings: Any, row: Any, tool: Any, velocity: float) -> float:
 
 
 @compiled
-def limit_law(settings: Any, row: Any, tool: Any, force_noise: float) -> None:
-    """Bring K and B of a row down to what was felt where the tool was deepest and fastest.
+def limited_law(settings: Any, row: Any, tool: Any, force_noise: float) -> tuple[float, float]:
+    """ln K and ln B of a row, brought down to what was felt where the tool was deepest and fastest.
+
+    For what is given out. The row itself goes on as it is: bounded by every sample it would learn
+    nothing any more.
 
     Args:
         settings: settings record.
-        row: that is given out; K and B may be changed.
+        row: that is given out.
         tool: what was felt.
         force_noise: variance of the force sensor [N^2].
     """
+    k, b = row.state[LOG_STIFFNESS], row.state[LOG_DAMPING]
     if settings.possible_forces == 0 or not tool.known_time > KNOWN_AFTER:
-        return
+        return k, b
+    unsure = max(
+        row.covariance[LOG_STIFFNESS, LOG_STIFFNESS], row.covariance[LOG_DAMPING, LOG_DAMPING]
+    )
+    if row.model_error == 0.0 and unsure < SURE * SURE:
+        return k, b
     felt = max(tool.largest_force, NOISE * math.sqrt(force_noise))
-    largest = LARGEST_LAW * felt
     foretold = _foretold(settings, row, tool, tool.fastest)
-    if foretold <= largest:
-        return
+    if foretold <= LARGEST_FORETOLD * felt:
+        return k, b
     at_rest = _foretold(settings, row, tool, 0.0)
-    largest_at_rest = LARGEST_FACTOR * felt
     damping = foretold - at_rest
-    largest_damping = largest - min(at_rest, largest_at_rest)
-    if at_rest > largest_at_rest and settings.initial_stiffness_log_std > 0.0:
-        row.state[LOG_STIFFNESS] += math.log(largest_at_rest / at_rest)
-        row.by_delay[LOG_STIFFNESS] = 0.0
+    largest_damping = LARGEST_FORETOLD * felt - min(at_rest, LARGEST_FACTOR * felt)
+    if at_rest > LARGEST_FACTOR * felt and settings.initial_stiffness_log_std > 0.0:
+        k += math.log(LARGEST_FACTOR * felt / at_rest)
     if damping > largest_damping and settings.initial_damping_log_std > 0.0:
-        row.state[LOG_DAMPING] += math.log(largest_damping / damping)
-        row.by_delay[LOG_DAMPING] = 0.0
+        b += math.log(largest_damping / damping)
+    return k, b
+
+
+@compiled
+def is_beyond(settings: Any, row: Any, tool: Any, force: float, force_noise: float) -> bool:
+    """True for a force [N] of a row's law far beyond what was felt, at a depth that is not new."""
+    if settings.possible_forces == 0 or not tool.known_time > KNOWN_AFTER:
+        return False
+    felt = max(tool.largest_force, NOISE * math.sqrt(force_noise))
+    return bool(row.state[DEPTH] <= tool.deepest and abs(force) > LARGEST_EXPECTED * felt)
 
 
 @compiled

@@ -12,7 +12,7 @@ from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import fixed_value
 from hc_estimator.linear_algebra import clear_matrix
-from hc_estimator.multiple_model import delay_sensitivity, expectation
+from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
@@ -148,7 +148,7 @@ def reset(settings: Any, row: Any, displacement: float) -> None:
     row.predicted_force = 0.0
     row.since = -1.0
     row.counts_from = 0.0
-    row.missed = expectation.UNKNOWN
+    row.missed = -1.0  # nothing foretold yet
     clear_adaptation(row)
 
 

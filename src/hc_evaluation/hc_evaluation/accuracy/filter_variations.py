@@ -36,6 +36,7 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("a lump in an organ that breathes", {"without_hypotheses": 2 ** _IN_RESERVE[-1]}),
     ("search for the surface", {"search_surface": False}),
     ("no force beyond what was felt", {"possible_forces": False}),
+    ("last reading instead of a law that knows nothing", {"expect_last_force": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
     ("delay of the channels", {"channel_delay": 0.0}),
