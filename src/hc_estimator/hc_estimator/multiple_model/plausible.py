@@ -110,7 +110,7 @@ def _foretold(settings: Any, row: Any, tool: Any, velocity: float) -> float:
 
 @compiled
 def limited_law(settings: Any, row: Any, tool: Any, force_noise: float) -> tuple[float, float]:
-    """ln K and ln B of a row, brought down to what was felt where the tool was deepest and fastest.
+    """Ln K and ln B of a row, brought down to what was felt where the tool was deepest and fastest.
 
     For what is given out. The row itself goes on as it is: bounded by every sample it would learn
     nothing any more.
