@@ -159,7 +159,7 @@ def felt(options, bank, log_stiffness):
     """Rows at 2 mm and 1 mm/s with the given ln K; 10 N, 3 mm and 5 mm/s were felt."""
     rows = rows_of(options, bank, (1.0,) * FRESH)
     plausible.reset(bank.tool)
-    bank.tool.contact_clock = 1.0
+    bank.tool.known_time = 1.0
     bank.tool.deepest, bank.tool.fastest, bank.tool.largest_force = 3.0, 5.0, 10.0
     for m, value in enumerate(log_stiffness):
         rows[m].state[DEPTH], rows[m].state[VELOCITY] = 2.0, 1.0
@@ -195,7 +195,7 @@ def test_what_was_not_felt_yet_may_be_as_strong_as_it_likes(new, parts):
     elif new == "speed":
         bank.tool.fastest = 0.9
     else:
-        bank.tool.contact_clock = 0.05
+        bank.tool.known_time = 0.05
     plausible.check(options, rows, bank.tool, 0, 1e-4)
     assert all(rows[m].state[LOG_STIFFNESS] == 12.0 for m in range(FRESH))
 

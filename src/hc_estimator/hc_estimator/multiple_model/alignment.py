@@ -19,6 +19,7 @@ from hc_estimator.multiple_model import (
     delay_evidence,
     delay_sensitivity,
     moving_fit,
+    plausible,
     sample,
     surface_search,
 )
@@ -206,6 +207,8 @@ def _take_point(settings: Any, bank: Any) -> None:
         clock = bank.tool.contact_clock
         if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):
             beginning.begin_with_zeros(settings, bank)
+        elif plausible.is_no_law(settings, rows[FITTED], bank.tool):
+            rows[FITTED].active = 0
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
         moving_fit.look(settings, bank, bank.clock.period)

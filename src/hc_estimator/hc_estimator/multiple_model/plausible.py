@@ -40,6 +40,7 @@ LARGEST_FACTOR = 2.5  # of the largest force felt
 NOISE = 10.0  # deviations of the force sensor that are added to it
 KNOWN_AFTER = 0.1  # in contact before it means anything [s]
 LARGEST_FORETOLD = 4.0  # of the largest force felt, where deepest and fastest come together
+SURE = 0.2  # deviation of ln K and ln B of a law that is known, whatever it foretells
 NOWHERE = 1e9  # [mm]
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p of a row brought down
 
@@ -50,6 +51,7 @@ def reset(tool: Any) -> None:
     tool.deepest = -NOWHERE
     tool.fastest = 0.0
     tool.largest_force = 0.0
+    tool.known_time = 0.0
     tool.mean_square_force = 0.0
     tool.worthless_time = 0.0
 
@@ -60,6 +62,7 @@ def learn(tool: Any, row: Any, force: float, elapsed: float) -> None:
     tool.deepest = max(tool.deepest, row.state[DEPTH])
     tool.fastest = max(tool.fastest, abs(row.state[VELOCITY]))
     tool.largest_force = max(tool.largest_force, force)
+    tool.known_time += elapsed
     tool.mean_square_force += min(1.0, elapsed) * (force * force - tool.mean_square_force)
     if row.model_error > tool.mean_square_force:
         tool.worthless_time += elapsed
@@ -84,18 +87,70 @@ def move(tool: Any, displacement: float, force: float) -> None:
 @compiled
 def foretells_possible(settings: Any, row: Any, tool: Any) -> bool:
     """False if the row's law says far more than was felt where the tool was deepest and fastest."""
+    force = _foretold(settings, row, tool, tool.fastest)
+    return bool(force <= LARGEST_FORETOLD * tool.largest_force)
+
+
+@compiled
+def _foretold(settings: Any, row: Any, tool: Any, velocity: float) -> float:
+    """Force [N] of the row's law where the tool was deepest, at a velocity [mm/s]."""
     state = row.state
     surface = state[OWN] if SURFACE[row.index] else 0.0
-    force = force_of(
+    return force_of(
         settings,
         tool.deepest - surface,
-        tool.fastest,
+        velocity,
         state[LOG_STIFFNESS],
         state[LOG_DAMPING],
         state[EXPONENT],
         state[VELOCITY_EXPONENT],
     )
-    return bool(force <= LARGEST_FORETOLD * tool.largest_force)
+
+
+@compiled
+def limited_law(settings: Any, row: Any, tool: Any, force_noise: float) -> tuple[float, float]:
+    """Ln K and ln B of a row, brought down to what was felt where the tool was deepest and fastest.
+
+    For what is given out. The row itself goes on as it is: bounded by every sample it would learn
+    nothing any more.
+
+    Args:
+        settings: settings record.
+        row: that is given out.
+        tool: what was felt.
+        force_noise: variance of the force sensor [N^2].
+    """
+    k, b = row.state[LOG_STIFFNESS], row.state[LOG_DAMPING]
+    if settings.possible_forces == 0 or not tool.known_time > KNOWN_AFTER:
+        return k, b
+    unsure = max(
+        row.covariance[LOG_STIFFNESS, LOG_STIFFNESS], row.covariance[LOG_DAMPING, LOG_DAMPING]
+    )
+    if row.model_error == 0.0 and unsure < SURE * SURE:
+        return k, b
+    felt = max(tool.largest_force, NOISE * math.sqrt(force_noise))
+    foretold = _foretold(settings, row, tool, tool.fastest)
+    if foretold <= LARGEST_FORETOLD * felt:
+        return k, b
+    at_rest = _foretold(settings, row, tool, 0.0)
+    damping = foretold - at_rest
+    largest_damping = LARGEST_FORETOLD * felt - min(at_rest, LARGEST_FACTOR * felt)
+    if at_rest > LARGEST_FACTOR * felt and settings.initial_stiffness_log_std > 0.0:
+        k += math.log(LARGEST_FACTOR * felt / at_rest)
+    if damping > largest_damping and settings.initial_damping_log_std > 0.0:
+        b += math.log(largest_damping / damping)
+    return k, b
+
+
+@compiled
+def is_no_law(settings: Any, row: Any, tool: Any) -> bool:
+    """True if a fit says far more at rest, where the tool was deepest, than was felt there.
+
+    Where the exponent has no bound, least squares may leave it at one that no tissue has.
+    """
+    if settings.possible_forces == 0 or not tool.known_time > KNOWN_AFTER:
+        return False
+    return bool(_foretold(settings, row, tool, 0.0) > LARGEST_FORETOLD * tool.largest_force)
 
 
 @compiled
@@ -110,7 +165,7 @@ def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) 
         force_noise: variance of the force sensor [N^2].
     """
     largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(force_noise)
-    looked_long = settings.possible_forces != 0 and tool.contact_clock > KNOWN_AFTER
+    looked_long = settings.possible_forces != 0 and tool.known_time > KNOWN_AFTER
     possible = -1
     for m in range(rows.shape[0]):
         row = rows[m]

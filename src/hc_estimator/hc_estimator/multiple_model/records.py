@@ -79,6 +79,7 @@ TOOL = record_type(
         Field("deepest", np.float64),  # largest displacement in contact [mm]
         Field("fastest", np.float64, (), 0.0),  # largest speed there [mm/s]
         Field("largest_force", np.float64, (), 0.0),  # [N]
+        Field("known_time", np.float64, (), 0.0),  # in contact in which these were learnt [s]
         Field("mean_square_force", np.float64, (), 0.0),  # of the last second in contact [N^2]
         Field("worthless_time", np.float64, (), 0.0),  # for which a model error exceeds it [s]
     )

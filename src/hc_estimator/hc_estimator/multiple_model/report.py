@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hc_estimator import estimate as columns
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import levels, zero_doubt
+from hc_estimator.multiple_model import levels, plausible, zero_doubt
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
@@ -59,8 +59,9 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     clear_row(out)
     row, given = bank.rows[given_row(bank)], bank.given
     state, covariance = row.state, row.covariance
+    possible = plausible.limited_law(settings, row, bank.tool, bank.sensor_noise[1])
     for i in range(4):
-        value = state[LOG_STIFFNESS + i]
+        value = possible[i] if i < 2 else state[LOG_STIFFNESS + i]
         out[PARAMETERS + i] = math.exp(value) if i < 2 else value
         variance = covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
         prior = prior_deviation(settings, i) ** 2
