@@ -101,6 +101,7 @@ GUESTS = {
         "delay": "delay deviation doubt",
         "judge": "chosen",
         "given": "latest_force",
+        "row": "active",
     },
     "multiple_model/beginning": {
         "change": "detected",

@@ -128,15 +128,15 @@ def limited_law(settings: Any, row: Any, tool: Any, force_noise: float) -> tuple
     )
     if row.model_error == 0.0 and unsure < SURE * SURE:
         return k, b
-    felt = max(tool.largest_force, NOISE * math.sqrt(force_noise))
+    largest = max(tool.largest_force, NOISE * math.sqrt(force_noise))
     foretold = _foretold(settings, row, tool, tool.fastest)
-    if foretold <= LARGEST_FORETOLD * felt:
+    if foretold <= LARGEST_FORETOLD * largest:
         return k, b
     at_rest = _foretold(settings, row, tool, 0.0)
     damping = foretold - at_rest
-    largest_damping = LARGEST_FORETOLD * felt - min(at_rest, LARGEST_FACTOR * felt)
-    if at_rest > LARGEST_FACTOR * felt and settings.initial_stiffness_log_std > 0.0:
-        k += math.log(LARGEST_FACTOR * felt / at_rest)
+    largest_damping = LARGEST_FORETOLD * largest - min(at_rest, LARGEST_FACTOR * largest)
+    if at_rest > LARGEST_FACTOR * largest and settings.initial_stiffness_log_std > 0.0:
+        k += math.log(LARGEST_FACTOR * largest / at_rest)
     if damping > largest_damping and settings.initial_damping_log_std > 0.0:
         b += math.log(largest_damping / damping)
     return k, b
