@@ -22,6 +22,7 @@ LEAST_DEPTH = 0.02  # [mm]
 TOUCHING = 5.0  # deviations of the force below which it may be none
 # Of a point: what its velocity for `zero_fit` is from. Unknown where the tissue may let go.
 UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
+FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
 SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
 
 
@@ -146,6 +147,15 @@ def oldest(history: Any) -> int:
 def forget_older_half(history: Any) -> None:
     """Begin with the latest half of the points: no law fits all of them."""
     history.first = (oldest(history) + history.count) // 2
+
+
+@compiled
+def is_motion_known(history: Any, first: int) -> bool:
+    """True if enough points, and at least half of those from `first` on, have a velocity."""
+    count = 0
+    for k in range(first, history.count):
+        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
+    return bool(count >= FEWEST_KNOWN and 2 * count >= history.count - first)
 
 
 @compiled

@@ -23,7 +23,6 @@ from hc_estimator.multiple_model import delay_sensitivity, spline
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.choice import trusted_motion
 from hc_estimator.multiple_model.follows_tool import follows_tool
-from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
     FRESH,
@@ -52,7 +51,6 @@ SPECIFICATIONS = (
 )
 
 EVERY = 1.0  # time in contact between two fits [s]
-FEWEST = 60  # points
 LEAST_TIME = 3.0  # that they must span [s]
 CONSISTENT = 1.5  # largest squares left, in those of the noise
 LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
@@ -122,10 +120,8 @@ def look(settings: Any, bank: Any, period: float) -> None:
 @compiled
 def _are_enough(history: Any) -> bool:
     """True if the points are many, span enough time, and most have a velocity."""
-    count, first = 0, _oldest(history.count)
-    for k in range(first, history.count):
-        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
-    if count < FEWEST or 2 * count < history.count - first:
+    first = _oldest(history.count)
+    if not histories.is_motion_known(history, first):
         return False
     last = history.points[(history.count - 1) % POINTS, 8]
     return bool(last - history.points[first % POINTS, 8] >= LEAST_TIME)

@@ -27,8 +27,8 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline, zero_sensitivity
-from hc_estimator.multiple_model.history import UNKNOWN
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline import SINKS, STAYS, VARIES
@@ -58,7 +58,6 @@ BETTER_BY = 16.0  # decrease by which one choice is better than another
 CONSISTENT = 1.5  # largest squares left, in those of the noise
 REFUTED = 6.0  # the same, at which zeros that were found are taken back
 EVERY = 1.0  # time in contact between two fits [s]
-FEWEST = 60  # points
 LEAST_TIME = 2.0  # that they must span [s]
 LEAST_TIME_VARYING = 6.0  # the same where the tissue or the surface does not stay [s]
 LASTING = 2.0  # time in contact for which a choice must stay the same [s]
@@ -105,8 +104,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     if history.fitted != 0 and history.guessed != 0:
         return False
     first = max(history.count - POINTS, 0)
-    count = _count(history, first)
-    if count < FEWEST or 2 * count < history.count - first:
+    if not histories.is_motion_known(history, first):
         return False
     zeros.looked_at = clock
     row = bank.rows[bank.judge.chosen]
@@ -147,15 +145,6 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     if zeros.unknown != NONE and zeros.unknown == unknown:
         zero_sensitivity.keep_doubt(zeros)
     return False
-
-
-@compiled
-def _count(history: Any, first: int) -> int:
-    """Number of points whose motion is known well enough."""
-    count = 0
-    for k in range(first, history.count):
-        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
-    return count
 
 
 @compiled
