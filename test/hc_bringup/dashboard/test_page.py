@@ -179,6 +179,20 @@ def test_a_robot_that_was_not_tared_is_told_so_on_top(
     assert "in the air" not in headline
 
 
+def publish_contact(served: Any, parameters: list[float], peak_depth: float) -> None:
+    """The first contact has ended, with K, B, n, p and its largest depth [mm]."""
+    contact = {
+        "number": 1,
+        "start": 0.0,
+        "end": 1.0,
+        "parameters": parameters,
+        "std": [0.01, 0.001, 0.02, 0.02],
+        "stiffness_exponent_covariance": 0.0,
+        "peak_depth": peak_depth,
+    }
+    served.server.publish_text("contacts", {"items": [contact]})
+
+
 def test_without_a_position_the_map_gives_its_room_away(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:
@@ -188,16 +202,7 @@ def test_without_a_position_the_map_gives_its_room_away(
     feed(served, table, make_stamps(table), Digest())
     opened(page, served, make_status, tip=False)
     page.wait_for("document.getElementById('map').hidden")
-    contact = {
-        "number": 1,
-        "start": 0.0,
-        "end": 1.0,
-        "parameters": [0.2, 0.01, 1.6, 1.0],
-        "std": [0.01, 0.001, 0.02, 0.02],
-        "stiffness_exponent_covariance": 0.0,
-        "peak_depth": 3.0,
-    }
-    served.server.publish_text("contacts", {"items": [contact]})
+    publish_contact(served, [0.2, 0.01, 1.6, 1.0], peak_depth=3.0)
     page.wait_for("!document.getElementById('map').hidden")
     assert "over the contacts" in page.text("#map .note")
 
@@ -219,16 +224,7 @@ def test_presses_at_one_place_are_no_map(
     served.server.publish_map(0, 0.5, cells[:1])
     opened(page, served, make_status)
     page.wait_for("HC.app.map && HC.app.map.kind === 'line'")  # no contact has ended yet
-    contact = {
-        "number": 1,
-        "start": 0.0,
-        "end": 1.0,
-        "parameters": [0.7, 0.01, 1.4, 1.0],
-        "std": [0.01, 0.001, 0.02, 0.02],
-        "stiffness_exponent_covariance": 0.0,
-        "peak_depth": 4.0,
-    }
-    served.server.publish_text("contacts", {"items": [contact]})
+    publish_contact(served, [0.7, 0.01, 1.4, 1.0], peak_depth=4.0)
     page.wait_for("HC.app.map.kind === 'contacts'")
     assert "at one place" in page.text("#map .note")
     served.server.publish_map(0, 0.5, cells)  # the neighbour is the same place
