@@ -239,8 +239,10 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_said(
         ("[t, pos, force]\n[0.0, 1, 2],\n", "written as JSON, with brackets"),
         (
             "Force (gf),Distance (mm)\n1.5,2\n1.6,3\n",
-            "two columns of numbers, and three are needed",
+            "two columns of numbers, and three are needed: export time, displacement and force",
         ),
+        ("time_s,displacement_mm\n0,1\n1,2\n", "three are needed: the force is missing"),
+        ("Time [s],Pos [mm],Load [N]\n0,1,2\n1,2\n" + "2,1,2\n" * 30, "complete the line or del"),
         ("Time [s],Pos [mm],Load [tonf]\n0,1,2\n", "the unit of 'Load [tonf]' is not known"),
         (
             "Time,Pos,Load\n0.1 s,2.5 mm,1.2 N\n0.2 s,2.6 mm,1.3 N\n",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from hc_logger.csv_columns import candidates
 from hc_logger.csv_options import parse_assignments
-from hc_logger.csv_vocabulary import split_name, unit_of
+from hc_logger.csv_vocabulary import QUANTITIES, split_name, unit_of
 
 
 def test_an_assignment_may_hold_commas() -> None:
@@ -46,3 +47,30 @@ def test_units_that_differ_by_a_capital_are_not_guessed() -> None:
     assert unit_of("M") is None
     assert unit_of("mn") is None
     assert unit_of("MM") == "mm"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("Prüfzeit", "Eindringung", "Prüfkraft"),
+        ("Durée", "Enfoncement", "Effort"),
+        ("Temps", "Profondeur", "Force normale"),
+    ],
+)
+def test_names_of_other_languages_are_known(names: tuple[str, str, str]) -> None:
+    for index, quantity in enumerate(QUANTITIES):
+        assert candidates(quantity, names, [0, 1, 2]) == ([index], "")
+
+
+def test_a_name_nobody_knows_is_settled_by_a_unit_that_is_there_once() -> None:
+    names = ["tid (s)", "väg (mm)", "kraften (N)", "massa (g)", "temp (C)"]
+    for index, quantity in enumerate(QUANTITIES):
+        found, why = candidates(quantity, names, range(5))
+        assert found == [index]
+        assert why == f"{names[index]!r} is taken for the {quantity} by its unit"
+    below = ["s", "mm", "N", "g", ""]
+    assert candidates("force", ["a", "b", "c", "d", "e"], range(5), below)[0] == [2]
+    # Two of them, a mass, or a word that says that it is something else leave it open.
+    assert candidates("force", ["kraften (N)", "vikt (N)"], [0, 1]) == ([0, 1], "")
+    assert candidates("force", ["massa (g)"], [0]) == ([], "")
+    assert candidates("force", ["kraften max (N)"], [0]) == ([], "")

@@ -61,7 +61,7 @@ REFUSED: dict[str, tuple[files.Maker, str]] = {
         "--header-lines 44",
     ),
     "ATI without a position": (files.ati_force_torque, "no column is known to be the displacement"),
-    "ATI with a tracker": (files.ati_with_tracker, "no column is known to be the displacement"),
+    "ATI with a tracker": (files.ati_with_tracker, "several columns could be the displacement"),
     "LabVIEW without a time": (files.labview_without_time, "a second: --rate 200"),
     "MATLAB": (files.matlab, "say it with --columns time=...,displacement=...,force=... (names"),
     "no units": (files.without_units, "say it with --units displacement=...,force=..."),

@@ -1,14 +1,14 @@
-"""Which columns of a CSV file a quantity may be in, by what they are called."""
+"""Which columns of a CSV file a quantity may be in: by what they are called, else by their unit."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hc_logger.csv_vocabulary import NAMES, NOT_MEASURED, split_name
+from hc_logger.csv_vocabulary import NAMES, NOT_MEASURED, is_weight, split_name, unit_of
 
 
 def candidates(
-    quantity: str, names: Sequence[str], numeric: Sequence[int]
+    quantity: str, names: Sequence[str], numeric: Sequence[int], units: Sequence[str] = ()
 ) -> tuple[list[int], str]:
     """Return the columns that a quantity may be in, and why one of several was taken.
 
@@ -16,6 +16,7 @@ def candidates(
         quantity: one of QUANTITIES.
         names: of all columns.
         numeric: the columns that hold numbers.
+        units: of all columns, from a line of their own; empty if there is none.
 
     Returns:
         The columns, one if it is clear; and a note, empty if none of several was taken.
@@ -24,6 +25,10 @@ def candidates(
     known = [i for i, name in plain.items() if name == quantity]
     known = known or [i for i, name in plain.items() if name in NAMES[quantity]]
     known = known or [i for i, name in plain.items() if _contains(name, quantity)]
+    if not known:
+        by_unit = [i for i in plain if _is_in_unit_of(names[i], units[i : i + 1], quantity)]
+        note = f"{names[by_unit[0]]!r} is taken for the {quantity} by its unit" if by_unit else ""
+        return by_unit, note if len(by_unit) == 1 else ""
     if len(known) > 1:
         pressed = [i for i in known if plain[i].startswith("compress")]
         if len(pressed) == 1:
@@ -33,6 +38,18 @@ def candidates(
         if len(along_z) == 1 and all(axis in ("x", "y", "z") for axis in axes.values()):
             return along_z, f"of {len(known)} columns of {quantity} the one along z"
     return known, ""
+
+
+def _is_in_unit_of(name: str, below: Sequence[str], quantity: str) -> bool:
+    """Whether a column has a unit of a quantity, and its name does not say that it is another.
+
+    Masses are left out: a column of grams need not be a force.
+    """
+    words, unit = split_name(name, quantity)
+    given = below[0] if below else ""
+    if is_weight(given or name) or not NOT_MEASURED.isdisjoint(words.split()):
+        return False
+    return (unit or unit_of(given, quantity)) is not None
 
 
 def _contains(name: str, quantity: str) -> bool:

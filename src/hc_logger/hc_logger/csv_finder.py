@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from hc_logger.csv_columns import candidates
-from hc_logger.csv_header import COMMENT_SIGNS, find_header
+from hc_logger.csv_header import COMMENT_SIGNS, Header, find_header
 from hc_logger.csv_layout import COLUMNS, NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
     has_groups,
@@ -104,7 +104,7 @@ class _Finder:
         table = self._table()
         header = find_header(self._lines, table)
         cells = list(header.names)
-        indices = {q: self._column(q, table, cells) for q in self._quantities}
+        indices = {q: self._column(q, table, header) for q in self._quantities}
         if len(set(indices.values())) < len(indices):
             raise self._refusal("two quantities are the same column", "--columns")
         names = {q: cells[i] if cells else f"column {i + 1}" for q, i in indices.items()}
@@ -234,14 +234,15 @@ class _Finder:
             "--separator, --decimal, --header-lines",
         )
 
-    def _column(self, quantity: str, table: Table, cells: list[str]) -> int:
+    def _column(self, quantity: str, table: Table, header: Header) -> int:
+        cells = list(header.names)
         wanted = self._options.columns.get(quantity)
         if wanted is not None:
             return self._named(quantity, wanted, table, cells)
         if not cells:
             raise self._refusal("the columns have no names", self._example(table, True))
         numeric = [i for i in range(len(cells)) if i in table.numeric]
-        known, why = candidates(quantity, cells, numeric)
+        known, why = candidates(quantity, cells, numeric, header.units)
         if why:
             self._notes.append(why)
         if len(known) == 1:

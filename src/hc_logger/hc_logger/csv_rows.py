@@ -200,7 +200,7 @@ class RowReader:
             if index >= len(cells):
                 raise BagError(
                     f"{self._path}, line {where}: {len(cells)} columns, {name} is number "
-                    f"{index + 1}"
+                    f"{index + 1}: complete the line or delete it"
                 )
             if value is None:
                 raise self._no_number(where, name, cells[index])

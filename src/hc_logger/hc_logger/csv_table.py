@@ -156,11 +156,26 @@ def why_no_rows(lines: list[str]) -> str:
         for decimal in ".,":
             table = cut(lines, separator, decimal, None, least=2) if separator != decimal else None
             if table is not None and len(table.numeric) == 2:
-                return (
-                    "it has two columns of numbers, and three are needed: export time, "
-                    f"displacement and force, or say how many rows a second: --rate {_rate(lines)}"
-                )
+                return _two_columns(lines, table)
     return ""
+
+
+def _two_columns(lines: list[str], table: Table) -> str:
+    """Return what a table of two columns lacks, and what to do."""
+    above = split_line(lines[table.first - 1], separator=table.separator) if table.first else []
+    named = [
+        quantity
+        for quantity in QUANTITIES
+        if any(split_name(cell, quantity)[0] in NAMES[quantity] for cell in above)
+    ]
+    has = "it has two columns of numbers, and three are needed"
+    if "time" in named and len(named) == len(QUANTITIES) - 1:
+        missing = next(quantity for quantity in QUANTITIES if quantity not in named)
+        return f"{has}: the {missing} is missing; export it together with the others"
+    return (
+        f"{has}: export time, displacement and force, or say how many rows a second: "
+        f"--rate {_rate(lines)}"
+    )
 
 
 def _rate(lines: list[str]) -> str:

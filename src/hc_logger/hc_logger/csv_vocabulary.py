@@ -85,16 +85,18 @@ _ONLY_AS_FORCE: Final = ("g", "gramm", "kg", "lb", "lbs")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
     "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
              "running time", "date time", "datetime", "time of day", "zeitstempel", "uhrzeit",
-             "prüfzeit", "messzeit", "laufzeit", "temps", "tiempo", "tempo"),
+             "prüfzeit", "messzeit", "laufzeit", "temps", "durée", "tiempo", "tempo"),
     "displacement": ("displacement", "disp", "distance", "position", "pos", "depth", "indentation",
                      "indentation depth", "penetration", "penetration depth", "deformation",
                      "compression", "extension", "compressive extension", "crosshead position",
                      "compressive displacement", "travel", "stroke", "crosshead", "d", "z", "weg",
                      "standardweg", "prüfweg", "eindringtiefe", "tiefe", "course",
-                     "traversenweg", "déplacement", "desplazamiento", "spostamento"),
+                     "traversenweg", "eindringung", "déplacement", "enfoncement", "profondeur",
+                     "desplazamiento", "spostamento"),
     "force": ("force", "load", "f", "fz", "normal force", "normal load", "contact force",
               "standard force", "compressive force", "compressive load",
-              "kraft", "standardkraft", "charge", "fuerza", "forza"),
+              "kraft", "standardkraft", "prüfkraft", "normalkraft", "charge", "effort", "fuerza",
+              "forza"),
 }  # fmt: skip
 """Names in lower case, without units; the first one is ours."""
 NOT_MEASURED: Final = frozenset(
