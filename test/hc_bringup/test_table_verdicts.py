@@ -17,7 +17,11 @@ from hc_estimator.stream.readings import MEANINGS
     [
         (lambda t, d, f: (t, d - 2.0, -f), "sign", 1),
         (lambda t, d, f: (t, d / 1e3, f), "unit", 1),
-        (lambda t, d, f: (t, d + 60.0, f), "far from zero", 0),
+        (lambda t, d, f: (t, round(d / 0.1) * 0.1, f), "comes in steps of 0.1 mm", 0),
+        (lambda t, d, f: (1e3 * t, d, f), "the unit of the times is wrong", 1),
+        (lambda t, d, f: (t, d, 0.3), "a channel does not change", 1),
+        (lambda t, d, f: (t, d if t < 1.2 else 1.0, f), "a channel does not change", 1),
+        (lambda t, d, f: (t, d + 60.0, f), "did not fit in", 1),
     ],
 )
 def test_parameters_that_are_not_the_tissues_end_with_status_1(
@@ -31,8 +35,17 @@ def test_parameters_that_are_not_the_tissues_end_with_status_1(
     last = told.err.splitlines()[-1] if status else told.err
     assert what in last
     assert f"what each means and what to do: {MEANINGS}" in told.err
-    assert ("not the parameters of the tissue" in told.err) is (status == 1)
+    assert ("the parameters of the tissue" in told.err) is (status == 1)
     assert out.exists()
+
+
+def test_a_law_that_does_not_fit_is_said_and_who_says_more(press_table, capsys) -> None:
+    """Channels that are exchanged raise no other doubt."""
+    path = press_table("exchanged.csv", lambda t, d, f: (t, f, d))
+    assert main(["estimate", str(path)]) == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith(f"{path}: the contact law did not fit in ")
+    assert f"hc doctor {path} says what may be wrong" in last
 
 
 def test_a_recording_of_which_next_to_nothing_can_be_used_gives_no_parameters(

@@ -115,8 +115,8 @@ FAULTS = {
         lambda t, d, f: (t, d, np.maximum(-f, -2.0) + 0.004 * np.sin(1e4 * t)),
         {(Check.SATURATION, "force"), (Check.SIGN, "force")},
     ),
-    "stamps in milliseconds": (lambda t, d, f: (1e3 * t, d, f), {(Check.RATE, "displacement")}),
-    "stamps in microseconds": (lambda t, d, f: (1e6 * t, d, f), {(Check.RATE, "displacement")}),
+    "stamps in milliseconds": (lambda t, d, f: (1e3 * t, d, f), {(Check.TIMES, "displacement")}),
+    "stamps in microseconds": (lambda t, d, f: (1e6 * t, d, f), {(Check.TIMES, "displacement")}),
     "coarse force": (lambda t, d, f: (t, d, np.round(f * 5) / 5), {(Check.QUANTISATION, "force")}),
     "coarse position": (
         lambda t, d, f: (t, np.round(d * 4) / 4, f),
@@ -128,8 +128,28 @@ FAULTS = {
         lambda t, d, f: (t, np.where(t > 6.0, d[3000], d), f),
         {(Check.STUCK, "displacement")},
     ),
+    "position stops for a while": (
+        lambda t, d, f: (t, np.where((t > 4.0) & (t < 6.0), d[2000], d), f),
+        {(Check.PAUSE, "displacement")},
+    ),
+    "position stops for most of the time": (
+        lambda t, d, f: (t, np.where((t > 2.0) & (t < 8.0), d[1000], d), f),
+        {(Check.STUCK, "displacement")},
+    ),
+    "force stops": (
+        lambda t, d, f: (t, d, np.where(t > 6.0, f[3000], f)),
+        {(Check.STUCK, "force")},
+    ),
+    "position goes no further": (
+        lambda t, d, f: (t, np.minimum(d, 3.0), f),
+        {(Check.SATURATION, "displacement")},
+    ),
     "pose repeated": (lambda t, d, f: (t, hold(d, 4), f), {(Check.RATE, "displacement")}),
     "force repeated": (lambda t, d, f: (t, d, hold(f, 3)), {(Check.RATE, "force")}),
+    "stamps of arrival, next to each other": (
+        lambda t, d, f: (hold(t, 10) + 1e-7 * (np.arange(t.size) % 10), d, f),
+        {(Check.RATE, "displacement"), (Check.RATE, "force")},
+    ),
     "stamps of arrival": (
         lambda t, d, f: (hold(t, 10) + 1e-6 * np.arange(t.size), d, f),
         {(Check.RATE, "displacement"), (Check.RATE, "force")},
@@ -164,6 +184,15 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     assert "force and displacement go down together" in sentence(
         *press(lift=-1.0)[:1], -press(lift=-1.0)[1], -press(lift=-1.0)[2]
     )
+
+
+def test_a_tool_that_is_held_at_its_deepest_is_above_suspicion():
+    """Position exactly constant there, as a controller's encoder tells it; the force relaxes."""
+    time_s, displacement, force = press()
+    held = (time_s % 2.0944 > 0.4) & (time_s % 2.0944 < 0.7)
+    depth = np.where(held, displacement.max(), np.minimum(displacement, displacement.max()))
+    falling = np.where(held, force.max() * np.exp(-(time_s % 2.0944)), force)
+    assert (Check.SATURATION, "displacement") not in checks(time_s, depth, falling)
 
 
 def test_a_sign_is_told_from_a_zero_that_is_off_as_well():

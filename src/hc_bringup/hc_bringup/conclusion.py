@@ -33,7 +33,9 @@ def conclude(
         reason = _why_no_estimate(state)
         if reason:
             state.failures.append(reason)
-        wrong = why_unusable(name.partition(" of ")[0] for name in state.suspicions)
+        statistics = state.statistics
+        misfit = statistics.mismatch / max(statistics.estimates, 1)
+        wrong = why_unusable((name.partition(" of ")[0] for name in state.suspicions), misfit)
         if wrong:
             state.failures.append(f"{wrong}: do what stands above them, or see hc doctor")
     bags = [str(folder) for folder in numbered_bags(bag)] if bag else []

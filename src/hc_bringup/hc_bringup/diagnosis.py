@@ -35,7 +35,14 @@ NOISE_ALONE = 6.5
 """The range (99 %) of white noise is 5.2 times its deviation."""
 CLEAR_DELAY_S = 0.002
 """A delay below this changes B by less than anybody tells."""
-SPOILT = (Check.SATURATION, Check.STUCK, Check.QUANTISATION, Check.RATE)
+SPOILT = (
+    Check.TIMES,
+    Check.SATURATION,
+    Check.STUCK,
+    Check.PAUSE,
+    Check.QUANTISATION,
+    Check.RATE,
+)
 """What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 DISTURBED_SHARE = 0.05

@@ -11,10 +11,19 @@ from hc_bringup.live import SYMBOLS
 from hc_bringup.plain_json import finite
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
-from hc_estimator.stream.readings import MEANINGS
+from hc_estimator.stream.readings import MEANINGS, Check
 
-_UNUSABLE = {"sign": "the sign of a channel", "units": "the unit of a channel"}
-"""Checks by whose failure the parameters are of no use; with any other they are a warning."""
+_UNUSABLE = {
+    Check.SIGN.value: "the sign of a channel is wrong",
+    Check.UNITS.value: "the unit of a channel is wrong",
+    Check.TIMES.value: "the unit of the times is wrong",
+    Check.STUCK.value: "a channel does not change",
+}
+"""Checks by whose failure the parameters are of no use."""
+_WARNED = {check.value for check in Check} - _UNUSABLE.keys() - {Check.CLOCK.value}
+"""Those whose failure is a warning as long as the law fits all the same."""
+MISFIT_SHARE = 0.5
+"""Of the samples: where the law does not fit in more of them, what is doubted has spoilt it."""
 
 
 def run_summary(
@@ -83,17 +92,23 @@ def run_summary(
     return summary
 
 
-def why_unusable(checks: Iterable[str]) -> str:
+def why_unusable(checks: Iterable[str], mismatch_share: float) -> str:
     """Say why the parameters are of no use; nothing where what is doubted is a warning.
 
     Args:
         checks: what is doubted (hc_estimator.stream.readings.Check, its values).
+        mismatch_share: of the samples in which the contact law did not fit; NaN if there are none.
     """
+    checks = list(checks)
     wrong = dict.fromkeys(_UNUSABLE[check] for check in checks if check in _UNUSABLE)
-    if not wrong:
-        return ""
-    verb = "is" if len(wrong) == 1 else "are"
-    return f"these are not the parameters of the tissue, for {' and '.join(wrong)} {verb} wrong"
+    if wrong:
+        return f"these are not the parameters of the tissue, for {' and '.join(wrong)}"
+    if mismatch_share > MISFIT_SHARE and not _WARNED.isdisjoint(checks):
+        return (
+            "these are hardly the parameters of the tissue, for the contact law did not fit in "
+            f"{100 * mismatch_share:.0f} % of the samples"
+        )
+    return ""
 
 
 def _share(part: int, whole: int) -> float:

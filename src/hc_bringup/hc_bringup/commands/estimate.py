@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     import sys
 
     from hc_bringup.reading_changes import change_lines, unexplained
-    from hc_bringup.summary import to_json, why_unusable
+    from hc_bringup.summary import MISFIT_SHARE, to_json, why_unusable
     from hc_estimator.stream.in_pieces import run_in_pieces
     from hc_estimator.stream.readings import MEANINGS
     from hc_estimator.stream.sanity import check_samples
@@ -103,11 +103,18 @@ def run(arguments: argparse.Namespace) -> int:
         print(to_json(summary))
     else:
         say(_text(summary))
-    wrong = why_unusable(s.check.value for s in suspicions)
+    misfit = summary["model_mismatch_share"]
+    wrong = why_unusable((s.check.value for s in suspicions), misfit)
     if wrong:
         raise UserError(
             f"{arguments.input}: {wrong}: do what stands above them, or see hc doctor "
             f"{shlex.quote(arguments.input)}"
+        )
+    if misfit > MISFIT_SHARE:
+        print(
+            f"{arguments.input}: the contact law did not fit in {100 * misfit:.0f} % of the "
+            f"samples: hc doctor {shlex.quote(arguments.input)} says what may be wrong",
+            file=sys.stderr,
         )
     return 0
 

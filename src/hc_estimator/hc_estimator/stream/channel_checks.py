@@ -17,20 +17,28 @@ from hc_estimator.stream.readings import (
 
 
 def stuck(readings: Readings, other: Readings) -> str:
-    """A channel that does not change while the other one does, or has stopped changing."""
-    name, unit, time_s, values = readings
-    low, high = float(values.min()), float(values.max())
-    if low == high:
-        if name == "force" and low == 0.0 and not (other.values > 0.0).any():
-            return ""  # a simulated force in free motion
-        if len(other.values) >= LEAST_SAMPLES and moves(other.values):
-            first, last = robust_range(other.values)
-            return (
-                f"the {name} reads {low:.4g} {unit} all the time while the {other.name} goes from "
-                f"{first:.3g} to {last:.3g} {other.unit}: is its sensor connected, is it the right "
-                "axis?"
-            )
+    """A channel that does not change while the other one does, all the time."""
+    name, unit, _time_s, values = readings
+    low = float(values.min())
+    if low != float(values.max()) or len(other.values) < LEAST_SAMPLES or not moves(other.values):
         return ""
+    if name == "force" and low == 0.0 and not (other.values > 0.0).any():
+        return ""  # a simulated force in free motion
+    first, last = robust_range(other.values)
+    return (
+        f"the {name} reads {low:.4g} {unit} all the time while the {other.name} goes from "
+        f"{first:.3g} to {last:.3g} {other.unit}: is its sensor connected, is it the right axis?"
+    )
+
+
+def standing(readings: Readings, other: Readings) -> tuple[str, bool]:
+    """A channel that stands still for a while as the other one goes on; and whether it still does.
+
+    Returns:
+        The sentence, and whether what was read of it is of no use: it stands to its end, or for
+        most of the time.
+    """
+    name, unit, time_s, values = readings
     starts, lengths = runs(values)
     longest = int(np.argmax(lengths))
     length, start = int(lengths[longest]), int(starts[longest])
@@ -40,12 +48,20 @@ def stuck(readings: Readings, other: Readings) -> str:
     during = (other.time_s >= begin) & (other.time_s <= end)
     moving = during.sum() >= LEAST_SAMPLES and moves(other.values[during])
     free = name == "force" and values[start] == 0.0
-    if length >= LEAST_SAMPLES and alive and moving and not free:
-        return (
-            f"the {name} stands at {values[start]:.4g} {unit} for {end - begin:.3g} s while the "
-            f"{other.name} changes: its sensor stops now and then"
-        )
-    return ""
+    if len(lengths) == 1 or length < LEAST_SAMPLES or not (alive and moving) or free:
+        return "", False
+    share = length / len(values)
+    at_end = start + length == len(values) and share > _STANDING_SHARE
+    lost = at_end or share > 0.5
+    stops = "has stopped" if at_end else "stopped meanwhile" if lost else "stops now and then"
+    return (
+        f"the {name} stands at {values[start]:.4g} {unit} for {end - begin:.3g} s while the "
+        f"{other.name} changes: its sensor {stops}"
+    ), lost
+
+
+_STANDING_SHARE = 0.05
+"""Of the time, at its end: by then the parameters follow a channel that says nothing."""
 
 
 def held(readings: Readings) -> str:
@@ -105,6 +121,9 @@ def mistimed(readings: Readings) -> str:
     """Stamps so far apart, or so close, that they can hardly be seconds."""
     _name, _unit, time_s, values = readings
     rate = _rate(time_s)
+    span = float(time_s.max() - time_s.min()) if len(time_s) else 0.0
+    if rate > _FASTEST_HZ and span > 0.0:
+        rate = (len(values) - 1) / span  # readings that come in bursts are next to each other
     if len(values) < LEAST_TIMED or _SLOWEST_HZ <= rate <= _FASTEST_HZ or math.isnan(rate):
         return ""
     guess = next(
@@ -178,6 +197,40 @@ _TOP, _NEXT = 0.03, 0.2
 """Shares of the force's range: its end, and what comes before."""
 _TOP_SHARE, _TOP_STROKE, _CROWDED = 0.08, 0.15, 8.0
 """More of the samples, over more of the stroke, so many times as crowded as before the end."""
+
+
+_HELD, _RISES = 5, 0.1
+"""Readings in a row at the end; share of the force's range by which it rises meanwhile."""
+
+
+def stopped_short(depth: Readings, force: Readings) -> str:
+    """A displacement that goes no further while the force still grows: a sensor at its end.
+
+    A tool that is held at one depth feels a force that falls, or stays.
+    """
+    values = depth.values
+    least, most = robust_range(force.values)
+    starts, lengths = runs(values)
+    limit = float(values.max())
+    at_limit = values[starts] == limit
+    share = float(np.sum(lengths[at_limit])) / len(values)
+    elsewhere = lengths[~at_limit]
+    repeats = int(np.sum(elsewhere - 1)) / max(int(np.sum(elsewhere)), 1)
+    if not (0.005 < share < 1.0 and repeats < 0.02):
+        return ""
+    rises = 0
+    for start, length in zip(starts[at_limit], lengths[at_limit], strict=True):
+        begin, end = depth.time_s[start], depth.time_s[start + length - 1]
+        during = force.values[(force.time_s >= begin) & (force.time_s <= end)]
+        if length >= _HELD and len(during) >= _HELD:
+            rises += float(during.max() - during[0]) > _RISES * (most - least)
+    if rises == 0:
+        return ""
+    return (
+        f"the displacement stays at {limit:.4g} {depth.unit}, its largest value, in "
+        f"{100.0 * share:.1f} % of the samples while the force still grows: the sensor is at the "
+        "end of its range; press less, or set displacement_limit just below"
+    )
 
 
 def flattened(depth: Readings, force: Readings) -> str:

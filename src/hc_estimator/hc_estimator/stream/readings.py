@@ -27,7 +27,9 @@ BEYOND_ANY_SENSOR = 1e12
 class Check(Enum):
     """What is doubted."""
 
+    TIMES = "times"
     STUCK = "stuck"
+    PAUSE = "pause"
     RATE = "rate"
     SATURATION = "saturation"
     QUANTISATION = "quantisation"

@@ -89,20 +89,19 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
         if len(readings.values) >= LEAST_SAMPLES:
             saturated = channel_checks.saturated(readings) if readings is force else ""
             _add(result, Check.SATURATION, readings, saturated)
-            _add(
-                result,
-                Check.STUCK,
-                readings,
-                "" if saturated else channel_checks.stuck(readings, other),
-            )
-            _add(
-                result,
-                Check.RATE,
-                readings,
-                (channel_checks.mistimed(readings) if readings is displacement else "")
-                or channel_checks.irregular(readings)
-                or channel_checks.held(readings),
-            )
+            short = ""
+            if readings is displacement and len(force.values) >= LEAST_SAMPLES:
+                short = channel_checks.stopped_short(displacement, force)
+                _add(result, Check.SATURATION, readings, short)
+            if not (saturated or short):
+                _add(result, Check.STUCK, readings, channel_checks.stuck(readings, other))
+                stands, is_lost = channel_checks.standing(readings, other)
+                _add(result, Check.STUCK if is_lost else Check.PAUSE, readings, stands)
+            mistimed = channel_checks.mistimed(readings) if readings is displacement else ""
+            _add(result, Check.TIMES, readings, mistimed)
+            if not mistimed:
+                uneven = channel_checks.irregular(readings) or channel_checks.held(readings)
+                _add(result, Check.RATE, readings, uneven)
             _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
     if min(len(displacement.values), len(force.values)) >= LEAST_SAMPLES:
         coarse = any(suspicion.check is Check.QUANTISATION for suspicion in result)
@@ -115,7 +114,7 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
     if len(displacement.values) >= LEAST_SAMPLES:
         doubted = {s.check for s in result if s.channel == "displacement"}
         # Nothing is known of its speed; or what it jumped by is known.
-        if doubted.isdisjoint((Check.UNITS, Check.RATE, Check.ZERO_STEP)):
+        if doubted.isdisjoint((Check.UNITS, Check.TIMES, Check.RATE, Check.ZERO_STEP)):
             _add(result, Check.JUMP, displacement, channel_checks.jumping(displacement))
     order = list(Check)
     return sorted(result, key=lambda s: order.index(s.check))
