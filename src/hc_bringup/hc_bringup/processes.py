@@ -21,9 +21,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_bringup.plan import NodePlan
+from hc_msgs_py.ros_yaml import dump_for_ros
 
 STOP_TIMEOUT_S = 10.0
 END_TIMEOUT_S = 3.0
@@ -81,7 +80,7 @@ class NodeProcess:
         if self.plan.parameters:
             overrides = self._folder / f"{self.plan.name}.parameters.yaml"
             overrides.write_text(
-                yaml.safe_dump({self.plan.name: {"ros__parameters": dict(self.plan.parameters)}})
+                dump_for_ros({self.plan.name: {"ros__parameters": dict(self.plan.parameters)}})
             )
             files.append(overrides)
         arguments = ["--ros-args", "-r", f"__node:={self.plan.name}"]

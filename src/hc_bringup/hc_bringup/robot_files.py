@@ -15,6 +15,7 @@ from hc_estimator.stream.merger import MAXIMUM_WAIT_S, needed_wait_s
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
 from hc_logger.errors import BagError
 from hc_logger.new_file import write_new_text
+from hc_msgs_py.ros_yaml import scalar_for_ros
 
 _RUN = """\
 # A run with {name}.yaml, written by `hc setup` on {day}: start it with `hc run {run}`.
@@ -203,5 +204,7 @@ def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -
     if offset_s:
         settings.append(("time_offset", offset_s, "s"))
     for name, value, comment in settings:
+        if isinstance(value, str) and name != "scale":
+            value = scalar_for_ros(value)
         lines.append(f"        {name}: {value}" + (f"   # {comment}" if comment else ""))
     return lines

@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from hc_msgs_py.ros_yaml import text_of_boolean
 from hc_msgs_py.specification import ParameterSpecification, setting
 
 _declared: weakref.WeakKeyDictionary[Node, dict[str, ParameterSpecification]] = (
@@ -66,11 +67,16 @@ def declare_specified(node: Node, specification: ParameterSpecification) -> Any:
     name, kind = specification.name, specification.kind
     if kind == "float":
         _whole_number_too(node, name)
+    if kind == "str":
+        _boolean_as_text(node, specification)
     try:
         value = node.declare_parameter(name, specification.default, _descriptor(specification))
     except (InvalidParameterTypeException, InvalidParameterValueException) as error:
         given = node._parameter_overrides[name].value  # rclpy's errors do not carry it
-        raise ValueError(f"parameter {name} = {given!r} is not {specification.allowed}") from error
+        hint = " (a word like y or on: put it in quotation marks)" if _is_word(kind, given) else ""
+        raise ValueError(
+            f"parameter {name} = {given!r} is not {specification.allowed}{hint}"
+        ) from error
     if specification.choices:
         specification.checked(value.value)
     _declared.setdefault(node, {})[name] = specification
@@ -114,6 +120,21 @@ def _descriptor(specification: ParameterSpecification) -> ParameterDescriptor:
             )
         ]
     return descriptor
+
+
+def _is_word(kind: str, given: Any) -> bool:
+    """Whether a file may have had a text where ROS read a boolean."""
+    return kind == "str" and isinstance(given, bool)
+
+
+def _boolean_as_text(node: Node, specification: ParameterSpecification) -> None:
+    """Take `axis: y` from a parameter file as the text that it is: ROS reads it as true."""
+    given = node._parameter_overrides.get(specification.name)
+    if given is None or given.type_ != Parameter.Type.BOOL:
+        return
+    text = text_of_boolean(given.value, specification.choices)
+    if text is not None:
+        node._parameter_overrides[specification.name] = Parameter(specification.name, value=text)
 
 
 def _whole_number_too(node: Node, name: str) -> None:

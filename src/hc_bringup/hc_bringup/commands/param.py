@@ -8,10 +8,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.parameter_file import read_yaml
+from hc_msgs_py.ros_yaml import dump_for_ros
 
 HELP = "list, read, change, save and load the parameters of a running node"
 _KIND = r"'(?:Parameter\.)?Type\.(\w+)'"
@@ -149,7 +148,7 @@ def _dump(graph: Any, arguments: argparse.Namespace) -> int:
     names = sorted(_names(graph, client, node_name))
     values = [_python(v) for v in _values(graph, client, names)]
     tree = {node_name: {"ros__parameters": dict(zip(names, values, strict=True))}}
-    print(yaml.safe_dump(tree, default_flow_style=False, sort_keys=False), end="")
+    print(dump_for_ros(tree), end="")
     return 0
 
 

@@ -1,0 +1,25 @@
+"""What `hc setup` writes says to ROS what was found, whatever axes and joints are called."""
+
+import numpy as np
+import yaml
+
+from hc_bringup.robot_files import write_files
+from hc_bringup.robot_streams import Stream
+from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
+
+FORCE = SensorProposal("y", (0.0, 1.0, 0.0), -1, "", 2.3, 0.01, 0.03, 1000.0)
+JOINT = SensorProposal("", (), 1, "y", 250.0, 0.04, 0.02, 100.0)
+
+
+def test_an_axis_and_a_joint_called_y_stand_in_quotation_marks(tmp_path):
+    """Regression: ROS read `axis: y` as true, and the estimator ended."""
+    time_s = np.arange(100) * 1e-2
+    found = SetupProposal(FORCE, JOINT, time_s, np.zeros(100), np.ones(100), ())
+    path = tmp_path / "arm.yaml"
+    streams = (Stream("/ft", "wrench", 1e3, "ft"), Stream("/joints", "joint", 100.0, ""))
+    write_files(path, *streams, found, {})
+    text = path.read_text()
+    assert '        axis: "y"\n' in text
+    assert '        joint: "y"\n' in text
+    told = yaml.safe_load(text)["estimator"]["ros__parameters"]["input"]
+    assert (told["force"]["axis"], told["position"]["joint"]) == ("y", "y")
