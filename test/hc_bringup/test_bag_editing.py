@@ -175,8 +175,23 @@ def test_a_run_takes_scenario_seed_rate_filter_and_parameters() -> None:
             "stiffness": 0.4,
             "time": "simulated",
         },
-        "estimator": {"filter": "ukf", "initial_stiffness": 0.3, "input.force.zero": 1},
+        "estimator": {
+            "filter": "ukf",
+            "initial_stiffness": 0.3,
+            "input.force.zero": 1,
+            "use_sim_time": True,
+        },
+        "recorder": {"use_sim_time": True},
     }
+
+
+@pytest.mark.parametrize("words", ["--rate 2", "--param indenter.time=lockstep"])
+def test_nodes_beside_a_simulated_clock_go_by_it(words) -> None:
+    """Regression: "samples are stamped 2.3 s in the future: the clocks differ" at --rate 2."""
+    plan = load_plan(find_config("run"))
+    found = run_command.given_parameters(plan, options(*words.split()))
+    assert found["estimator"] == found["recorder"] == {"use_sim_time": True}
+    assert run_command.given_parameters(plan, options("--rate", "1")) == {"indenter": {"rate": 1.0}}
 
 
 @pytest.mark.parametrize(

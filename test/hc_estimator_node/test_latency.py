@@ -55,16 +55,40 @@ def test_stamps_of_another_clock_are_doubted_and_late_samples_are_not(latencies,
     for _ in range(2):  # nothing is left of what was looked at
         for late in latencies:
             watch.add(late * MS, live=live)
-        found = watch.take()
+        found = watch.take(0.0)
         assert [(s.check, s.channel) for s in found] == [(Check.CLOCK, "samples")] * bool(told)
         assert not told or told in found[0].sentence
-        assert watch.take() == []
+        assert watch.take(0.0) == []
 
 
 def test_an_age_that_changes_is_no_difference_of_clocks():
     """Regression: a driver that a busy machine starved was told to have another clock."""
     watch = StampWatch()
-    for age, told in ((9000, "clocks"), (9800, "does not keep up"), (9805, "clocks")):
+    looks = ((9000, "clocks"), (9800, "does not keep up"), (9805, "clocks"))
+    for look, (age, told) in enumerate(looks):
         watch.add(age * MS, live=True)
-        (found,) = watch.take()
+        (found,) = watch.take(2.0 * look)
         assert told in found.sentence
+
+
+@pytest.mark.parametrize("pace", [0.5, 0.9, 2.0, 10.0])
+@pytest.mark.parametrize("live", [True, False])
+def test_stamps_that_go_at_another_pace_are_said_to_do_so(pace, live):
+    """Regression: stamps counted at half the rate were "a driver that does not keep up"."""
+    watch = StampWatch()
+    told = []
+    for look in range(6):
+        now_s = 100.0 + 2.1 * look
+        for age_s in ((1.0 - pace) * 2.1 * look + wait for wait in (0.002, 0.05)):
+            watch.add(round(age_s * 1e9), live=live)
+        told += [s.sentence for s in watch.take(now_s)]
+    expected = live or pace > 1.0  # a bag that is played slowly is as old as it is
+    assert any(f"stamps go {pace:.2g} times as fast" in said for said in told) is expected
+
+
+def test_a_machine_that_falls_behind_is_no_clock_of_another_pace():
+    watch = StampWatch()
+    ages = (0, 400, 1500, 3300, 3900, 2500, 900, 300, 20, 15)
+    for look, age in enumerate(ages):
+        watch.add(age * MS, live=True)
+        assert not any("as fast as" in s.sentence for s in watch.take(2.0 * look))

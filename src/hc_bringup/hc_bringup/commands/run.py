@@ -186,6 +186,10 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
     if arguments.rate not in (None, 1.0):
         # The system's clock goes at one pace only.
         found["indenter"].setdefault("time", "simulated")
+    if found.get("indenter", {}).get("time", "system") != "system":
+        for name in names:  # else their clock seems to be another one than that of the samples
+            if name != "indenter":
+                found.setdefault(name, {}).setdefault("use_sim_time", True)
     return found
 
 

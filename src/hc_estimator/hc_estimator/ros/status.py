@@ -245,7 +245,14 @@ def _reasons(since: Mapping[str, float], source: Input, jump_ns: int) -> list[st
             f"{since['stamp_jumps']:.0f} samples whose stamps jump (by up to "
             f"{jump_ns * 1e-9:.3g} s): let the source stamp them when they are measured"
         )
-    return reasons + _refusals(since)
+    reasons += _refusals(since)
+    if not reasons and source.channels and all(since[c.topic] for c in source.channels):
+        topics = " and ".join(channel.topic for channel in source.channels)
+        reasons.append(
+            f"messages come on {topics} and make no sample: their stamps stand still, or are not "
+            "of one clock, or no seconds (hc topic echo TOPIC --field header.stamp)"
+        )
+    return reasons
 
 
 def _refusals(since: Mapping[str, float]) -> list[str]:

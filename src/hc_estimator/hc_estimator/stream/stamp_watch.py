@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from hc_estimator.stream.readings import Check, Suspicion
@@ -12,14 +13,20 @@ OLD_NS: Final = 1_000_000_000
 """What is so old when it is used is not of now: clocks that differ, or a recording."""
 STEADY_NS: Final = 300_000_000
 """Clocks that differ do so by the same from one look to the next."""
+PACE: Final = 0.05
+"""Clocks of computers go equally fast but for parts in ten thousand."""
+SAME_PACE: Final = 0.02
+"""From one look to the next: where a machine falls behind, ages do not change evenly."""
 _DIFFER: Final = "the clocks of sensor and computer differ (use PTP or chrony)"
 
 
 class StampWatch:
-    """Doubts stamps that all lie in the future, or all far in the past."""
+    """Doubts stamps that all lie in the future, or all far in the past, or go at another pace."""
 
     def __init__(self) -> None:
         self._before_ns: int | None = None
+        self._looked_s = 0.0
+        self._pace = math.nan  # of the stamps against this computer's clock, at the last look
         self._clear()
 
     def _clear(self) -> None:
@@ -42,14 +49,29 @@ class StampWatch:
             self._most_ns = latency_ns
         self._live = live
 
-    def take(self) -> list[Suspicion]:
-        """Return what is doubted of the samples since the last call; nothing without samples."""
+    def take(self, now_s: float) -> list[Suspicion]:
+        """Return what is doubted of the samples since the last call; nothing without samples.
+
+        Args:
+            now_s: a clock that never goes back.
+        """
         least_ns, most_ns, live = self._least_ns, self._most_ns, self._live
         before_ns, self._before_ns = self._before_ns, self._least_ns
+        pace_before, self._pace = self._pace, math.nan
+        elapsed_s, self._looked_s = now_s - self._looked_s, now_s
         self._clear()
         if least_ns is None:
             return []
-        if most_ns < -AHEAD_NS:
+        if before_ns is not None and elapsed_s > 0.0:
+            self._pace = 1.0 - 1e-9 * (least_ns - before_ns) / elapsed_s
+        doubted = live or most_ns < -AHEAD_NS
+        if doubted and abs(self._pace - 1.0) > PACE and abs(self._pace - pace_before) < SAME_PACE:
+            said = (
+                f"stamps go {self._pace:.2g} times as fast as this computer's clock: stamps that "
+                "are counted at a rate that is not the sensor's (then B is wrong by about that "
+                "factor), or what is played or simulated at another rate"
+            )
+        elif most_ns < -AHEAD_NS:
             said = f"samples are stamped {_seconds(-most_ns)} in the future: {_DIFFER}"
         elif least_ns > OLD_NS and live:
             steady = before_ns is None or abs(least_ns - before_ns) < STEADY_NS

@@ -99,7 +99,7 @@ class SuspicionWatch:
             error = looked.exception()
             self.failure = "" if error is None else f"{type(error).__name__}: {error}"
             if error is None:
-                new = self._weigh([*looked.result(), *self._stamps.take()])
+                new = self._weigh([*looked.result(), *self._stamps.take(now_s)])
         count = self._displacement.count + self._force.count
         if self._looking is None and now_s >= self._next_s and count > self._looked_at:
             self._looked_at = count
