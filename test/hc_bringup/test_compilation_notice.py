@@ -49,7 +49,12 @@ def test_that_it_goes_on_is_told_again_and_again_until_it_is_over(
     while seen.count("... compiling the filters, since ") < 3:
         seen += capsys.readouterr().err
     assert seen.startswith(f"{NOTICE}\n")
-    assert ", 0 parts done\n" in seen
+    assert ", 0 functions done\n" in seen
+    for _ in range(2):  # functions that it calls
+        notice.on_start(None)
+        notice.on_end(None)
+    while ", 2 functions done\n" not in seen:
+        seen += capsys.readouterr().err
     notice.on_end(None)
     time.sleep(0.2)
     capsys.readouterr()

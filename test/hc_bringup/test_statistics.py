@@ -149,6 +149,9 @@ def test_the_delay_of_the_last_estimate_is_told_in_seconds_and_in_words() -> Non
     state.statistics.add(estimate(3, channel_delay=0.0001, channel_delay_std=0.0004))
     said = run_text(run_summary(state, None))
     assert "no delay between force and displacement is to be seen: 0.10 ± 0.40 ms" in said
+    state.statistics.add(estimate(3, channel_delay=0.0, channel_delay_std=0.0217))
+    said = run_text(run_summary(state, None))
+    assert "whether force and displacement are out of step is open: 0.00 ± 21.70 ms" in said
     state.statistics.add(estimate(4, channel_delay=0.0, channel_delay_std=math.nan))
     summary = json.loads(to_json(run_summary(state, None)))
     assert (summary["channel_delay"], summary["channel_delay_std"]) == (0.0, None)

@@ -160,3 +160,22 @@ def test_a_search_that_begins_in_a_palpation_takes_the_next_approach(phase):
     assert found is not None
     assert found.displacement_mm == pytest.approx(0.0, abs=0.1)
     assert found.force_n == pytest.approx(FORCE_ZERO, abs=0.01)
+
+
+def test_it_says_what_it_feels_while_it_waits():
+    """Regression: it waited for a press in silence."""
+    finder = SurfaceFinder()
+    assert finder.feels == "no sample has come yet"
+    generator = np.random.default_rng(3)
+    finder.add(-3.0, 1.7)
+    assert finder.feels == "the force is 1.7 N; leave the tissue, and rest for a moment"
+    for noise in 0.02 * generator.standard_normal(500):
+        finder.add(-3.0, 1.7 + float(noise))
+    finder.add(-3.0, 1.72)
+    assert finder.feels.startswith("free of contact: +0.019 N from its zero, noise 0.02 N; press ")
+    assert finder.add(0.5, 2.2) is None
+    assert finder.feels == "presses with 0.499 N; 2 N are enough"
+    for k in range(100):  # and so many are
+        if finder.add(0.5 + 0.05 * k, 2.2 + 0.05 * k) is not None:
+            break
+    assert 1.5 < 0.5 + 0.05 * k < 2.5

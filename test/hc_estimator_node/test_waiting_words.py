@@ -34,10 +34,11 @@ def test_messages_of_which_no_sample_can_be_made_are_said_to_come():
         channels=[SimpleNamespace(topic=topic, **names) for topic in ("/wrench", "/pose")]
     )
     since = defaultdict(int, {"/wrench": 1000, "/pose": 100})
-    (reason,) = _reasons(since, source, 0)
+    (reason,) = _reasons(since, source, 0, fruitless=True)
     assert reason.startswith("messages come on /wrench and /pose and make no sample")
     assert "--field header.stamp" in reason
+    assert _reasons(since, source, 0, fruitless=False) == []  # it has just become active
     silent = defaultdict(int, {"/wrench": 1000})
-    assert _reasons(silent, source, 0) == ["no message on /pose from /arm"]
+    assert _reasons(silent, source, 0, fruitless=False) == ["no message on /pose from /arm"]
     refused = defaultdict(int, since | {"repeated_stamps": 7})
-    assert _reasons(refused, source, 0) == ["7 samples with one and the same stamp"]
+    assert _reasons(refused, source, 0, fruitless=True) == ["7 samples with one and the same stamp"]

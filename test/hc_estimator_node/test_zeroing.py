@@ -56,3 +56,15 @@ def test_a_refused_one_leaves_what_is_under_way_alone():
     with pytest.raises(NotPossibleError, match="lift it free"):
         zeroing.tare(100, 0.0, forced=False)
     assert zeroing.under_way == "find_surface"
+
+
+def test_what_is_felt_is_said_while_zeros_are_looked_for():
+    zeroing = Zeroing()
+    assert zeroing.feels == ""
+    zeroing.tare(100, 0.0, forced=False)
+    feed(zeroing, [1.0] * 60)
+    assert zeroing.feels == "60 of 100 samples"
+    zeroing.find_surface(forced=False)
+    assert zeroing.feels == "no sample has come yet"
+    zeroing.cancel()
+    assert zeroing.feels == ""

@@ -26,6 +26,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from hc_msgs_py import qos
+from hc_msgs_py.background import STARTING
 from hc_msgs_py.wire_arrays import MOST_SAMPLES
 from hc_sim_rig import Rig
 from hc_sim_rig.scenario import SCENARIO_FOLDER
@@ -45,6 +46,18 @@ def set_parameter(listener: Any, name: str, value: Any) -> Any:
     return listener.call(SetParameters, "indenter/set_parameters", request).results[0]
 
 
+def answer_of_ready(listener: Any) -> Any:
+    """Return what the rig's ~/ready says once it is compiled; it answers before."""
+    answers: list[Any] = []
+
+    def is_compiled() -> bool:
+        answers.append(listener.call(Trigger, "indenter/ready", Trigger.Request()))
+        return not answers[-1].message.startswith(STARTING)
+
+    assert listener.spin(until=is_compiled)
+    return answers[-1]
+
+
 def test_all_topics_carry_the_rig_sample_by_sample(start_rig: Any) -> None:
     rig, listener = start_rig(
         scenario="teleoperation",
@@ -53,7 +66,7 @@ def test_all_topics_carry_the_rig_sample_by_sample(start_rig: Any) -> None:
         expected_sample_subscribers=1,
         expected_truth_subscribers=1,
     )
-    answer = listener.call(Trigger, "indenter/ready", Trigger.Request())
+    answer = answer_of_ready(listener)
     assert not answer.success
     assert "indenter/sample has 0 of 1 subscribers" in answer.message
     assert "indenter/truth has 0 of 1 subscribers" in answer.message
@@ -263,7 +276,7 @@ def test_lockstep_waits_for_every_estimate(start_rig: Any, arrays: bool) -> None
     rig, listener = start_rig(
         scenario="multisine", time="lockstep", rate=1000.0, start_paused=True, lockstep_timeout=20.0
     )
-    answer = listener.call(Trigger, "indenter/ready", Trigger.Request())
+    answer = answer_of_ready(listener)
     assert "hc/estimate has no publisher" in answer.message
     publisher = listener.node.create_publisher(
         HuntCrossleyEstimate, "hc/estimate", qos.ESTIMATE_QOS

@@ -142,7 +142,7 @@ def test_doctor_payload_and_find_surface_end_when_they_are_asked_to(bench):
     for command, moment in (
         (("doctor", "--seconds", "60"), "listening to /estimator: "),
         (("payload", "--yes", "--seconds", "60"), r"\.\.\. recording: "),
-        (("find-surface",), r"\.\.\. waiting for the outcome of find_surface, since "),
+        (("find-surface",), r"\.\.\. find_surface: free of contact: "),
     ):
         status, log = ended_at(bench, command, moment, signal.SIGTERM)
         assert status == 128 + signal.SIGTERM, log

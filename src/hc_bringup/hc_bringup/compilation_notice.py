@@ -1,8 +1,8 @@
 """Says that kernels are being compiled, when that lasts longer than a moment, and that it goes on.
 
 The first command after an installation or an update compiles the filters, which takes minutes, and
-whoever sees nothing meanwhile takes it for a hang. Nodes say it in their log instead
-(hc_estimator.ros.compilation).
+whoever sees nothing meanwhile takes it for a hang. What moves is the number of functions: each is
+compiled after those that it calls. Nodes say it in their log (hc_estimator.ros.compilation).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class CompilationNotice(event.Listener):  # type: ignore[misc]  # numba ships no
         """
         self._after_s, self._again_s = after_s, again_s
         self._begin_s = 0.0
-        self._kernels = 0
+        self._functions = 0
         self._closed = threading.Event()
         self._depth = 0  # kernels compile the kernels that they call
         self._timer: threading.Timer | None = None
@@ -56,11 +56,10 @@ class CompilationNotice(event.Listener):  # type: ignore[misc]  # numba ships no
     def on_end(self, _event: Any) -> None:
         """Stop the clock when the outermost kernel is done."""
         self._depth -= 1
-        if self._depth == 0:
-            self._kernels += 1
-            if self._timer is not None:
-                self._timer.cancel()
-                self._timer = None
+        self._functions += 1
+        if self._depth == 0 and self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
     def close(self) -> None:
         """Listen and speak no more."""
@@ -78,7 +77,8 @@ class CompilationNotice(event.Listener):  # type: ignore[misc]  # numba ships no
             if self._depth > 0:
                 since = time.monotonic() - self._begin_s
                 print(
-                    f"{MARK}compiling the filters, since {since:.0f} s, {self._kernels} parts done",
+                    f"{MARK}compiling the filters, since {since:.0f} s, "
+                    f"{self._functions} functions done",
                     file=sys.stderr,
                     flush=True,
                 )

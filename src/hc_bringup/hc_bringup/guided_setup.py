@@ -174,7 +174,14 @@ class LiveLine:
 class Guide:
     """Asks for what is needed, step by step."""
 
-    def __init__(self, graph: Graph, asker: Asker, tell: LiveLine, seconds: float) -> None:
+    def __init__(
+        self,
+        graph: Graph,
+        asker: Asker,
+        tell: LiveLine,
+        seconds: float,
+        scales: tuple[float, float] = (1.0, 1.0),
+    ) -> None:
         """Begin.
 
         Args:
@@ -182,8 +189,10 @@ class Guide:
             asker: who is asked.
             tell: where the live line goes.
             seconds: of presses.
+            scales: N and m that one of the readings of force and position stands for.
         """
         self._graph = graph
+        self._scales = scales
         self._asker = asker
         self._tell = tell
         self._seconds = seconds
@@ -302,7 +311,7 @@ class Guide:
             recorder.start()
             self._spin(recorder, REST_S, lambda left: f"let it rest: {left:3.0f} s")
             self._tell.clear()
-            doubt = resting(recorder)
+            doubt = resting(recorder, self._scales)
             if not doubt:
                 return recorder.elapsed_s
             say(f"{doubt}: was it at rest, and in the air?")
@@ -312,7 +321,7 @@ class Guide:
 
     def _presses(self, recorder: Recorder) -> PressMonitor:
         """Let the tool press; the time runs from the first press that is felt."""
-        monitor = PressMonitor(recorder)
+        monitor = PressMonitor(recorder, self._scales)
         say(
             "Now press into the tissue and leave it again, several times, slow and fast "
             f"({self._seconds:g} s from the first press on)."

@@ -17,16 +17,22 @@ class PressMonitor:
     """Takes up what a recorder has got since it was asked last.
 
     Attributes:
-        force_n: largest change of the force from its value at rest [N].
-        noise_n: its noise at rest [N].
-        moved_mm: largest distance of the tool from where it rested; of joints, of the one that
-            moved most, in thousandths of its unit.
+        force_n: largest change of the force from its value at rest, as it is read [N].
+        noise_n: its noise at rest, as it is read [N].
+        moved_mm: largest distance of the tool from where it rested, as it is read; of joints, of
+            the one that moved most, in thousandths of its unit.
         presses: how many times the force rose clearly and fell again.
     """
 
-    def __init__(self, recorder: Recorder) -> None:
-        """Take all that was recorded so far for rest."""
+    def __init__(self, recorder: Recorder, scales: tuple[float, float] = (1.0, 1.0)) -> None:
+        """Take all that was recorded so far for rest.
+
+        Args:
+            recorder: what it is asked for.
+            scales: N and m that one of the readings of force and position stands for.
+        """
         self._recorder = recorder
+        self._scales = scales
         forces, places = recorder.since(0, 0)
         self._rows = [len(forces), len(places)]
         self._free = _middle(forces)
@@ -73,27 +79,36 @@ class PressMonitor:
     @property
     def sentence(self) -> str:
         """What was measured so far."""
-        way = f"{self.moved_mm:.3g} mm"
-        if self._recorder.is_joint:
+        of_force, of_position = self._scales
+        way = f"{self.moved_mm * of_position:.3g} mm"
+        if self._recorder.is_joint and of_position == 1.0:
             way = f"a joint by {1e-3 * self.moved_mm:.3g} m or rad"
         return (
-            f"force changed by {self.force_n:.3g} N (noise {self.noise_n:.2g}), tool moved {way}, "
+            f"force changed by {self.force_n * of_force:.3g} N (noise "
+            f"{self.noise_n * of_force:.2g}), tool moved {way}, "
             f"{self.presses} press{'' if self.presses == 1 else 'es'}"
         )
 
 
-def resting(recorder: Recorder) -> str:
-    """Say why the newest recording is not one of a tool at rest in the air; nothing if it is."""
+def resting(recorder: Recorder, scales: tuple[float, float] = (1.0, 1.0)) -> str:
+    """Say why the newest recording is not one of a tool at rest in the air; nothing if it is.
+
+    Args:
+        recorder: that has it.
+        scales: N and m that one of the readings of force and position stands for.
+    """
     forces, places = recorder.since(0, 0)
     if len(forces) < FEWEST or len(places) < FEWEST:
         return ""
     low, high = np.quantile(forces, (0.02, 0.98), axis=0)
     noisy = max(noise(column) for column in forces.T)
     if (high - low).max() > max(CLEAR * noisy, 1e-9):
-        return f"the force changed by {(high - low).max():.3g} N meanwhile (noise {noisy:.2g})"
+        changed, noisy = (high - low).max() * scales[0], noisy * scales[0]
+        return f"the force changed by {changed:.3g} N meanwhile (noise {noisy:.2g})"
     near, far = np.quantile(places, (0.02, 0.98), axis=0)
-    if not recorder.is_joint and (far - near).max() > STILL_MM:
-        return f"the tool moved by {(far - near).max():.3g} mm meanwhile"
+    moved_mm = (far - near).max() * scales[1]
+    if not recorder.is_joint and moved_mm > STILL_MM:
+        return f"the tool moved by {moved_mm:.3g} mm meanwhile"
     return ""
 
 

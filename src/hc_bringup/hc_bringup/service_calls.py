@@ -16,9 +16,10 @@ from typing import Any
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph, absolute
 from hc_bringup.stopped_processes import stopped_hint
+from hc_msgs_py.diagnostics import FEELS
 from hc_msgs_py.nearest import hint
-from hc_msgs_py.qos import CONFIGURATION_QOS
-from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR
+from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS
+from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, NODE_ESTIMATOR
 
 SETTLE_S = 0.6
 """Three announcements of a participant: by then a server has discovered a new client."""
@@ -129,9 +130,11 @@ class EstimatorServices:
         self._namespace = self.node.rpartition("/")[0]
         self._events: list[Any] = []
         self._speakers: set[bytes] = set()
+        self._feels = ""
 
     def listen(self) -> None:
         """Listen to the node's events from now on."""
+        from diagnostic_msgs.msg import DiagnosticArray
         from hc_msgs.msg import EstimatorEvent
 
         self._graph.node.create_subscription(
@@ -140,8 +143,17 @@ class EstimatorServices:
             lambda event: self._events.append(event),
             CONFIGURATION_QOS,
         )
+        self._graph.node.create_subscription(
+            DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
+        )
         self._graph.spin(SETTLE_S)  # events of before come at once, and are forgotten
         self._speakers = self._who_speaks()
+
+    def _on_diagnostics(self, message: Any) -> None:
+        name = self.node.rpartition("/")[2]
+        for status in message.status:
+            if status.name == name:
+                self._feels = next((v.value for v in status.values if v.key == FEELS), "")
 
     def _who_speaks(self) -> set[bytes]:
         topic = f"{self._namespace}/{EVENTS}"
@@ -164,12 +176,18 @@ class EstimatorServices:
             raise UserError(answer.message, FAILURE)
         return str(answer.message)
 
-    def outcome(self, wanted: Callable[[Any], bool], timeout_s: float | None) -> Any:
+    def outcome(
+        self,
+        wanted: Callable[[Any], bool],
+        timeout_s: float | None,
+        tell: Callable[[str], None] = lambda feels: None,
+    ) -> Any:
         """Wait for an event, begun to listen to before.
 
         Args:
             wanted: whether a hc_msgs/EstimatorEvent is the one.
             timeout_s: how long; None waits until a signal.
+            tell: hears once a second what the node feels meanwhile.
 
         Returns:
             The event; None if it did not come, or a signal did.
@@ -184,6 +202,9 @@ class EstimatorServices:
                     return event
             if not self._graph.spin(0.02):
                 return None
+            if self._feels:
+                tell(self._feels)
+                self._feels = ""
             if self._speakers and self._speakers.isdisjoint(self._who_speaks()):
                 raise UserError(
                     f"{self.node} ended meanwhile, and what it was to do with it: ask again",

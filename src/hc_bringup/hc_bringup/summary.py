@@ -22,6 +22,8 @@ _UNUSABLE = {
 """Checks by whose failure the parameters are of no use."""
 _WARNED = {check.value for check in Check} - _UNUSABLE.keys() - {Check.CLOCK.value}
 """Those whose failure is a warning as long as the law fits all the same."""
+OPEN_DELAY_S = 0.005
+"""Deviation beyond which it cannot be said that there is no delay: B would be wrong by much."""
 MISFIT_SHARE = 0.5
 """Of the samples: where the law does not fit in more of them, what is doubted has spoilt it."""
 
@@ -140,6 +142,11 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     if not (math.isfinite(delay) and math.isfinite(deviation)):
         return []
     size = f"{1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"
+    if abs(delay) <= 2.0 * deviation and deviation > OPEN_DELAY_S:
+        return [
+            f"whether force and displacement are out of step is open: {size}; K, B, n and p are as "
+            "unsure as that makes them"
+        ]
     if abs(delay) <= 2.0 * deviation:
         return [f"no delay between force and displacement is to be seen: {size}"]
     late = "force" if delay >= 0.0 else "displacement"

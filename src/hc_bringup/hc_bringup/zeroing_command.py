@@ -47,8 +47,11 @@ def run(arguments: argparse.Namespace, service: str, timeout_s: float | None) ->
         other = next(name for name in SERVICES if name != service)
         answer = estimator.with_parameter("tare.force", True, ask) if arguments.force else ask()
         print(answer, flush=True)
-        heartbeat.doing(f"waiting for the outcome of {service}")
-        event = estimator.outcome(is_ours, timeout_s)
+        waiting = f"waiting for the outcome of {service}"
+        heartbeat.doing(waiting)
+        event = estimator.outcome(
+            is_ours, timeout_s, lambda feels: heartbeat.telling(waiting, f"{service}: {feels}")
+        )
     heartbeat.nothing()
     if event is None:
         limit = "" if timeout_s is None else f" within {timeout_s:g} s"

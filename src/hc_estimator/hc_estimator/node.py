@@ -46,7 +46,7 @@ from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.state_file import SavedState
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
 from hc_estimator.stream.vocabulary import Cause, EventKind
-from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
+from hc_msgs_py.diagnostics import FEELS, DiagnosticsPublisher, Level, Status
 from hc_msgs_py.late_destruction import LateDestruction
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.services import add_ready_service
@@ -316,7 +316,10 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
                 return Status(Level.ERROR, self._cannot_listen, {})
             return Status(Level.OK, "not active", {})
         self._status.wrenches_left_out = self._outputs.wrenches_left_out
-        return self._status.collect(self._input, self._suspicions.suspicions)
+        status = self._status.collect(self._input, self._suspicions.suspicions)
+        if self._zeros.active:
+            status = status._replace(values={**status.values, FEELS: self._zeros.feels})
+        return status
 
     def finished(self) -> bool:
         """Whether the node wants to end by itself: never.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping
 
+from hc_msgs_py.nearest import hint
 from hc_msgs_py.specification import AUTO, Kind, ParameterSpecification, ParameterValue
 
 __all__ = (
@@ -63,9 +64,8 @@ def checked_values(
     result = {}
     for name, value in given.items():
         if name not in by_name:
-            raise ValueError(
-                f"parameter {name} = {value!r} is unknown here; known: {', '.join(sorted(by_name))}"
-            )
+            near = hint(name, sorted(by_name), "known")
+            raise ValueError(f"parameter {name} = {value!r} is unknown here; {near}")
         specification = by_name[name]
         result[name] = specification.checked(value)
         if runtime_only and not specification.runtime:

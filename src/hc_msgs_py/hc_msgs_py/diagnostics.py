@@ -20,6 +20,8 @@ from hc_msgs_py.units import NANOSECONDS
 from hc_msgs_py.wire import publish_bytes
 
 PERIOD_S = 1.0
+FEELS = "zeros are looked for"
+"""Key of what an estimator feels while it looks for zeros, in words."""
 LAST_DELIVERY = Duration(seconds=1.0)
 """How long the last status may take to arrive."""
 

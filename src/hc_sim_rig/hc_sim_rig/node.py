@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
 
+from hc_msgs_py.background import STARTING, BackgroundWork
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare, declare_specified
@@ -43,7 +44,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
     """Publishes the rig's sensors, truth and joints, sample by sample."""
 
     def __init__(self) -> None:
-        """Load the scenario, compile the rig and start, unless told to wait.
+        """Load the scenario, begin to compile the rig, and start when it is, unless told to wait.
 
         Raises:
             ScenarioError: if the scenario, or a setting, cannot be.
@@ -52,7 +53,6 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         super().__init__(NODE_INDENTER)
         self._options = options = declare_options(self)
         self._rig = Rig(options.scenario, options.seed, options.side)
-        self._rig.warm_up()
         self._changing = threading.Lock()
         self._setting_names: list[str] = []
         self._next_rig: Rig | None = None
@@ -76,8 +76,11 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._ahead = 1
         if self._simulated is None and self._remote is None:
             self._ahead = messages_ahead(self._rig.rate_hz / self._together)
+        steps = [self._rig.warm_up]
         if self._ahead * self._together > 1:
-            self._outputs.warm_up()
+            steps.append(self._outputs.warm_up)
+        self._compilation = BackgroundWork("compiling the rig", steps)
+        self._begins = not options.start_paused
         self._block: Block | None = None
         self._sampler = self._make_sampler()
         self.create_service(SetBool, "~/run", self._run)
@@ -88,10 +91,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._diagnostics = DiagnosticsPublisher(self, name, self._status)
         # Parameters are not undeclared inside a parameter callback: a timer changes the scenario.
         self.create_timer(
-            SCENARIO_PERIOD_S, self._change_scenario, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            SCENARIO_PERIOD_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
-        if not options.start_paused:
-            self._begin()
 
     def _make_sampler(self) -> DeadlineThread:
         return DeadlineThread(
@@ -158,6 +159,14 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         rig.warm_up()
         return rig
 
+    def _look(self) -> None:
+        """Begin once the rig is compiled, and go on with another scenario if one is wanted."""
+        if self._begins and self._compilation.done:
+            self._begins = False
+            self._compilation.wait()  # raises what ended it
+            self._begin()
+        self._change_scenario()
+
     def _change_scenario(self) -> None:
         """Go on with another scenario from its beginning, if one is wanted; samples count on."""
         rig, self._next_rig = self._next_rig, None
@@ -194,7 +203,12 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _run(self, request: Any, response: Any) -> Any:
         """Service ~/run: start the samples or the motion, or let the motion come to rest."""
-        if request.data and not self._sampler.started:
+        if request.data and not self._compilation.done:
+            self._begins = True
+            response.message = f"begins when that is done: {self._compilation.progress}"
+        elif request.data and not self._sampler.started:
+            self._compilation.wait()  # raises what ended it
+            self._begins = False
             self._begin()
             response.message = "first sample taken"
         else:
@@ -207,6 +221,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _missing(self) -> list[str]:
         """Return who is not there yet, for ~/ready."""
+        if not self._compilation.done:
+            return [f"{STARTING}{self._compilation.progress}"]
         lines = self._outputs.missing()
         if self._simulated is not None:
             lines += self._simulated.missing()
@@ -286,6 +302,8 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             for name, link in zip(("forward", "backward"), self._rig.link_reports(), strict=True):
                 values[f"{name}_lost"] = link.lost
                 values[f"{name}_overtaken"] = link.overtaken
+        if not self._compilation.done:
+            return Status(Level.OK, self._compilation.progress, values)
         if not self._sampler.started:
             return Status(Level.OK, "waits for ~/run", values)
         if self._rig.finished:

@@ -116,7 +116,7 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     from hc_bringup.asking import Asker
 
     with Graph() as graph:
-        guide = Guide(graph, Asker(), tell, arguments.seconds or PRESS_S)
+        guide = Guide(graph, Asker(), tell, arguments.seconds or PRESS_S, scales)
         streams = guide.choose(*names)
         while True:
             try:

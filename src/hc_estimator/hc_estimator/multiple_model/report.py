@@ -63,10 +63,6 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     for i in range(4):
         value = possible[i] if i < 2 else state[LOG_STIFFNESS + i]
         out[PARAMETERS + i] = math.exp(value) if i < 2 else value
-        variance = covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i]
-        prior = prior_deviation(settings, i) ** 2
-        share = 0.0 if prior <= 0.0 else 1.0 - variance / prior
-        out[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
     for i in range(4):
         slope = out[PARAMETERS + i] if i < 2 else 1.0
         for j in range(i + 1):
@@ -80,6 +76,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
         _add_spread(row, bank.rows[bank.judge.varying], out)
     zero_doubt.add(settings, bank, row, out)
+    _write_identifiability(settings, out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
         out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
@@ -106,6 +103,18 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             score = math.sqrt(max(bank.rows[m].score, 0.0))
             best = out[HYPOTHESIS_SCORES + CODES[m]]  # of the rows that are reported alike
             out[HYPOTHESIS_SCORES + CODES[m]] = score if math.isnan(best) else min(score, best)
+
+
+@compiled
+def _write_identifiability(settings: Any, out: NDArray[np.float64]) -> None:
+    """How much of the prior variance the data took away, by all that the covariance owes to."""
+    for i in range(4):
+        slope = out[PARAMETERS + i] if i < 2 else 1.0
+        prior = prior_deviation(settings, i) ** 2
+        share = 0.0
+        if prior > 0.0 and slope > 0.0:
+            share = 1.0 - out[COVARIANCE + 5 * i] / slope / slope / prior
+        out[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
 
 
 @compiled

@@ -15,6 +15,8 @@ from hc_msgs_py.diagnostics import Level, Status
 from hc_msgs_py.histogram import DurationHistogram
 
 _QUANTILES = (("p50", 0.5), ("p99", 0.99))
+FRUITLESS = 3
+"""Statuses; a node that has just become active has messages before it has samples of them."""
 WAITING_S = 5.0
 """So long nobody may have found whom the node waits for without a warning."""
 SHARE_REFUSED = 0.05
@@ -62,6 +64,7 @@ class StatusReporter:
         self._total_latency = DurationHistogram()
         self._total_computation = DurationHistogram()
         self._before: dict[str, float] = {}
+        self._fruitless = 0  # statuses in a row with messages on all topics and no sample of them
         self._before_s = self._started_s = time.perf_counter()
 
     def collect(self, source: Input, suspicions: Sequence[Suspicion]) -> Status:
@@ -77,6 +80,8 @@ class StatusReporter:
         counts = self._counts(source)
         since = {name: counts[name] - self._before.get(name, 0) for name in counts}
         self._before, self._before_s = counts, now_s
+        come = bool(source.channels) and all(since[c.topic] for c in source.channels)
+        self._fruitless = self._fruitless + 1 if come and not since["received"] else 0
         values: dict[str, Any] = {
             "rate_hz": since["received"] / elapsed_s if elapsed_s > 0.0 else 0.0,
             "samples": counts["received"],
@@ -171,7 +176,8 @@ class StatusReporter:
                 problems.append(_crowd(channel, both))
         silent = session.check_silence(time.perf_counter_ns())
         if silent or session.counters.received == 0:
-            reasons = _reasons(since, source, session.guard.faults.largest_jump_ns)
+            jump_ns = session.guard.faults.largest_jump_ns
+            reasons = _reasons(since, source, jump_ns, fruitless=self._fruitless >= FRUITLESS)
             if silent:
                 unusable = any(since[channel.topic] for channel in source.channels)
                 level = max(level, Level.ERROR if unusable else Level.STALE)
@@ -219,8 +225,17 @@ def _crowd(channel: Channel, both: bool) -> str:
     )
 
 
-def _reasons(since: Mapping[str, float], source: Input, jump_ns: int) -> list[str]:
-    """Return why nothing can be used, a phrase for each cause that is seen."""
+def _reasons(
+    since: Mapping[str, float], source: Input, jump_ns: int, *, fruitless: bool
+) -> list[str]:
+    """Return why nothing can be used, a phrase for each cause that is seen.
+
+    Args:
+        since: counts since the last status.
+        source: the input of the session.
+        jump_ns: largest jump of the stamps [ns].
+        fruitless: whether messages have been coming for a while, and make no sample.
+    """
     reasons = []
     for channel in source.channels:
         names = channel.publisher_names
@@ -246,7 +261,7 @@ def _reasons(since: Mapping[str, float], source: Input, jump_ns: int) -> list[st
             f"{jump_ns * 1e-9:.3g} s): let the source stamp them when they are measured"
         )
     reasons += _refusals(since)
-    if not reasons and source.channels and all(since[c.topic] for c in source.channels):
+    if fruitless and not reasons:
         topics = " and ".join(channel.topic for channel in source.channels)
         reasons.append(
             f"messages come on {topics} and make no sample: their stamps stand still, or are not "

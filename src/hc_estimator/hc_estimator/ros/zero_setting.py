@@ -48,6 +48,11 @@ class ZeroSetting:
         """Whether zeros are looked for."""
         return self._zeroing.active
 
+    @property
+    def feels(self) -> str:
+        """What is felt meanwhile, in words; nothing if none are looked for."""
+        return self._zeroing.feels
+
     def tare(self) -> str:
         """Begin a tare; returns what to tell the user.
 

@@ -83,6 +83,11 @@ class Zeroing:
         """The service for which samples are taken; nothing if none is."""
         return self.latest if self.active else ""
 
+    @property
+    def feels(self) -> str:
+        """What the service under way feels, in words; nothing if none is."""
+        return "" if self._collector is None else self._collector.feels
+
     def add(self, displacement_mm: float, force_n: float) -> TareResult | Refusal | None:
         """Take in a sample; return what came of it with the last one that was wanted."""
         collector = self._collector

@@ -70,6 +70,7 @@ class SurfaceFinder:
         self._least_squares = least_squares
         self._least_noise = least_noise_n
         self._approach: list[tuple[float, float]] = []
+        self._force_n = math.nan
         self._start_over()
 
     def _start_over(self) -> None:
@@ -89,10 +90,11 @@ class SurfaceFinder:
         """
         if not (math.isfinite(displacement_mm) and math.isfinite(force_n)):
             return None
+        self._force_n = force_n
         if self._free < FREE_SAMPLES:
             self._begin(force_n)
             return None
-        deviation = max(math.sqrt(self._variance), self._least_noise)
+        deviation = self._deviation
         excess = force_n - self._zero
         self._below = self._below + 1 if excess < -CLEAR * deviation else 0
         if self._below >= CONFIRMATIONS:
@@ -104,15 +106,37 @@ class SurfaceFinder:
             return None
         self._above += 1
         self._approach.append((displacement_mm, excess))
-        level = ENOUGH * deviation
-        if self._least_noise > 0.0:
-            level = max(
-                CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * self._approach[0][1]
-            )
-        enough = excess > level or len(self._approach) >= MOST_SAMPLES
+        enough = excess > self._enough or len(self._approach) >= MOST_SAMPLES
         if self._above < CONFIRMATIONS or not enough:
             return None
         return self._fit(deviation)
+
+    @property
+    def _deviation(self) -> float:
+        """Of the force free of contact [N]."""
+        return max(math.sqrt(self._variance), self._least_noise)
+
+    @property
+    def _enough(self) -> float:
+        """Force up to which an approach that has begun is fitted, without its zero [N]."""
+        if self._least_noise == 0.0:
+            return ENOUGH * self._deviation
+        return max(CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * self._approach[0][1])
+
+    @property
+    def feels(self) -> str:
+        """What it feels, and what it waits for, in words."""
+        if math.isnan(self._force_n):
+            return "no sample has come yet"
+        if self._free < FREE_SAMPLES:
+            return f"the force is {self._force_n:.3g} N; leave the tissue, and rest for a moment"
+        excess = self._force_n - self._zero
+        if self._approach:
+            return f"presses with {excess:.3g} N; {self._enough:.2g} N are enough"
+        return (
+            f"free of contact: {excess:+.2g} N from its zero, noise {self._deviation:.2g} N; press "
+            f"with {ENOUGH * self._deviation:.2g} N at least"
+        )
 
     def _begin(self, force_n: float) -> None:
         """Collect the first readings; while the force falls or rises the tool is in contact."""

@@ -58,6 +58,11 @@ class Tare:
         return TareResult(self._means[0], deviations[0], self._means[1], deviations[1], self.count)
 
     @property
+    def feels(self) -> str:
+        """How far it has come, in words."""
+        return f"{self.count} of {self.wanted} samples"
+
+    @property
     def unrest(self) -> str:
         """Why the tool did not rest while its readings were taken; nothing if it did.
 
