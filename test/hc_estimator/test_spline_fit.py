@@ -7,11 +7,12 @@ from scipy.optimize import least_squares
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import spline, spline_fit, spline_prior
-from hc_estimator.multiple_model.history import WIDE
-from hc_estimator.multiple_model.spline import BENDS, MOVES, SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.history import MEMORY, WIDE
+from hc_estimator.multiple_model.spline import BENDS, MOVES, RELAXES, SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
 
-KINDS = [STAYS, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
+KINDS = [STAYS, RELAXES, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
+SHARES = np.array([0.0, 0.1, 0.15, 0.05, 0.1])  # of the force that memories take away
 COUNT, SPACING = 400, 0.02
 NOISE = (1e-8, 1e-6)  # variances of a point's displacement [mm^2] and force [N^2]
 ZERO, POSITION, SPEED = 0.05, 0.3, 0.04
@@ -51,6 +52,11 @@ def filled(records_of):
         history.points[:] = 0.0
         history.points[:COUNT, 0] = depth + position + surface
         history.points[:COUNT, 2] = law(depth, velocity, level, np.log(0.02), exponent, 1.0) + zero
+        if kind & RELAXES:
+            wandering = np.random.default_rng(2).standard_normal((COUNT, SHARES.size))
+            memories = np.cumsum(wandering, axis=0) / 20.0 + 1.0
+            history.points[:COUNT, MEMORY:] = memories
+            history.points[:COUNT, 2] -= memories @ SHARES
         history.points[:COUNT, 5] = velocity + speed
         history.points[:COUNT, 6] = acceleration
         history.points[:COUNT, 7] = WIDE
@@ -112,13 +118,17 @@ def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_it_finds_what_is_true(kind, filled):
-    settings, history, fit, (level, surface, exponent) = filled(kind, with_zeros=kind <= SINKS)
+    zeros_off = kind in (STAYS, VARIES, SINKS)
+    settings, history, fit, (level, surface, exponent) = filled(kind, with_zeros=zeros_off)
     squares = spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
     assert squares < fit.expected
     values = fit.values
-    if kind <= SINKS:
+    if zeros_off:
         assert values[spline.POSITION] == pytest.approx(POSITION, abs=0.02)
         assert values[spline.FORCE_ZERO] == pytest.approx(ZERO, abs=0.01)
+    if kind & RELAXES:
+        first = SPLINE_FIRST + 1
+        np.testing.assert_allclose(values[first : first + SHARES.size], SHARES, atol=0.01)
     if kind & SINKS:
         assert values[spline.SPEED] == pytest.approx(SPEED, abs=1e-3)
     spline.locate(fit, fit.latest)
@@ -153,7 +163,7 @@ def test_its_prior_is_the_sum_of_its_terms(filled):
     assert spline_prior.prior_cost(fit, values) == pytest.approx(expected, rel=1e-10)
 
 
-@pytest.mark.parametrize("kind", [STAYS, VARIES, VARIES + MOVES])
+@pytest.mark.parametrize("kind", [STAYS, RELAXES, VARIES, VARIES + MOVES])
 def test_its_evidence_is_laplaces(kind, filled):
     settings, history, fit, _ = filled(kind, with_zeros=False)
     squares = spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)

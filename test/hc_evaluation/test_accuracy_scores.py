@@ -90,12 +90,16 @@ def test_a_prediction_is_held_against_what_was_felt():
     truth = np.tile([0.1, 0.001, 1.2, 1.0], (time.size, 1))
     last = np.concatenate(([0.0], force[:-1]))
     told = Series(SimpleNamespace(parameters=truth, force_predicted=last))
-    assert possible.ratio_to_held(readings, told) == pytest.approx(1.0)
+    assert possible.ratios_to_held(readings, told) == pytest.approx((1.0, 1.0))
     one_step, _ = possible.force_factors(readings, told)
     wild = last.copy()
     wild[2000] = 500.0
     told = Series(SimpleNamespace(parameters=truth, force_predicted=wild))
-    assert possible.ratio_to_held(readings, told) > 10.0
+    recording, second = possible.ratios_to_held(readings, told)
+    assert second > 10.0
+    # One prediction of 500 N among as many steps as there are after the first second.
+    judged = np.diff(force)[time[1:] >= 1.0]
+    assert recording == pytest.approx((force[2000] - 500.0) / -np.sqrt(np.sum(judged**2)), rel=0.02)
     assert possible.force_factors(readings, told)[0] > max(20.0, one_step)
     explodes = truth.copy()
     explodes[1000:1200, 0] = 1e4

@@ -25,6 +25,7 @@ from hc_estimator.multiple_model import (
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.choice import choose
 from hc_estimator.multiple_model.delay_rules import BEGIN_ANEW
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
 from hc_estimator.multiple_model.records import HELD
@@ -211,6 +212,7 @@ def _take_point(settings: Any, bank: Any) -> None:
             rows[FITTED].active = 0
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
+            choose(settings, bank.judge, rows, bank.tool, clock)
         moving_fit.look(settings, bank, bank.clock.period)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)

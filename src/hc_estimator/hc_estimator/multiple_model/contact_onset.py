@@ -22,6 +22,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import plausible, zero_fit
+from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 from hc_estimator.multiple_model.records import RAW
 
@@ -35,7 +36,7 @@ SETTLING = 5  # readings in the mean before one can leave it
 FEWEST = 20  # readings in the air that make a mean
 DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
 LEAST_TRAVEL = 0.5  # in the air [mm]
-TRAVEL_DEVIATIONS = 20.0  # the same, and of any distance, in deviations of the displacement sensor
+TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the displacement sensor
 SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
 CALMEST, WILDEST = 0.05, 4.0  # scatter of a working sensor in the air over its noise variance
 SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
@@ -108,13 +109,14 @@ def learn(settings: Any, bank: Any, time: float) -> bool:
     state, variance = row.state, row.covariance[DEPTH, DEPTH]
     if bank.clock.present[1] == 0 or not variance < LEAST_DISTANCE * LEAST_DISTANCE:
         return False
-    return _take(settings, bank, state[DEPTH], state[VELOCITY], bank.clock.measurement[1], time)
+    force, deviation = bank.clock.measurement[1], math.sqrt(variance)
+    return _take(settings, bank, state[DEPTH], state[VELOCITY], force, deviation, time)
 
 
 @compiled
 def _look_back(settings: Any, bank: Any) -> bool:
     """Take the readings that came before the noise of the sensors was known."""
-    finder = bank.delay
+    finder, deviation = bank.delay, math.sqrt(bank.sensor_noise[0])
     count = finder.raw_count
     first = max(count[0] - RAW, 0)
     place = first
@@ -130,14 +132,20 @@ def _look_back(settings: Any, bank: Any) -> bool:
         elapsed = finder.raw_time[0, after % RAW] - finder.raw_time[0, before % RAW]
         displacement = finder.raw_value[0, place % RAW]
         force = finder.raw_value[1, k % RAW]
-        if _take(settings, bank, displacement, way / elapsed, force, time):
+        if _take(settings, bank, displacement, way / elapsed, force, deviation, time):
             return True
     return False
 
 
 @compiled
 def _take(
-    settings: Any, bank: Any, displacement: float, velocity: float, force: float, time: float
+    settings: Any,
+    bank: Any,
+    displacement: float,
+    velocity: float,
+    force: float,
+    deviation: float,
+    time: float,
 ) -> bool:
     """Take a reading of the force, and where the tool was; True if a zero is to move."""
     onset, noise = bank.onset, bank.sensor_noise
@@ -172,7 +180,7 @@ def _take(
     if force < SURELY * sure or not is_tried(settings, SURFACE_ROW):
         return False
     onset.force_seen = 1
-    near = LEAST_DISTANCE + TRAVEL_DEVIATIONS * math.sqrt(noise[0])
+    near = LEAST_DISTANCE + SURE * deviation
     distance = near
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
@@ -367,6 +375,9 @@ def move_zeros(bank: Any) -> None:
     displacement, force = onset.shift[0], onset.shift[1]
     bank.history.points[:, 0] -= displacement
     bank.history.points[:, 2] -= force
+    bank.history.points[:, MEMORY:] -= force
+    bank.history.memory -= force
+    bank.history.last_force -= force
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
     plausible.move(bank.tool, displacement, force)

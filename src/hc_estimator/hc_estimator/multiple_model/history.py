@@ -9,13 +9,17 @@ has bent. Whenever the memory is full, every second one is forgotten and the spa
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
+
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
 from hc_estimator.multiple_model.records import GRID, POINTS
+from hc_estimator.multiple_model.spline_records import MEMORIES
 
 LONGEST = 0.02  # time between two remembered points [s]
 LEAST_DEPTH = 0.02  # [mm]
@@ -24,6 +28,10 @@ TOUCHING = 5.0  # deviations of the force below which it may be none
 UNKNOWN, WIDE, NARROW = 0.0, 1.0, 2.0
 FEWEST_KNOWN = 60  # points whose velocity is known, for a fit with splines or zeros
 SMOOTH = 4.0  # mean square left by a parabola over the noise up to which it fits
+MEMORY = 9  # the first of a point's memories of the force
+# Time constants of those [s]. A tissue that relaxes in a sum of exponentials pushes with a law of
+# the depth less a sum of such means of its past force; half a decade apart they are dense enough.
+MEMORY_TIMES = np.array([0.05, 0.15, 0.5, 1.5, 5.0])
 
 
 @compiled
@@ -52,6 +60,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     rest = shift * finder.grid_step - finder.delay
     here = finder.grid_count - 1 - max(-shift, 0)  # of the force
     there = here - shift  # of the displacement
+    _remember_force(history, finder, here)
     _look_around(history, finder, shift, rest, noise)
     if min(here, there) < max(finder.grid_count - GRID, 0):
         return False
@@ -78,10 +87,27 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     point[6] = place[2]
     point[7] = WIDE if finder.neighbours < smoothing.FEWEST_NEIGHBOURS else UNKNOWN
     point[8] = grids.time_of(finder, there)
+    for i in range(MEMORIES):
+        point[MEMORY + i] = history.memory[i]
     history.count += 1
     if history.count == POINTS and history.every * finder.grid_step < 0.75 * LONGEST:
         _thin_out(history)
     return True
+
+
+@compiled
+def _remember_force(history: Any, finder: Any, here: int) -> None:
+    """Take the force of a point of the grid into the means of what was felt, weighed by age."""
+    if finder.grid_count == 1:  # a new grid
+        history.last_force = 0.0
+        clear_vector(history.memory)
+    if here < max(finder.grid_count - GRID, 0):
+        return
+    force = finder.grid[here % GRID, 3]
+    for i in range(MEMORIES):
+        share = 1.0 - math.exp(-finder.grid_step / MEMORY_TIMES[i])
+        history.memory[i] += share * (0.5 * (history.last_force + force) - history.memory[i])
+    history.last_force = force
 
 
 @compiled

@@ -181,3 +181,5 @@ def _own_values(name: str, width: int) -> np.ndarray:
 DRIVES = _own_values("drives", DRIVEN)
 OWN_WALKS = _own_values("own_walks", 1)[:, :, 0]
 OWN_VARIANCES = _own_values("own_variances", 1)[:, :, 0]
+# Surfaces that turn within seconds, unlike those that sink.
+BREATHES = SURFACE & (OWN_WALKS[:, 1] > 1e-3)

@@ -15,6 +15,7 @@ from hc_estimator.contact.registry import contact_force
 from hc_estimator.multiple_model import delay_sensitivity, levels
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
+    BREATHES,
     COUNTS,
     DEPTH,
     DRIVEN,
@@ -36,6 +37,8 @@ from hc_estimator.multiple_model.levels import UNBENT
 TINY = 1e-300
 LARGEST_LOG = 300.0  # of a force; beyond it exp() would not be finite when squared
 RATE_MEMORY = 0.3  # for which a rate goes on where the tissue is not felt [s]
+BREATH_MEMORY = 1.0  # the same of a surface that turns: a quarter of a breath [s]
+FASTEST_SINKING = 0.3  # from which on a surface breathes [mm/s]; see `spline_prior`
 # Which parameters an update only considers (Schmidt), instead of correcting them.
 HOLD_NOTHING = 0
 HOLD_ALL = 1
@@ -162,6 +165,9 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool, away: bool)
             covariance[OWN + own, OWN + own] += OWN_WALKS[m, own] * elapsed
     if away and not SURFACE[m]:
         _forget_rates(row, math.exp(-elapsed / RATE_MEMORY))
+    elif away and BREATHES[m] and abs(state[OWN + 1]) > FASTEST_SINKING:
+        # What breathes may have turned; its variance goes on growing.
+        state[OWN + 1] *= math.exp(-elapsed / BREATH_MEMORY)
     for i in range(4):
         if covariance[FIRST_PARAMETER + i, FIRST_PARAMETER + i] > 0.0:  # else held fixed
             covariance[FIRST_PARAMETER + i, FIRST_PARAMETER + i] += WALKS[m, i] * elapsed

@@ -25,6 +25,7 @@ from hc_estimator.multiple_model.choice import trusted_motion
 from hc_estimator.multiple_model.follows_tool import follows_tool
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
+    FITTED,
     FRESH,
     LOG_STIFFNESS,
     OWN,
@@ -35,7 +36,7 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import limit, prior_deviation, seed
-from hc_estimator.multiple_model.spline import BENDS, MOVES, SINKS, STAYS, VARIES, has
+from hc_estimator.multiple_model.spline import BENDS, MOVES, RELAXES, SINKS, STAYS, VARIES, has
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
 from hc_estimator.multiple_model.spline_records import SPLINE_FIRST
@@ -54,11 +55,23 @@ EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 3.0  # that they must span [s]
 CONSISTENT = 1.5  # largest squares left, in those of the noise
 LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
+# Real tissue that relaxes does not do so by the law to within the noise. It is believed if that
+# explains most of what tissue that stays leaves, as well as any that varies or sinks; a surface
+# that may move as it likes follows that, too, and much else.
+# Share of the force that a tissue which relaxes has let go of. Where the force of now is no more
+# than a sum of those before, which foretells anything for a while, it is zero or negative.
+LEAST_RELEASED = 0.05
+EXPLAINS = 0.1  # of the squares that tissue that stays leaves
+FOLLOWED = 8.0  # times the squares that a surface leaves that may move
+RELAXES_FOR = 5.0  # time in contact for which it is believed [s]
 # Kinds from the calmest to the freest.
-ORDER = np.array([STAYS, VARIES, SINKS, VARIES + BENDS, MOVES, VARIES + SINKS, VARIES + MOVES])
+ORDER = np.array(
+    [STAYS, RELAXES, VARIES, SINKS, VARIES + BENDS, MOVES, VARIES + SINKS, VARIES + MOVES]
+)
+RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
 # Log evidence by which a freer one is believed instead. A spline between its knots is off by more
 # than the noise on the flank of a narrow lump, and a surface that moves would make up for it.
-LIKELIER = np.array([150.0, 150.0, 10.0, 10.0, 10.0, 10.0, 0.0])
+LIKELIER = np.array([150.0, 10.0, 150.0, 10.0, 10.0, 10.0, 10.0, 0.0])
 WANDERS = 1e-3  # variance that the speed of a surface gains per second from which it moves
 OUTCOME = 7  # ln K, ln B, n, p; position and speed of the surface; rate of ln K
 
@@ -111,10 +124,15 @@ def look(settings: Any, bank: Any, period: float) -> None:
         moving.stage = ORDER.size + 1 if beyond < 2.0 * LIKELIER[k] else moving.stage + 1
         for m in range(k + 1, ORDER.size):
             moving.evidence[m] = -math.inf
+            moving.left[m] = math.inf
     else:
         moving.stage = 0
         judge.found = 0
-        _conclude(settings, bank, noise, scatter)
+        found = _likeliest(moving)
+        if found == RELAXING or _relaxes(moving, found):
+            _hold_to_fit(judge, bank.rows, clock)
+        elif found >= 0:
+            _begin_found(settings, bank, found, noise, scatter)
 
 
 @compiled
@@ -140,12 +158,17 @@ def _fit_kind(
     """Fit a kind, and note its evidence; by how much a freer one can lower its squares."""
     fit, history, moving = bank.fit, bank.history, bank.moving
     moving.evidence[k] = -math.inf
+    moving.left[k] = math.inf
     if not _lay_out(settings, history, fit, ORDER[k], moving.last):
         return math.inf
     spline.begin(fit, bank.rows[bank.judge.chosen])
     left = solve_least_squares(settings, history, fit, noise, scatter)
     copy_vector(fit.values, moving.values[k])
     moving.unknowns[k] = fit.unknowns
+    if k == RELAXING and not spline.share_released(history, fit) > LEAST_RELEASED:
+        return math.inf
+    if math.isfinite(left) and fit.expected > 0.0:
+        moving.left[k] = left / fit.expected
     if not left < CONSISTENT * fit.expected:
         return math.inf
     moving.evidence[k] = log_evidence(fit, left)
@@ -168,18 +191,60 @@ def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> boo
 
 
 @compiled
-def _conclude(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -> None:
-    """Let the row that says the same as the calmest of the likely kinds begin with its fit."""
-    fit, history, moving, judge = bank.fit, bank.history, bank.moving, bank.judge
+def _relaxes(moving: Any, found: int) -> bool:
+    """True if the tissue relaxes, though that does not explain it to within the noise."""
+    left, relaxing = moving.left, moving.left[RELAXING]
+    if found >= 0 and ORDER[found] & MOVES == 0:
+        return False
+    if not relaxing < EXPLAINS * left[0]:  # ORDER begins with tissue that stays
+        return False
+    for k in range(ORDER.size):
+        most = FOLLOWED * max(left[k], LEAST_LEFT) if ORDER[k] & MOVES != 0 else left[k]
+        if k != RELAXING and not relaxing <= most:
+            return False
+    return True
+
+
+@compiled
+def _hold_to_fit(judge: Any, rows: Any, clock: float) -> None:
+    """Let no row but the fit to all that was felt be chosen for a while; it has a model error.
+
+    A tissue that relaxes lets go early, and pushes less the longer it is pressed: a surface that
+    sinks and comes back with the tool foretells that as well, with twice the stiffness, and a row
+    that drifts follows it with any parameters.
+    """
+    if rows[FITTED].active == 0:
+        return
+    for m in range(FRESH):
+        if m != FITTED:
+            rows[m].counts_from = clock + RELAXES_FOR
+    rows[FITTED].counts_from = min(rows[FITTED].counts_from, clock)
+    judge.chosen = FITTED
+
+
+@compiled
+def _likeliest(moving: Any) -> int:
+    """Number of the calmest of the likely kinds; -1 if none explains all but the noise."""
     best = -math.inf
     for k in range(ORDER.size):
         best = max(best, moving.evidence[k])
+    if best == -math.inf:
+        return -1
     found = 0
     while found < ORDER.size - 1 and not moving.evidence[found] >= best - LIKELIER[found]:
         found += 1
+    return found
+
+
+@compiled
+def _begin_found(
+    settings: Any, bank: Any, found: int, noise: tuple[float, float], scatter: float
+) -> None:
+    """Let the row that says the same as a kind begin with its fit."""
+    fit, history, moving, judge = bank.fit, bank.history, bank.moving, bank.judge
     kind = ORDER[found]
     for m in range(FRESH):
-        if best == -math.inf or KINDS_OF[m] != kind:
+        if KINDS_OF[m] != kind:
             continue
         if not is_tried(settings, m) or not _lay_out(settings, history, fit, kind, history.count):
             continue

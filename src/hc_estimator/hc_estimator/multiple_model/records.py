@@ -12,7 +12,7 @@ from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
-from hc_estimator.multiple_model.spline_records import MOVING, SPLINE_FIT
+from hc_estimator.multiple_model.spline_records import MEMORIES, MOVING, SPLINE_FIT
 from hc_estimator.multiple_model.zero_records import ZEROS
 from hc_estimator.screening import CLOCK_FIELDS
 
@@ -175,8 +175,11 @@ HISTORY = record_type(
     (
         # Ring: depth [mm], velocity [mm/s], force [N], weight in the fit [1/N^2], what a cubic adds
         # to the velocity [mm/s]; velocity and acceleration by a wide cubic [mm/s, mm/s^2], or by a
-        # narrow one (see `history.WIDE`), which it is, and the time of the grid's point [s].
-        Field("points", np.float64, (POINTS, 9)),
+        # narrow one (see `history.WIDE`), which it is, the time of the grid's point [s], and what
+        # the memories of the force held then [N].
+        Field("points", np.float64, (POINTS, 9 + MEMORIES)),
+        Field("memory", np.float64, (MEMORIES,)),  # the same now
+        Field("last_force", np.float64),  # that went into them [N]
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
         Field("first", np.int64, (), 0),  # that counts, if it is still there
         Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them

@@ -26,6 +26,7 @@ from hc_estimator.multiple_model import (
     departure,
     first_guess,
     levels,
+    lift_off,
     model_error,
     plausible,
     readings,
@@ -316,7 +317,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.sensor_noise[1]
     )
     touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
-    touching = touching or (SURFACE[chosen.index] and pressed)
+    touching = touching or pressed
     if touching:
         tool.away_time = 0.0
         elapsed = clock.elapsed if clock.restart == 0 else clock.period
@@ -325,7 +326,11 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         if clock.present[1] != 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:
+        away = tool.away_time
         tool.away_time += clock.elapsed
+        if away < lift_off.AWAY_TIME and tool.away_time >= lift_off.AWAY_TIME:
+            lift_off.review(settings, bank)
+            chosen = rows[bank.judge.chosen]
     _correct_density(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
     if clock.present[1] != 0 and not turning:

@@ -2,7 +2,10 @@
 
 ln K is a cubic spline over time with a knot every quarter of a second, or one number. Beside it n
 may be a spline with half as many knots, or the surface, which otherwise stays or sinks at a steady
-speed. ln (B / K), p, contact position, force zero and a small delay are the same all along.
+speed. Or the tissue relaxes: the force that it has felt, low-passed over times from 0.05 to 5 s,
+takes shares of the force away (quasi-linear viscoelasticity: Fung, Biomechanics, 1993, 7.6, solved
+for the elastic response). ln (B / K), p, contact position, force zero and a small delay are the
+same all along.
 (Penalised splines: O'Sullivan, Statistical Science 1, 1986; their use here is ours, `hc bench
 accuracy together`.)
 """
@@ -14,14 +17,21 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.spline_records import SECOND_SPLINE, SPLINE, SPLINE_FIRST
+from hc_estimator.multiple_model.spline_records import (
+    MEMORIES,
+    SECOND_SPLINE,
+    SPLINE,
+    SPLINE_FIRST,
+)
 
 # Of the unknowns; the coefficients of ln K come after them, and then those of surface or exponent.
 LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
 # A kind is the sum of what does not stay.
-STAYS, VARIES, SINKS, MOVES, BENDS = 0, 1, 2, 4, 8  # stiffness; surface, surface; exponent
+# Stiffness; surface, surface; exponent; force under a depth that stays.
+STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES = 0, 1, 2, 4, 8, 16
 KNOT = 0.25  # time between two knots of the stiffness [s]
 SECOND_KNOT = 0.5  # of surface or exponent [s]
 STRETCHED = 1.5  # factor on both up to which the points may lie apart
@@ -93,7 +103,9 @@ def stiffness_count(fit: Any) -> int:
 
 @compiled
 def second_count(fit: Any) -> int:
-    """Number of coefficients of surface or exponent."""
+    """Number of coefficients of surface or exponent, or shares of the memories."""
+    if has(fit, RELAXES):
+        return MEMORIES
     return fit.intervals[1] + 3 if has(fit, MOVES + BENDS) else 0
 
 
@@ -118,6 +130,10 @@ def locate(fit: Any, time: float) -> int:
         for i in range(4):
             places[used + i] = SPLINE_FIRST + stiffness_count(fit) + interval + i
         used += 4
+    if has(fit, RELAXES):
+        for i in range(MEMORIES):
+            places[used + i] = SPLINE_FIRST + stiffness_count(fit) + i
+        used += MEMORIES
     return used
 
 
@@ -161,6 +177,28 @@ def second(fit: Any, values: Any) -> tuple[float, float]:
             value += fit.basis[1, i] * values[fit.places[first + i]]
             rate += fit.basis_rate[1, i] * values[fit.places[first + i]]
     return value, rate
+
+
+@compiled
+def relaxed(fit: Any, values: Any, point: Any) -> float:
+    """What a tissue that relaxes has let go of the force of a point [N]; else zero."""
+    total = 0.0
+    if has(fit, RELAXES):
+        first = SPLINE_FIRST + stiffness_count(fit)
+        for i in range(MEMORIES):
+            total += values[first + i] * point[MEMORY + i]
+    return total
+
+
+@compiled
+def share_released(history: Any, fit: Any) -> float:
+    """What the tissue has let go of, over the force that is left, by a fit in which it relaxes."""
+    released, left = 0.0, 0.0
+    for k in range(fit.first, fit.last):
+        point = history.points[k % POINTS]
+        released += relaxed(fit, fit.values, point)
+        left += point[2]
+    return released / left if left > 0.0 else 0.0
 
 
 @compiled

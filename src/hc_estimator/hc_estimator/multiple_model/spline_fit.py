@@ -15,7 +15,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector, leading_cholesky
-from hc_estimator.multiple_model.history import UNKNOWN
+from hc_estimator.multiple_model.history import MEMORY, UNKNOWN
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
     LARGEST_DAMPING,
@@ -41,16 +41,18 @@ from hc_estimator.multiple_model.spline import (
     LOG_RATIO,
     MOVES,
     POSITION,
+    RELAXES,
     SPEED,
     VARIES,
     VELOCITY_EXPONENT,
     has,
     locate,
     log_stiffness,
+    relaxed,
     second,
 )
 from hc_estimator.multiple_model.spline_prior import add_prior, prior_cost, take_prior
-from hc_estimator.multiple_model.spline_records import SPLINE_FIRST
+from hc_estimator.multiple_model.spline_records import MEMORIES, SPLINE_FIRST
 
 PASSES = 3  # with other weights
 SETTLED = 0.01  # relative change of the squares with which the weights hold
@@ -127,7 +129,7 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
         if point[7] == UNKNOWN:
             continue
         used = locate(fit, point[8])
-        force = _law_at(settings, fit, values, point)
+        force = _law_at(settings, fit, values, point) - relaxed(fit, values, point)
         residual = point[2] - values[FORCE_ZERO] - force
         count += 1
         total += point[3] * residual * residual
@@ -138,7 +140,7 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
         slopes[FORCE_ZERO] = 1.0
         slopes[DELAY] = -gradient[0] * point[5] - gradient[1] * point[6]
         slopes[SPEED] = -gradient[0] * (point[8] - fit.latest) - gradient[1]
-        _note_splines(fit)
+        _note_splines(fit, point)
         for i in range(used):
             row = places[i]
             share = point[3] * slopes[i]
@@ -150,7 +152,7 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
 
 
 @compiled
-def _note_splines(fit: Any) -> None:
+def _note_splines(fit: Any, point: Any) -> None:
     """Derivatives of the force by the coefficients, by fit.gradient."""
     slopes, gradient, first = fit.slopes, fit.gradient, SPLINE_FIRST + 1
     by_stiffness = gradient[2] + gradient[3]
@@ -166,6 +168,9 @@ def _note_splines(fit: Any) -> None:
     if has(fit, BENDS):
         for i in range(4):
             slopes[first + i] = fit.basis[1, i] * gradient[4]
+    if has(fit, RELAXES):
+        for i in range(MEMORIES):
+            slopes[first + i] = -point[MEMORY + i]
 
 
 @compiled

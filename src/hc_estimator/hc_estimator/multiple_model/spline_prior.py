@@ -20,6 +20,7 @@ from hc_estimator.multiple_model.spline import (
     EXPONENT,
     LOG_RATIO,
     POSITION,
+    RELAXES,
     SPEED,
     VELOCITY_EXPONENT,
     has,
@@ -30,6 +31,7 @@ from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
 DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
 SPEED_DEVIATION = 0.1  # of a surface that sinks [mm/s]
 LEVEL_DEVIATION = 10.0  # of a coefficient of ln K: any stiffness is as likely
+SHARE_DEVIATION = 0.5  # of the force that a memory takes away
 SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [mm]
 # Variance that the speed of such a surface gains per second [mm^2/s^3]: 1 mm at 0.25 Hz.
 SURFACE_WALK = 1.0
@@ -55,6 +57,8 @@ def _deviation(settings: Any, fit: Any, i: int) -> float:
         return math.inf
     if i < SPLINE_FIRST + stiffness_count(fit):
         return LEVEL_DEVIATION
+    if has(fit, RELAXES):
+        return SHARE_DEVIATION
     mean = SURFACE_DEVIATION
     if has(fit, BENDS):
         mean = prior_deviation(settings, 2)
@@ -101,7 +105,7 @@ def take_prior(settings: Any, fit: Any) -> None:
         fit.guess[i] = _guess(settings, fit, i)
     between = SPLINE_FIRST + stiffness_count(fit)
     for i in range(SPLINE_FIRST, size - 2):
-        if i < between <= i + 2:
+        if i < between <= i + 2 or (has(fit, RELAXES) and i >= between):
             continue
         wandering, knot = _wandering(fit, i >= between), fit.knot[0 if i < between else 1]
         precision = 1.0 / (SECOND_DIFFERENCE * wandering * knot**3)

@@ -11,7 +11,8 @@ SECOND_SPLINE = 24  # of surface or exponent
 SPLINE_FIRST = 7  # of the unknowns that is one
 BAND = 3  # coefficients next to one another that the prior ties
 UNKNOWNS = SPLINE_FIRST + SPLINE + SECOND_SPLINE
-KINDS = 7  # of what tissue and surface do
+MEMORIES = 5  # of a tissue that relaxes
+KINDS = 8  # of what tissue and surface do
 LOCAL = SPLINE_FIRST + 2 * 4  # of which the force depends at one time
 
 SPLINE_FIT = record_type(
@@ -19,7 +20,7 @@ SPLINE_FIT = record_type(
         Field("values", np.float64, (UNKNOWNS,)),
         Field("held", np.int64, (SPLINE_FIRST,), 0, 1),
         Field("fixed", np.int64, (SPLINE_FIRST,), 0, 1),  # held, or without a deviation
-        Field("kind", np.int64, (), 0, 15),  # what does not stay; see `spline`
+        Field("kind", np.int64, (), 0, 31),  # what does not stay; see `spline`
         Field("position_deviation", np.float64, (), 0.0, finite=False),  # of the prior [mm]
         Field("level", np.float64),  # ln K to begin with
         Field("begin", np.float64),  # time of the first point [s]
@@ -58,6 +59,7 @@ MOVING = record_type(
         Field("stage", np.int64, (), 0, KINDS + 1),  # fit that comes next; 0: none
         Field("last", np.int64, (), 0),  # number of the point after the last that is asked
         Field("evidence", np.float64, (KINDS,), finite=False),  # logarithm, by kind
+        Field("left", np.float64, (KINDS,), finite=False),  # squares, in those of the noise
         Field("values", np.float64, (KINDS, UNKNOWNS)),  # of each fit
         Field("unknowns", np.int64, (KINDS,), 0, UNKNOWNS),  # number of those in use
         # ln K, ln B, n, p; position and speed of the surface; rate of ln K.

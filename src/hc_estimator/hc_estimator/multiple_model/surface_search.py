@@ -80,7 +80,8 @@ def look(settings: Any, bank: Any, elapsed: float) -> None:
     search, chosen = bank.search, bank.rows[bank.judge.chosen]
     surface = bank.rows[SURFACE_ROW]
     search.waited = min(search.waited + elapsed, AGAIN)
-    explained = SURFACE[chosen.index] or _is_explained(bank.rows)
+    explained = SURFACE[chosen.index] and chosen.model_error == 0.0
+    explained = explained or _is_explained(bank.rows)
     wanted = settings.search_surface != 0 and surface.active != 0
     if explained or not wanted or bank.change.testing != 0:
         search.unexplained_time = 0.0
