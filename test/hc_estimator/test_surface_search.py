@@ -39,7 +39,7 @@ def test_a_surface_millimetres_off_is_found(position, plant):
 
 
 def test_it_is_the_search_that_finds_it(plant):
-    time, d, f, surface = readings(plant, -3.0)
+    time, d, f, surface = readings(plant, -3.0, amplitude=1.5)
     off = {}
     for search in (True, False):
         estimator = hc.create_estimator("self_tuning_ukf", search_surface=search)

@@ -121,7 +121,6 @@ GUESTS = {
     "multiple_model/contact_onset": {
         "delay": "grid raw_value",
         "given": "predicted_force reconstructed_force",
-        "history": "points",
         "held": "value",
         "motion": "first states",
         "noise": "readings",
@@ -145,7 +144,9 @@ GUESTS = {
     },
     "multiple_model/choice": {"row": "log_likelihood score"},
     "multiple_model/levels": {"row": "by_delay"},
-    "multiple_model/judge": {"row": "claimed inconsistent_time log_likelihood model_error score"},
+    "multiple_model/judge": {
+        "row": "claimed counts_from inconsistent_time log_likelihood model_error score",
+    },
     "multiple_model/maneuver": {
         "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "
         "model_error recent_nis score state",

@@ -21,8 +21,8 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import plausible, zero_fit
-from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 from hc_estimator.multiple_model.records import RAW
 
@@ -373,11 +373,7 @@ def move_zeros(bank: Any) -> None:
         if (finder.delay > 0.0) == (i == 0):
             held.value -= shift
     displacement, force = onset.shift[0], onset.shift[1]
-    bank.history.points[:, 0] -= displacement
-    bank.history.points[:, 2] -= force
-    bank.history.points[:, MEMORY:] -= force
-    bank.history.memory -= force
-    bank.history.last_force -= force
+    histories.move(bank.history, displacement, force)
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
     plausible.move(bank.tool, displacement, force)

@@ -48,6 +48,16 @@ def reset(history: Any) -> None:
 
 
 @compiled
+def move(history: Any, displacement: float, force: float) -> None:
+    """The zeros have moved by so much [mm], [N]; what was felt is the same."""
+    history.points[:, 0] -= displacement
+    history.points[:, 2] -= force
+    history.points[:, MEMORY:] -= force
+    history.memory -= force
+    history.last_force -= force
+
+
+@compiled
 def learn(history: Any, finder: Any, noise: Any) -> bool:
     """Take the newest point of the grid; True if it was remembered.
 

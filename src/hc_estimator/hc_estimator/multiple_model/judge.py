@@ -265,6 +265,38 @@ def _seed_anew(judge: Any, rows: Any, clock: float, elapsed: float) -> None:
 
 
 @compiled
+def keep_to_fit(judge: Any, rows: Any, clock: float, time: float) -> None:
+    """Let no row but the fit to all that was felt be chosen for a time [s] in contact.
+
+    For a tissue that relaxes: it lets go early, and pushes less the longer it is pressed. A surface
+    that sinks and comes back with the tool foretells that as well, with twice the stiffness, and a
+    row that drifts follows it with any parameters. The fit has a model error, and that is said.
+    """
+    if rows[FITTED].active == 0:
+        return
+    for m in range(FRESH):
+        rows[m].counts_from = clock + time
+    rows[FITTED].counts_from = clock
+    judge.chosen = FITTED
+
+
+@compiled
+def go_on_with_fit(judge: Any, rows: Any, clock: float) -> None:
+    """Choose the fit to all that was felt; the rows whose surface stays begin there anew."""
+    fitted = rows[FITTED]
+    for m in range(FRESH):
+        row = rows[m]
+        if row.active == 0 or SURFACE[m] or m == FITTED:
+            continue
+        seed(fitted, row, clock, clock)
+        row.score = fitted.score
+        row.log_likelihood = fitted.log_likelihood
+    fitted.counts_from = min(fitted.counts_from, clock)
+    judge.chosen = FITTED
+    judge.varying = 0
+
+
+@compiled
 def give_to_all(judge: Any, rows: Any, clock: float) -> None:
     """The fresh row is the tissue from now on: every row begins where it stands."""
     fresh = rows[FRESH]

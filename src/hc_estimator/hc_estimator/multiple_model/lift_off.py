@@ -14,10 +14,10 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
     FITTED,
-    FRESH,
     LOG_DAMPING,
     LOG_STIFFNESS,
     SURFACE,
@@ -25,7 +25,6 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.kalman import force_of
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import seed
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -52,7 +51,7 @@ def review(settings: Any, bank: Any) -> None:
 
     Args:
         settings: settings record.
-        bank: its records `judge` and `rows` are changed.
+        bank: who is chosen is changed, and the rows begin anew.
     """
     rows, judge, history = bank.rows, bank.judge, bank.history
     fitted, chosen = rows[FITTED], rows[judge.chosen]
@@ -67,17 +66,7 @@ def review(settings: Any, bank: Any) -> None:
         return
     if _squares_left(settings, history, first, fitted) > CLEARLY**2 * left:
         return
-    clock = bank.tool.contact_clock
-    for m in range(FRESH):
-        row = rows[m]
-        if row.active == 0 or SURFACE[m] or m == FITTED:
-            continue
-        seed(fitted, row, clock, clock)
-        row.score = fitted.score
-        row.log_likelihood = fitted.log_likelihood
-    fitted.counts_from = min(fitted.counts_from, clock)
-    judge.chosen = FITTED
-    judge.varying = 0
+    judging.go_on_with_fit(judge, rows, bank.tool.contact_clock)
 
 
 @compiled

@@ -21,11 +21,11 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import delay_sensitivity, spline
 from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.choice import trusted_motion
 from hc_estimator.multiple_model.follows_tool import follows_tool
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
-    FITTED,
     FRESH,
     LOG_STIFFNESS,
     OWN,
@@ -130,7 +130,7 @@ def look(settings: Any, bank: Any, period: float) -> None:
         judge.found = 0
         found = _likeliest(moving)
         if found == RELAXING or _relaxes(moving, found):
-            _hold_to_fit(judge, bank.rows, clock)
+            judging.keep_to_fit(judge, bank.rows, clock, RELAXES_FOR)
         elif found >= 0:
             _begin_found(settings, bank, found, noise, scatter)
 
@@ -203,23 +203,6 @@ def _relaxes(moving: Any, found: int) -> bool:
         if k != RELAXING and not relaxing <= most:
             return False
     return True
-
-
-@compiled
-def _hold_to_fit(judge: Any, rows: Any, clock: float) -> None:
-    """Let no row but the fit to all that was felt be chosen for a while; it has a model error.
-
-    A tissue that relaxes lets go early, and pushes less the longer it is pressed: a surface that
-    sinks and comes back with the tool foretells that as well, with twice the stiffness, and a row
-    that drifts follows it with any parameters.
-    """
-    if rows[FITTED].active == 0:
-        return
-    for m in range(FRESH):
-        if m != FITTED:
-            rows[m].counts_from = clock + RELAXES_FOR
-    rows[FITTED].counts_from = min(rows[FITTED].counts_from, clock)
-    judge.chosen = FITTED
 
 
 @compiled
