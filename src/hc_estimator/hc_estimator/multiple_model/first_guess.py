@@ -12,7 +12,9 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import plausible
 from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_DAMPING, LOG_STIFFNESS
 
-SMALLEST_DEPTH = 0.05  # from which a force says the order of magnitude of K [mm]
+# From which a force says the order of magnitude of K [mm], and in deviations of the depth.
+SMALLEST_DEPTH = 0.05
+CERTAIN = 3.0
 FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
 CONTACT_READINGS = 3  # readings in a row that say there is a force
 SURE = 5.0  # a force beyond so many standard deviations is one
@@ -27,9 +29,12 @@ def centre_prior(settings: Any, bank: Any) -> None:
     as nothing was felt yet, it says what K is at most.
     """
     clock = bank.clock
-    depth = bank.rows[bank.judge.chosen].state[DEPTH]
+    chosen = bank.rows[bank.judge.chosen]
+    depth = chosen.state[DEPTH]
     sure = SURE * math.sqrt(bank.sensor_noise[1])
     if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
+        return
+    if depth < CERTAIN * math.sqrt(chosen.covariance[DEPTH, DEPTH]):
         return
     pressed = clock.measurement[1] >= sure
     if bank.contact_readings < CONTACT_READINGS:
