@@ -55,6 +55,7 @@ LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the othe
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 INTERPOLATED = 0.1  # error of a delay between two candidates, in steps of the grid
 FAR = 1.0  # steps of the grid
+TAKEN_OFF = 0.5  # of what noise of the velocities leaves that is in doubt: its variance is a guess
 LEAST_RELATIVE = 1e-9  # deviation of a speed over the speed: its sign is that of the velocity
 # Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
 # known well leave is alike in all points, however many they are.
@@ -125,7 +126,8 @@ def _left(finder: Any, j: int, exponent: float) -> float:
     finder.fit[0] = stiffness
     finder.fit[1] = damping
     finder.fit[2] = exponent
-    return float(max(total - stiffness * r0 - damping * r1, LEAST_RESIDUAL * total))
+    left = max(total - stiffness * r0 - damping * r1, LEAST_RESIDUAL * total)
+    return float(left + TAKEN_OFF * damping * damping * noise)
 
 
 @compiled
@@ -210,11 +212,11 @@ def _fit(settings: Any, finder: Any, force_noise: float) -> bool:
             return False
     before, after = finder.joint_left[chosen - 1], finder.joint_left[chosen + 1]
     bend = before - 2.0 * best + after
-    offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    if not bend > 0.0:  # several do equally well
+        return False
+    offset = 0.5 * (before - after) / bend
     finder.joint_delay = (chosen - centre + offset) * step
-    variance = INTERPOLATED**2
-    if bend > 0.0:
-        variance += best / (weight * bend)
+    variance = INTERPOLATED**2 + best / (weight * bend)
     finder.joint_deviation = min(math.sqrt(variance), 0.5) * step
     if not is_far(finder, finder.delay):
         return True
