@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hc_bringup import live
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.summary import run_summary, run_text, to_json
@@ -34,6 +35,21 @@ def test_gaps_in_the_sequence_are_losses() -> None:
         statistics.add(estimate(sequence))
     assert statistics.estimates == 4
     assert statistics.lost == 2
+
+
+def test_what_the_display_missed_is_not_lost() -> None:
+    """Regression: a terminal that was blocked (Ctrl-S) counted its own loss as samples lost."""
+    state = RunState(EstimateStatistics(), 0.0, elapsed_s=1.0, samples=104)
+    for sequence in (0, 1, 2, 100, 103):
+        state.statistics.add(estimate(sequence))
+    assert live._lost(state) == "99"
+    state.diagnostics["estimator"] = {"estimates": "102.0"}
+    assert live._lost(state) == "2 (97 not seen here)"
+    summary = run_summary(state, None)
+    assert (summary["estimates"], summary["not_seen"], summary["lost"]) == (5, 97, 2)
+    assert "97 more estimates were made while this display stood still" in run_text(summary)
+    state.diagnostics["estimator"] = {"estimates": "3"}  # started again
+    assert (state.unseen, live._lost(state)) == (0, "99")
 
 
 def test_a_sequence_that_starts_again_is_a_restart_and_no_loss() -> None:

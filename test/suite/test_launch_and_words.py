@@ -28,12 +28,16 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/zero_steps.py",
     "hc_bringup/hc_bringup/reading_changes.py",
     "hc_bringup/hc_bringup/stopped_processes.py",
+    "hc_bringup/hc_bringup/summary.py",
+    "hc_bringup/hc_bringup/commands/estimate.py",
     "hc_bringup/hc_bringup/topic_tools.py",
 )
 WARNERS = tuple(
     s
     for s in SOURCES
-    if not s.endswith(("hc_logger/sensors.py", "zero_setting.py", "topic_tools.py"))
+    if not s.endswith(
+        ("hc_logger/sensors.py", "zero_setting.py", "topic_tools.py", "summary.py", "estimate.py")
+    )
 )
 """Those whose every sentence is a warning, but for the ones here: parts, costs and counters."""
 NO_WARNINGS = (

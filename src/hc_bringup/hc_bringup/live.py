@@ -16,7 +16,7 @@ from hc_bringup import heartbeat
 from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.phrases import without_numbers
 from hc_bringup.runner import DONE, RUNNING, RunState
-from hc_bringup.statistics import PARAMETERS, EstimateStatistics
+from hc_bringup.statistics import PARAMETERS
 from hc_bringup.terminal.keys import Keys
 from hc_bringup.terminal.numbers import engineering
 from hc_bringup.terminal.panel import PanelPainter
@@ -196,7 +196,7 @@ class Display:
             rate_hz=0.0 if state.silent else self._rate.hz,
             silent_s=state.silent_s,
             silent_reason=state.silent_reason,
-            lost=_lost(statistics),
+            lost=_lost(state),
             refused=sum(statistics.rejected.values()),
             latency_s=latency,
             parameters=list(statistics.parameters().values()),
@@ -251,8 +251,13 @@ def _figure(value: float, form: str) -> str:
     return "-" if math.isnan(value) else format(value, form)
 
 
-def _lost(statistics: EstimateStatistics) -> str:
-    return str(statistics.lost) if statistics.counts else "? (no counter in the samples)"
+def _lost(state: RunState) -> str:
+    """Return how many samples have no estimate; what only this display missed is none of them."""
+    if not state.statistics.counts:
+        return "? (no counter in the samples)"
+    missed = min(state.unseen, state.statistics.lost)
+    beside = f" ({missed} not seen here)" if missed else ""
+    return f"{state.statistics.lost - missed}{beside}"
 
 
 def _load_line(state: RunState) -> str:
@@ -278,7 +283,7 @@ def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:
     silent = f"silent for {state.silent_s:.1f} s  " if state.silent else ""
     hz = 0.0 if state.silent else rate.hz
     return (
-        f"{state.elapsed_s:6.1f} s  {hz:6.0f} Hz  {silent}lost {_lost(statistics)}  "
+        f"{state.elapsed_s:6.1f} s  {hz:6.0f} Hz  {silent}lost {_lost(state)}  "
         f"{latency}{parameters}  "
         f"force error {engineering(statistics.recent_force_rmse_n, 'N')}"
     )

@@ -105,6 +105,16 @@ class RunState:
         return {name: count for name, count in counts.items() if count}
 
     @property
+    def unseen(self) -> int:
+        """Estimates that were made and did not come here: the terminal stood still, or the machine.
+
+        By what the estimator said last; it counts anew when it is started again.
+        """
+        made = int(float(self.diagnostics.get(NODE_ESTIMATOR, {}).get("estimates", 0)))
+        heard = self.statistics.estimates
+        return max(0, made - heard) if heard else 0  # or somebody else hears them
+
+    @property
     def silent_reason(self) -> str:
         """What the estimator says of its silence; empty as long as it says nothing.
 

@@ -43,7 +43,8 @@ def run_summary(
     estimate came where the run was ended in silence, None elsewhere. lost counts samples
     that were published and for which no estimate came; None where that cannot be told. left_out
     counts what the estimator had a reason to leave out: "skipped" when it was behind, "alone" of a
-    sensor without the other. failures says why the run counts as failed although it went on to its
+    sensor without the other; not_seen counts estimates that were made and did not come here: no
+    figure counts them. failures says why the run counts as failed although it went on to its
     end.
 
     Args:
@@ -59,12 +60,13 @@ def run_summary(
         # The source did not say its last count: all that is known are the sequence numbers.
         samples = statistics.estimates + (lost or 0)
     else:
-        lost = max(0, samples - statistics.estimates)
+        lost = max(0, samples - statistics.estimates - state.unseen)
     summary = {
         "samples": samples,
         "lost": lost,
         "left_out": state.left_out,
         "estimates": statistics.estimates,
+        "not_seen": state.unseen,
         "rejected": dict(statistics.rejected),
         "changes_detected": statistics.changes,
         "model_mismatch_share": _share(statistics.mismatch, statistics.estimates),
@@ -190,6 +192,11 @@ def run_text(summary: dict[str, Any]) -> str:
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
+    if summary["not_seen"]:
+        lines.append(
+            f"{summary['not_seen']} more estimates were made while this display stood still: they "
+            "are in no figure here, but in the bag"
+        )
     if summary["lost"]:
         lines += [f"of these {n} {_LEFT_OUT[reason]}" for reason, n in summary["left_out"].items()]
     if math.isfinite(summary["silent_s"]):
