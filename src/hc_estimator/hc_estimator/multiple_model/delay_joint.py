@@ -55,6 +55,8 @@ LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the othe
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 INTERPOLATED = 0.1  # error of a delay between two candidates, in steps of the grid
 FAR = 1.0  # steps of the grid
+TAKEN_OFF = 0.5  # of what noise of the velocities leaves that is in doubt: its variance is a guess
+LEAST_RELATIVE = 1e-9  # deviation of a speed over the speed: its sign is that of the velocity
 # Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
 # known well leave is alike in all points, however many they are.
 LEAST_RATIO = 3.0
@@ -77,6 +79,7 @@ def take(finder: Any) -> None:
         for j in range(CANDIDATES):
             finder.joint_exponent[j] = 0.0
     centre, added = CANDIDATES // 2, 0
+    deviation = math.sqrt(finder.velocity_variance)
     for j in range(centre - finder.reach, centre + finder.reach + 1):
         count = gather(finder, (j - centre) * finder.grid_step)
         added = 0
@@ -84,10 +87,11 @@ def take(finder: Any) -> None:
             slot = (finder.joint_count + added) % JOINT_POINTS
             point = finder.points_of[k]
             finder.joint[slot, j, 0] = point[0]
-            finder.joint[slot, j, 1] = math.log(abs(point[1])) / finder.velocity_exponent
-            finder.joint[slot, j, 2] = math.copysign(1.0, point[1])
-            finder.joint_force[slot, 0] = point[3]
-            finder.joint_force[slot, 1] = point[5]
+            log_speed = math.log(abs(point[1])) / finder.velocity_exponent
+            finder.joint[slot, j, 1] = log_speed
+            relative = deviation / max(math.exp(log_speed), deviation)
+            finder.joint[slot, j, 2] = math.copysign(max(relative, LEAST_RELATIVE), point[1])
+            finder.joint_force[slot] = point[3]
             added += 1
     finder.joint_count += added
 
@@ -104,12 +108,14 @@ def _left(finder: Any, j: int, exponent: float) -> float:
     for k in range(min(finder.joint_count, JOINT_POINTS)):
         point = finder.joint[k, j]
         a = math.exp(exponent * point[0])
-        b = a * point[2] * math.exp(p * point[1])
-        force = finder.joint_force[k, 0]
+        power = a * math.exp(p * point[1])
+        b = math.copysign(power, point[2])
+        force = finder.joint_force[k]
         g00 += a * a
         g01 += a * b
         g11 += b * b
-        noise += a * a * finder.joint_force[k, 1]
+        # With the p of this fit: with that of the window one that is too small fitted too well.
+        noise += (p * power * point[2]) ** 2
         r0 += a * force
         r1 += b * force
         total += force * force
@@ -120,7 +126,8 @@ def _left(finder: Any, j: int, exponent: float) -> float:
     finder.fit[0] = stiffness
     finder.fit[1] = damping
     finder.fit[2] = exponent
-    return float(max(total - stiffness * r0 - damping * r1, LEAST_RESIDUAL * total))
+    left = max(total - stiffness * r0 - damping * r1, LEAST_RESIDUAL * total)
+    return float(left + TAKEN_OFF * damping * damping * noise)
 
 
 @compiled
@@ -195,7 +202,7 @@ def _fit(settings: Any, finder: Any, force_noise: float) -> bool:
             chosen = j
     best, total = finder.joint_left[chosen], 0.0
     for k in range(count):
-        total += finder.joint_force[k, 0] ** 2
+        total += finder.joint_force[k] ** 2
     if chosen in (low, high) or best > LARGEST_MISFIT**2 * total:
         return False
     weight = _weight(count, best, noise)
@@ -205,11 +212,11 @@ def _fit(settings: Any, finder: Any, force_noise: float) -> bool:
             return False
     before, after = finder.joint_left[chosen - 1], finder.joint_left[chosen + 1]
     bend = before - 2.0 * best + after
-    offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    if not bend > 0.0:  # several do equally well
+        return False
+    offset = 0.5 * (before - after) / bend
     finder.joint_delay = (chosen - centre + offset) * step
-    variance = INTERPOLATED**2
-    if bend > 0.0:
-        variance += best / (weight * bend)
+    variance = INTERPOLATED**2 + best / (weight * bend)
     finder.joint_deviation = min(math.sqrt(variance), 0.5) * step
     if not is_far(finder, finder.delay):
         return True
@@ -305,7 +312,7 @@ def _goes_both_ways(finder: Any, count: int) -> bool:
     deeper, back = 0.0, 0.0
     for k in range(count):
         point = finder.joint[k, CANDIDATES // 2]
-        velocity = point[2] * math.exp(point[1])
+        velocity = math.copysign(math.exp(point[1]), point[2])
         deeper += max(velocity, 0.0)
         back += max(-velocity, 0.0)
     return bool(min(deeper, back) > LEAST_BACK * max(deeper, back))

@@ -281,9 +281,9 @@ DELAY = record_type(
         Field("fine", np.float64, (2,)),  # delay and its deviation [s]
         Field("agreed", np.int64, (), 0, 1),  # 1 if most windows have a fine value near it
         # The fit that is common to the windows; see `delay_joint`. Ring of points: by the candidate
-        # ln d, ln |v| and the sign of v; force [N], and variance of the noise of |v|^p.
+        # ln d, ln |v|, and the sign of v times the deviation of |v| over |v|; force [N].
         Field("joint", np.float64, (JOINT_POINTS, CANDIDATES, 3)),
-        Field("joint_force", np.float64, (JOINT_POINTS, 2)),
+        Field("joint_force", np.float64, (JOINT_POINTS,)),
         Field("joint_count", np.int64, (), 0),  # points so far
         Field("joint_fitted", np.int64, (), 0),  # points at the last fit
         Field("joint_clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
