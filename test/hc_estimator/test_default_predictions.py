@@ -11,22 +11,6 @@ ARM = 66.0  # samples per second
 LEARNING = 0.5  # time after the touch for which nobody knows the tissue [s]
 TOUCH = 0.05  # force that is one [N]
 CASES = [(name, zero) for name in RECORDINGS for zero in ZEROS]
-# What does not hold yet, with the figures at the time.
-WORSE = {  # RMS error over that of the last reading held
-    ("sine_horse_raw", -3.0): 2.13,
-}
-
-
-def marked():
-    """The cases, those that do not hold marked with their figure."""
-    result = []
-    for case in CASES:
-        marks = ()
-        if case in WORSE:
-            reason = f"worse than the last reading: {WORSE[case]} times"
-            marks = pytest.mark.xfail(strict=True, reason=reason)
-        result.append(pytest.param(*case, marks=marks))
-    return result
 
 
 def thinned(time, d, force, rate):
@@ -56,7 +40,7 @@ def test_no_force_is_predicted_that_was_never_felt(name, zero, real):
     assert np.all(np.abs(prediction[1:][asked]) <= 3.0 * np.maximum(felt[asked], TOUCH))
 
 
-@pytest.mark.parametrize(("name", "zero"), marked())
+@pytest.mark.parametrize(("name", "zero"), CASES)
 def test_a_prediction_is_not_much_worse_than_the_last_reading(name, zero, real):
     """RMS error of one step: at most twice that of holding the last reading."""
     _, _, force, prediction, known = predicted(real, name, zero)

@@ -316,14 +316,14 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     pressed = clock.present[1] != 0 and clock.measurement[1] > first_guess.SURE * math.sqrt(
         bank.sensor_noise[1]
     )
-    inside = depth_of(chosen) > TOUCHING_DEPTH or SURFACE[chosen.index]
-    touching = pressed or (depth_of(chosen) > TOUCHING_DEPTH and chosen.predicted_force > 0.0)
+    touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
+    touching = touching or (SURFACE[chosen.index] and pressed)
     if touching:
         tool.away_time = 0.0
         elapsed = clock.elapsed if clock.restart == 0 else clock.period
         tool.contact_clock += elapsed
         levels.learn(tool, rows, chosen, elapsed)
-        if clock.present[1] != 0 and inside:
+        if clock.present[1] != 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:
         away = tool.away_time
