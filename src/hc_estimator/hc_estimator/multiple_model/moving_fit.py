@@ -6,8 +6,9 @@ second a rate of the stiffness, a surface that sinks and one that breathes predi
 seconds they do not. So, once a second, least squares over the points ask which of them it is
 (`spline_fit`): the calmest of those that are likely by their evidence, if it explains all but the
 noise. Where that is a surface that moves, the row that says the same begins with the fit, and is
-chosen for a while unless another predicts better. (Ours; `hc bench accuracy together`: lumps on a
-surface that breathes.)
+chosen for a while unless another predicts better. Where it is tissue that relaxes, which no row
+says, the fit of one law to all that was felt is kept, and its model error told. (Ours; `hc bench
+accuracy together`: lumps on a surface that breathes; `misfit`: press_relaxing.)
 """
 
 from __future__ import annotations
