@@ -78,7 +78,7 @@ def _begin_of_contact(history: Any) -> int:
         if after[8] - before[8] > PAUSE:
             break
         first -= 1
-    return max(first, histories.oldest(history))
+    return max(first, histories.oldest(history))  # type: ignore[no-any-return]
 
 
 @compiled
