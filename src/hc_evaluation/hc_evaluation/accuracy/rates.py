@@ -17,7 +17,7 @@ from hc_evaluation import metrics
 from hc_evaluation.accuracy import catalogue
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.measure import Numbers, Setup, bound_of, known_mean, sampled
-from hc_evaluation.accuracy.scenarios import SimulatedContact, simulate
+from hc_evaluation.accuracy.scenarios import Scenario, SimulatedContact, simulate
 
 FloatArray = NDArray[np.float64]
 
@@ -57,16 +57,30 @@ def readings(rates: Rates, seed: int) -> SimulatedContact:
     draw = np.random.default_rng([seed, 125])
     steps = 1.0 / rates.pose, 1.0 / rates.wrench
     offset = float(draw.uniform(0.1, 0.9)) * min(steps)
-    stamps = [
-        offset + np.arange(0.0, DURATION_S, steps[0]),
-        np.arange(0.0, DURATION_S, steps[1]),
-    ]
-    time = np.concatenate(stamps)
-    order = np.argsort(time)
-    is_pose = (np.arange(time.size) < stamps[0].size)[order]
     scenario = replace(
         catalogue.random_scenario(seed), displacement_noise_mm=POSE_NOISE_MM, name=rates.name
     )
+    pose = offset + np.arange(0.0, DURATION_S, steps[0])
+    return read_apart(scenario, seed, pose, np.arange(0.0, DURATION_S, steps[1]))
+
+
+def read_apart(
+    scenario: Scenario, seed: int, pose_s: FloatArray, wrench_s: FloatArray
+) -> SimulatedContact:
+    """A contact whose channels are read at times of their own.
+
+    Args:
+        scenario: the contact.
+        seed: of the noise.
+        pose_s: stamps of the displacements [s], shape (P,).
+        wrench_s: stamps of the forces [s], shape (W,).
+
+    Returns:
+        Readings in the order of their stamps; NaN where a channel has none, shape (P + W,).
+    """
+    time = np.concatenate([pose_s, wrench_s])
+    order = np.argsort(time)
+    is_pose = (np.arange(time.size) < pose_s.size)[order]
     contact = simulate(scenario, seed, time[order])
     return replace(
         contact,

@@ -15,6 +15,7 @@ from hc_evaluation.accuracy import (
     corners,
     delay,
     misfit,
+    multirate,
     possible,
     rates,
     real,
@@ -90,6 +91,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     ),
     "surface": Experiment("a surface that breathes or drifts under the tool", surface.surface),
     "rates": Experiment("pose and wrench at rates of their own, reading by reading", rates.rates),
+    "multirate": Experiment(
+        "a robot that presses, its pose slower than its wrench: a delay found, none invented",
+        multirate.multirate,
+    ),
     "possible": Experiment(
         "no prediction beyond what was felt, none worse than twice the last reading",
         possible.possible,
