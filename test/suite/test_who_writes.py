@@ -86,6 +86,7 @@ OWNERS = {
         "multiple_model/smoothing",
         "multiple_model/window_fit",
         "multiple_model/delay_exponent",
+        "multiple_model/delay_fit",
         "multiple_model/delay_joint",
         "multiple_model/delay_evidence",
     ),

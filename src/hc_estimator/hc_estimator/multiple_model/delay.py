@@ -145,7 +145,7 @@ def learn_window(
     common = False
     if settings.delay_by_common_fit != 0:
         delay_joint.take(finder)
-        common = delay_joint.decide(settings, finder, sensor_noise[1])
+        common = delay_joint.decide(settings, finder, sensor_noise)
     finder.windows += 1
     chosen = _choose(finder)
     start = (chosen - centre) * finder.grid_step
@@ -160,19 +160,26 @@ def learn_window(
     elif windows >= FEWEST_WINDOWS and find_exponent(settings, finder, finder.profile[slot]):
         finder.windows = 0
         return False
-    if common and delay_joint.is_far(finder, finder.delay):
-        _take_joint(finder)
+    if common and delay_joint.leads(finder):
+        finder.delay = finder.joint_delay
+        finder.deviation = finder.joint_deviation
+        finder.doubt = finder.deviation**2
+        delay_joint.note_fit(finder)
         return True
+    if finder.joint_fits != 0:  # one law for all windows: none of them knows more than it
+        finder.agreed = 0
+        if finder.delay == 0.0:
+            _tell_none(finder, finder.joint_delay, finder.joint_deviation if common else math.nan)
+        return False
     return _decide(settings, finder, chosen, constant, misses, common)
 
 
 @compiled
-def _take_joint(finder: Any) -> None:
-    """Take the delay of the common fit, which is then in finder.fit."""
-    finder.delay = finder.joint_delay
-    finder.deviation = finder.joint_deviation
-    finder.doubt = finder.deviation**2
-    delay_joint.note_fit(finder)
+def _tell_none(finder: Any, mean: float, deviation: float) -> None:
+    """Deviation of no delay: what is not enough to be used may be too much for none."""
+    doubtful = abs(mean) > DOUBTFUL * deviation
+    finder.deviation = math.hypot(deviation, mean) if doubtful else deviation
+    finder.doubt = finder.deviation**2 if doubtful else 0.0
 
 
 @compiled
@@ -288,7 +295,7 @@ def _decide(
         return False
     mean, deviation = finder.fine[0], finder.fine[1]
     distance = abs(mean - finder.delay)
-    if common and delay_joint.is_far(finder, mean):  # it agrees with the delay in use
+    if delay_joint.contradicts(finder, mean):
         return False
     near = _used_windows(finder, chosen, windows)
     few = near < FEWEST_WINDOWS
@@ -296,10 +303,7 @@ def _decide(
     if few and (finder.delay != 0.0 or not _each_decides(finder, chosen, windows)):
         return False
     if finder.delay == 0.0:
-        # Not enough to be used, too much for none.
-        doubtful = distance > DOUBTFUL * deviation
-        finder.deviation = math.hypot(deviation, mean) if doubtful else deviation
-        finder.doubt = finder.deviation**2 if doubtful else 0.0
+        _tell_none(finder, mean, deviation)
         significant = SIGNIFICANT
         if distance < step:  # the scatter of the fine values alone decides
             significant = student_quantile(near - 1)

@@ -20,7 +20,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import delay_sensitivity
+from hc_estimator.multiple_model import delay_joint, delay_sensitivity
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_rules import (
     CORRECTED,
@@ -85,9 +85,14 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
         return False
     freedom = alike - 1.0
     mean, deviation = finder.fine[0], finder.fine[1] * math.sqrt(1.0 + 2.0 / freedom)
-    distance = abs(mean - finder.delay)
-    if not distance < LINEAR:
+    if not abs(mean - finder.delay) < LINEAR or delay_joint.contradicts(finder, mean):
         return False
+    if finder.joint_clear != 0:
+        # Both come of the same readings: weighed by what they know, they do not know more.
+        share = deviation**2 / (deviation**2 + finder.joint_deviation**2)
+        mean += share * (finder.joint_delay - mean)
+        deviation += share * (finder.joint_deviation - deviation)
+    distance = abs(mean - finder.delay)
     if finder.delay == 0.0:
         # Between two readings the motion model lags behind, which looks like a delay.
         least = max(SMALLEST, LAG * grids.slowest_period(finder))

@@ -1,11 +1,12 @@
 """One fit of the law to all windows of the delay: where the tissue stays, it says more than they.
 
 A window of its own has three parameters, and in half a second of a press or of a tap these take up
-what a delay does. Tissue that stays has the same K, B and n in all windows. So some points of each
-window are kept, as they are for each candidate delay, and what a fit to all of them leaves says
-which candidate it is. It is asked where that fit leaves little, and the tool has gone both ways:
-along one way a delay is nothing but another depth. (Ours; `hc bench accuracy together`, presses and
-tapping out of step.)
+what a delay does. Tissue that stays has the same K, B, n and p in all windows. So some points of
+each window are kept, as they are for each candidate delay, and what a fit to all of them leaves
+(`delay_fit`) says which candidate it is; the zero of the score between two of them says the delay.
+It is asked where that fit leaves little, and the tool has gone both ways: along one way a delay is
+nothing but another depth. (Ours; `hc bench accuracy together`, presses and tapping out of step,
+and `multirate`.)
 """
 
 from __future__ import annotations
@@ -14,23 +15,11 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import delay_fit, smoothing
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_rules import APART, LEAD, RIVAL
 from hc_estimator.multiple_model.records import CANDIDATES, JOINT_POINTS
-from hc_estimator.multiple_model.rows import (
-    LARGEST_VELOCITY_EXPONENT,
-    SMALLEST_VELOCITY_EXPONENT,
-    prior_deviation,
-)
-from hc_estimator.multiple_model.window_fit import (
-    EXPONENTS,
-    LEAST_RESIDUAL,
-    SMALLEST_DEVIATION,
-    gather,
-    secant_step,
-    stiffness_and_damping,
-    within_limits,
-)
+from hc_estimator.multiple_model.window_fit import EXPONENTS, gather, stiffness_and_damping
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -45,26 +34,28 @@ SPECIFICATIONS = (
 EVERY = 5  # points of the grid between two that are kept
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
 ALIKE = 0.1  # the same where the law misfits: half a second apart
-MISFITTING = 20.0  # squares that are left, over those of the noise, from which on it does
+MISFITTING = 4.0  # squares that are left, over those of the noise, from which on it does
 FEWEST = 24  # points
 NEW = 1.0 / 8.0  # share of the points that must be new for another fit
-REFINEMENTS = 3  # secant steps for n
-WIDTH = 0.1  # of the first of them
+FIRST_STEPS = 8  # of a fit that begins anew
+STEPS = 3  # of one that goes on
 LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 INTERPOLATED = 0.1  # error of a delay between two candidates, in steps of the grid
-FAR = 1.0  # steps of the grid
-# Squares that the delay in use leaves over those of the best: what smoothing and a p that is not
-# known well leave is alike in all points, however many they are.
-LEAST_RATIO = 3.0
+FAR = 3.0  # deviations, from which on it is another delay
+BEGINS = 5.0  # the same, where none is in use
+BISECTIONS = 12
 
 
 @compiled
 def reset(finder: Any) -> None:
     """There is no common fit; what is felt from now on may make one."""
     finder.joint_count = 0
+    finder.joint_fitted = 0
+    finder.joint_clear = 0
     finder.joint_from = finder.grid_count
+    finder.joint_fits = 0
 
 
 @compiled
@@ -73,9 +64,6 @@ def take(finder: Any) -> None:
     finder.joint_from = min(finder.joint_from, finder.grid_count)  # the grid has begun anew
     if finder.first < finder.joint_from:
         return  # the tissue before it is in this window
-    if finder.joint_count == 0:
-        for j in range(CANDIDATES):
-            finder.joint_exponent[j] = 0.0
     centre, added = CANDIDATES // 2, 0
     for j in range(centre - finder.reach, centre + finder.reach + 1):
         count = gather(finder, (j - centre) * finder.grid_step)
@@ -87,73 +75,12 @@ def take(finder: Any) -> None:
             finder.joint[slot, j, 1] = math.log(abs(point[1])) / finder.velocity_exponent
             finder.joint[slot, j, 2] = math.copysign(1.0, point[1])
             finder.joint_force[slot, 0] = point[3]
-            finder.joint_force[slot, 1] = point[5]
             added += 1
     finder.joint_count += added
 
 
 @compiled
-def _left(finder: Any, j: int, exponent: float) -> float:
-    """Squares that the best K and B >= 0 leave at a candidate and an n [N^2]; these in finder.fit.
-
-    Less what noise of the velocities adds, as in `window_fit.linear_fit`; all of them where it is
-    so large a part of what tells B from K that anything would fit.
-    """
-    g00, g01, g11, r0, r1, total, noise = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    p = finder.velocity_exponent
-    for k in range(min(finder.joint_count, JOINT_POINTS)):
-        point = finder.joint[k, j]
-        a = math.exp(exponent * point[0])
-        b = a * point[2] * math.exp(p * point[1])
-        force = finder.joint_force[k, 0]
-        g00 += a * a
-        g01 += a * b
-        g11 += b * b
-        noise += a * a * finder.joint_force[k, 1]
-        r0 += a * force
-        r1 += b * force
-        total += force * force
-    if noise > LARGEST_NOISE * (g11 - g01 * g01 / g00):
-        return total
-    g11 -= noise
-    stiffness, damping = stiffness_and_damping(g00, g01, g11, r0, r1)
-    finder.fit[0] = stiffness
-    finder.fit[1] = damping
-    finder.fit[2] = exponent
-    return float(max(total - stiffness * r0 - damping * r1, LEAST_RESIDUAL * total))
-
-
-@compiled
-def _refine(finder: Any, j: int) -> float:
-    """Improve the n of a candidate by secant steps; what it leaves [N^2].
-
-    The first fit looks everywhere: the n of one window may be anything.
-    """
-    exponent, width = finder.joint_exponent[j], WIDTH
-    best = math.inf
-    if exponent == 0.0:
-        for trial in EXPONENTS:
-            left = _left(finder, j, trial)
-            if left < best:
-                exponent, best = trial, left
-    else:
-        best = _left(finder, j, exponent)
-    for _ in range(REFINEMENTS):
-        above = _left(finder, j, exponent + width)
-        below = _left(finder, j, exponent - width)
-        step = secant_step(above, best, below, width)
-        trial = within_limits(exponent + step)
-        left = _left(finder, j, trial)
-        if left < best:
-            exponent, best = trial, left
-        if abs(step) <= width:  # else it is still on its way
-            width = max(0.3 * width, 0.002)
-    finder.joint_exponent[j] = exponent
-    return best
-
-
-@compiled
-def decide(settings: Any, finder: Any, force_noise: float) -> bool:
+def decide(settings: Any, finder: Any, sensor_noise: Any) -> bool:
     """True if the common fit clearly says a delay, in finder.joint_delay.
 
     The fit is made anew once it has points enough that are new; until then it says what it said.
@@ -161,112 +88,181 @@ def decide(settings: Any, finder: Any, force_noise: float) -> bool:
     Args:
         settings: settings record.
         finder: the fit is changed.
-        force_noise: variance of a reading [N^2].
+        sensor_noise: variances of displacement and force [mm^2], [N^2].
     """
-    count = min(finder.joint_count, JOINT_POINTS)
+    count = delay_fit.count_of(finder)
     if count < FEWEST:
-        finder.joint_fitted = 0
-        finder.joint_clear = 0
-    elif finder.joint_count - finder.joint_fitted >= NEW * count:
+        return False
+    if finder.joint_count - finder.joint_fitted >= NEW * count:
+        clear = _goes_both_ways(finder, count)
+        if clear:
+            _note_noise(finder, sensor_noise)
+            _fit(settings, finder)
+            clear = _is_clear(finder, count)
         finder.joint_fitted = finder.joint_count
-        finder.joint_clear = (
-            1 if _goes_both_ways(finder, count) and _fit(settings, finder, force_noise) else 0
-        )
+        finder.joint_clear = 1 if clear else 0
     return bool(finder.joint_clear != 0)
 
 
 @compiled
-def _fit(settings: Any, finder: Any, force_noise: float) -> bool:
-    """Find the delay of the common fit; False if it says none clearly.
+def _note_noise(finder: Any, sensor_noise: Any) -> None:
+    """Variances of a smoothed point's force, depth and velocity, in finder.joint_noise."""
+    width = finder.grid_width + 2.0 * finder.neighbours * finder.grid_step
+    for i in range(2):
+        readings = max(width / max(grids.period(finder, i), 1e-9), 1.0)
+        finder.joint_noise[1 - i] = smoothing.VALUE_VARIANCE * sensor_noise[i] / readings
+    finder.joint_noise[2] = finder.velocity_variance
+
+
+@compiled
+def _fit(settings: Any, finder: Any) -> None:
+    """Fit the law at every candidate, with the weights of the likeliest one so far.
+
+    Where no law has been found that fits, each candidate begins anew.
 
     Args:
         settings: settings record.
-        finder: joint_left, joint_delay and its deviation are set, the n of the fits improved.
-        force_noise: variance of a reading [N^2].
+        finder: joint_law, joint_left, joint_chosen, scores and information are set.
     """
-    count = min(finder.joint_count, JOINT_POINTS)
-    centre, step = CANDIDATES // 2, finder.grid_step
-    low, high = centre - finder.reach, centre + finder.reach
-    noise = count * force_noise / grids.readings_of(finder)
-    chosen = centre
+    low, high = CANDIDATES // 2 - finder.reach, CANDIDATES // 2 + finder.reach
+    if finder.joint_fits == 0:
+        for j in range(low, high + 1):
+            left = _begin(settings, finder, j)
+            if j == low or left < finder.joint_left[finder.joint_chosen]:
+                finder.joint_chosen = j
+            finder.joint_left[j] = left
+        _improve(settings, finder, FIRST_STEPS)
+    _improve(settings, finder, STEPS)
+    count = delay_fit.count_of(finder)
+    fits = finder.joint_left[finder.joint_chosen] < MISFITTING * count
+    finder.joint_fits = 1 if fits else 0
+
+
+@compiled
+def _begin(settings: Any, finder: Any, j: int) -> float:
+    """First law of a candidate, with the usual p and the n that leaves least; these squares."""
+    law, best, p = finder.joint_law[j], math.inf, settings.initial_velocity_exponent
+    for exponent in EXPONENTS:
+        g00, g01, g11, r0, r1, total = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(delay_fit.count_of(finder)):
+            point = finder.joint[k, j]
+            a = math.exp(exponent * point[0])
+            b = a * point[2] * math.exp(p * point[1])
+            force = finder.joint_force[k, 0]
+            g00 += a * a
+            g01 += a * b
+            g11 += b * b
+            r0 += a * force
+            r1 += b * force
+            total += force * force
+        stiffness, damping = stiffness_and_damping(g00, g01, g11, r0, r1)
+        left = total - stiffness * r0 - damping * r1
+        if left < best:
+            best = left
+            law[0], law[1], law[2], law[3] = stiffness, damping, exponent, p
+    return best
+
+
+@compiled
+def _improve(settings: Any, finder: Any, steps: int) -> None:
+    """Improve the law of every candidate; joint_chosen becomes the one that leaves least."""
+    low, high = CANDIDATES // 2 - finder.reach, CANDIDATES // 2 + finder.reach
+    chosen = finder.joint_chosen
+    delay_fit.weigh(finder, chosen, finder.joint_law[chosen])
     for j in range(low, high + 1):
-        finder.joint_left[j] = _refine(finder, j) + noise
-        if finder.joint_left[j] < finder.joint_left[chosen]:
-            chosen = j
-    best, total = finder.joint_left[chosen], 0.0
-    for k in range(count):
-        total += finder.joint_force[k, 0] ** 2
-    if chosen in (low, high) or best > LARGEST_MISFIT**2 * total:
+        delay_fit.improve(settings, finder, j, steps)
+        if j == low or finder.joint_left[j] < finder.joint_left[finder.joint_chosen]:
+            finder.joint_chosen = j
+
+
+@compiled
+def _is_clear(finder: Any, count: int) -> bool:
+    """True if the fits say one delay; it and its deviation are then set.
+
+    Args:
+        finder: with the fits; joint_delay and joint_deviation are set.
+        count: number of points.
+    """
+    centre, step, chosen = CANDIDATES // 2, finder.grid_step, finder.joint_chosen
+    low, high = centre - finder.reach, centre + finder.reach
+    if chosen in (low, high) or not _explains(finder, count):
         return False
-    weight = _weight(count, best, noise)
+    best = finder.joint_left[chosen]
+    weight = _weight(count, best)
     for j in range(low, high + 1):
         rival = abs(j - chosen) * step > APART
         if rival and weight * math.log(finder.joint_left[j] / best) < RIVAL:
             return False
-    before, after = finder.joint_left[chosen - 1], finder.joint_left[chosen + 1]
-    bend = before - 2.0 * best + after
-    offset = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    finder.joint_delay = (chosen - centre + offset) * step
-    variance = INTERPOLATED**2
-    if bend > 0.0:
-        variance += best / (weight * bend)
+    finder.joint_delay = (chosen - centre + _zero_of_the_score(finder)) * step
+    known = 2.0 * weight / count * finder.joint_information[chosen] * step * step
+    variance = INTERPOLATED**2 + max(best / count, 1.0) / known if known > 0.0 else math.inf
     finder.joint_deviation = min(math.sqrt(variance), 0.5) * step
-    if not is_far(finder, finder.delay):
-        return True
-    used = min(max(centre + round(finder.delay / step), low), high)
-    if not _leads(finder.joint_left[used] / best, weight):
+    return True
+
+
+@compiled
+def leads(finder: Any) -> bool:
+    """True if the delay of the common fit, which is clear, is far likelier than the one in use."""
+    away = abs(finder.joint_delay - finder.delay)
+    if not away > (BEGINS if finder.delay == 0.0 else FAR) * finder.joint_deviation:
         return False
-    # The p in use goes with the delay that the windows say: with its own, the other may do better.
-    return _leads(_left_with_its_own_p(settings, finder, used, weight, noise) / best, weight)
+    centre, chosen = CANDIDATES // 2, finder.joint_chosen
+    low, high = centre - finder.reach, centre + finder.reach
+    used = min(max(centre + round(finder.delay / finder.grid_step), low), high)
+    best = finder.joint_left[chosen]
+    weight = _weight(delay_fit.count_of(finder), best)
+    return bool(used == chosen or weight * math.log(finder.joint_left[used] / best) > LEAD)
 
 
 @compiled
-def _leads(ratio: float, weight: float) -> bool:
-    """True if the delay in use leaves so many times the squares of the best that it is not it."""
-    return bool(ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD)
+def _zero_of_the_score(finder: Any) -> float:
+    """Where the score vanishes, in steps from the chosen candidate, at most half a step beyond.
 
-
-@compiled
-def _left_with_its_own_p(settings: Any, finder: Any, j: int, weight: float, noise: float) -> float:
-    """Squares that a candidate leaves with the p that suits it best [N^2], and the prior of p.
-
-    Args:
-        settings: settings record.
-        finder: as it was afterwards.
-        j: candidate.
-        weight: log likelihood by the logarithm of the squares.
-        noise: squares that noise adds to what the fit leaves [N^2].
+    Between two candidates of which the scores point at each other it is a parabola, with the
+    difference of the squares as its integral.
     """
-    in_use, exponent = finder.velocity_exponent, finder.joint_exponent[j]
-    p, width, best = in_use, WIDTH, finder.joint_left[j] - noise
-    for _ in range(REFINEMENTS):
-        step = secant_step(
-            _left_at(finder, j, p + width), best, _left_at(finder, j, p - width), width
-        )
-        trial = min(max(p + step, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-        left = _left_at(finder, j, trial)
-        if left < best:
-            p, best = trial, left
-        if abs(step) <= width:
-            width *= 0.3
-    finder.velocity_exponent = in_use
-    finder.joint_exponent[j] = exponent
-    less_likely = 0.5 * (_deviations(settings, p) ** 2 - _deviations(settings, in_use) ** 2)
-    return float((best + noise) * math.exp(less_likely / weight))
+    chosen, step = finder.joint_chosen, finder.grid_step
+    score = finder.joint_score[chosen] * step
+    side = 1 if score > 0.0 else -1
+    other = finder.joint_score[chosen + side] * step
+    if score * other >= 0.0:
+        information = finder.joint_information[chosen] * step * step
+        return float(min(max(score / information, -0.5), 0.5)) if information > 0.0 else 0.0
+    gained = 0.5 * (finder.joint_left[chosen] - finder.joint_left[chosen + side])
+    bend = 6.0 * (gained - 0.5 * side * (score + other))
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        x = 0.5 * (low + high)
+        here = side * (score * (1.0 - x) + other * x) + bend * x * (1.0 - x)
+        if here > 0.0:  # it is positive at the chosen one, in this direction
+            low = x
+        else:
+            high = x
+    return side * 0.5 * (low + high)
 
 
 @compiled
-def _left_at(finder: Any, j: int, p: float) -> float:
-    """Squares that a candidate leaves with another p, which is then in use [N^2]."""
-    finder.velocity_exponent = p
-    return _refine(finder, j)
-
-
-@compiled
-def _deviations(settings: Any, p: float) -> float:
-    """How many deviations of its prior a p is off."""
-    deviation = max(prior_deviation(settings, 3), SMALLEST_DEVIATION)
-    return float((p - settings.initial_velocity_exponent) / deviation)
+def _explains(finder: Any, count: int) -> bool:
+    """True if the likeliest fit leaves little of the force, and its damping is not of noise."""
+    chosen = finder.joint_chosen
+    law = finder.joint_law[chosen]
+    left, total, noise, g00, g01, g11 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(count):
+        point = finder.joint[k, chosen]
+        a = math.exp(law[2] * point[0])
+        b = a * point[2] * math.exp(law[3] * point[1])
+        force = finder.joint_force[k, 0]
+        left += (force - law[0] * a - law[1] * b) ** 2
+        total += force * force
+        weight = finder.joint_force[k, 1]
+        g00 += weight * a * a
+        g01 += weight * a * b
+        g11 += weight * b * b
+        speed = max(point[1], delay_fit.slowest(finder))
+        by_speed = a * law[3] * math.exp((law[3] - 1.0) * speed)
+        noise += weight * by_speed * by_speed * finder.joint_noise[2]
+    shown = g11 - g01 * g01 / g00
+    return bool(left < LARGEST_MISFIT**2 * total and noise < LARGEST_NOISE * shown)
 
 
 @compiled
@@ -275,27 +271,25 @@ def note_fit(finder: Any) -> None:
     place = finder.joint_delay / finder.grid_step + CANDIDATES // 2
     before = min(max(int(place), 0), CANDIDATES - 2)
     share = place - before
-    _left(finder, before, finder.joint_exponent[before])
-    stiffness, damping, exponent = finder.fit[0], finder.fit[1], finder.fit[2]
-    _left(finder, before + 1, finder.joint_exponent[before + 1])
-    finder.fit[0] = stiffness + share * (finder.fit[0] - stiffness)
-    finder.fit[1] = damping + share * (finder.fit[1] - damping)
-    finder.fit[2] = exponent + share * (finder.fit[2] - exponent)
+    for i in range(3):
+        first, last = finder.joint_law[before, i], finder.joint_law[before + 1, i]
+        finder.fit[i] = first + share * (last - first)
 
 
 @compiled
-def is_far(finder: Any, delay: float) -> bool:
-    """True if a delay is not the one of the common fit; near it others know the value better."""
-    return bool(abs(finder.joint_delay - delay) > FAR * finder.grid_step)
+def contradicts(finder: Any, delay: float) -> bool:
+    """True if the common fit clearly says another delay."""
+    away = abs(finder.joint_delay - delay)
+    return bool(finder.joint_clear != 0 and away > FAR * finder.joint_deviation)
 
 
 @compiled
-def _weight(count: int, best: float, noise: float) -> float:
+def _weight(count: int, best: float) -> float:
     """Log likelihood by the logarithm of the squares: half the number of independent points.
 
     What noise does not explain is alike for as long as the tool goes one way.
     """
-    share = INDEPENDENT if best < MISFITTING * noise else ALIKE
+    share = INDEPENDENT if best < MISFITTING * count else ALIKE
     return 0.5 * share * count
 
 

@@ -109,7 +109,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
 
 
 @compiled
-def _period(finder: Any, channel: int) -> float:
+def period(finder: Any, channel: int) -> float:
     """Usual time between two readings of a channel [s]."""
     count = finder.raw_count[channel]
     few = min(count, 16)
@@ -121,14 +121,14 @@ def _period(finder: Any, channel: int) -> float:
 @compiled
 def slowest_period(finder: Any) -> float:
     """Usual time between two readings of the slower channel [s]."""
-    return max(_period(finder, 0), _period(finder, 1))
+    return max(period(finder, 0), period(finder, 1))
 
 
 @compiled
 def readings_of(finder: Any) -> float:
     """Displacements in one parabola."""
     width = max(finder.grid_width, 1e-9)
-    return max(width / max(_period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
+    return max(width / max(period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
 
 
 @compiled

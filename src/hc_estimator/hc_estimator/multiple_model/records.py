@@ -278,15 +278,24 @@ DELAY = record_type(
         Field("fine", np.float64, (2,)),  # delay and its deviation [s]
         Field("agreed", np.int64, (), 0, 1),  # 1 if most windows have a fine value near it
         # The fit that is common to the windows; see `delay_joint`. Ring of points: by the candidate
-        # ln d, ln |v| and the sign of v; force [N], and variance of the noise of |v|^p.
+        # ln d, ln |v| and the sign of v; force [N], and its weight in the fit [1/N^2].
         Field("joint", np.float64, (JOINT_POINTS, CANDIDATES, 3)),
         Field("joint_force", np.float64, (JOINT_POINTS, 2)),
         Field("joint_count", np.int64, (), 0),  # points so far
         Field("joint_fitted", np.int64, (), 0),  # points at the last fit
         Field("joint_clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
         Field("joint_from", np.int64, (), 0),  # grid_count from which on it is this tissue
-        Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits; 0: none yet
-        Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # squares left [N^2]
+        Field("joint_noise", np.float64, (3,), 0.0),  # variances of force, depth and velocity
+        Field("joint_law", np.float64, (CANDIDATES, 4)),  # K, B, n, p of the fits
+        Field("joint_fits", np.int64, (), 0, 1),  # 1 if the best of them leaves no more than noise
+        Field("joint_squares", np.float64),  # of the last law tried, weighted
+        Field("joint_taken", np.float64, (), 0.0),  # of its information on B, by noise
+        Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # weighted squares left
+        Field("joint_score", np.float64, (CANDIDATES,)),  # derivative of half of them [1/s]
+        Field("joint_information", np.float64, (CANDIDATES,), 0.0),  # on the delay [1/s^2]
+        Field("joint_chosen", np.int64, (), 0, CANDIDATES - 1),  # candidate that leaves least
+        Field("trial", np.float64, (4,)),
+        Field("direction", np.float64, (4,)),
         Field("joint_delay", np.float64),  # of it [s]
         Field("joint_deviation", np.float64, (), 0.0),  # [s]
         # Delay [s] and its variance [s^2] by the filter's innovations of each half second.

@@ -200,7 +200,7 @@ def fine_delay(finder: Any, start: float, slot: int) -> bool:
     for _ in range(FINE_STEPS):
         count = gather(finder, delay)
         _add_up(finder, count)
-        if not _solve(normal, slope, _fixed(fit, slope)):
+        if not solve_four(normal, slope, _fixed(fit, slope)):
             return False
         delay += slope[3]
         fit[0] += slope[0]
@@ -280,7 +280,7 @@ def _add_up(finder: Any, count: int) -> float:
 
 
 @compiled
-def _solve(normal: Any, slope: Any, fixed: int) -> bool:
+def solve_four(normal: Any, slope: Any, fixed: int) -> bool:
     """Solve the first four normal equations in place; unknown `fixed` stays 0 unless it is -1."""
     if fixed >= 0:
         for j in range(4):
