@@ -12,9 +12,9 @@ filters would not do: next to a wrong delay they find the p that goes with it.) 
 that no window has a fine value near the likeliest candidate, as a quick tool's may be, a few others
 are tried.
 
-Where the tissue stays, one fit to all windows says which candidate it is (`delay_joint`), and near
-it the innovations of the filter say the value (`delay_evidence`); the windows remain for tissue
-that varies and for a law that misses.
+Where the tissue stays, one fit to all windows says the delay (`delay_joint`), and near it the
+innovations of the filter say the value (`delay_evidence`); the windows remain for tissue that varies
+and for a law that misses.
 """
 
 from __future__ import annotations
