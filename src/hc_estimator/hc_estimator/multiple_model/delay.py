@@ -13,8 +13,8 @@ that no window has a fine value near the likeliest candidate, as a quick tool's 
 are tried.
 
 Where the tissue stays, one fit to all windows says the delay (`delay_joint`), and near it the
-innovations of the filter say the value (`delay_evidence`); the windows remain for tissue that varies
-and for a law that misses.
+innovations of the filter say the value (`delay_evidence`); the windows remain for tissue that
+varies and for a law that misses.
 """
 
 from __future__ import annotations

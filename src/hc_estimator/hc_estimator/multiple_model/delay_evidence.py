@@ -87,7 +87,7 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
     mean, deviation = finder.fine[0], finder.fine[1] * math.sqrt(1.0 + 2.0 / freedom)
     if not abs(mean - finder.delay) < LINEAR or delay_joint.contradicts(finder, mean):
         return False
-    if finder.joint_clear != 0:
+    if finder.joint_clear != 0 and finder.delay != 0.0:
         # Both come of the same readings: weighed by what they know, they do not know more.
         share = deviation**2 / (deviation**2 + finder.joint_deviation**2)
         mean += share * (finder.joint_delay - mean)

@@ -45,6 +45,9 @@ LARGEST_MISFIT = 0.05  # of the RMS force that the fit may leave
 INTERPOLATED = 0.1  # error of a delay between two candidates, in steps of the grid
 FAR = 3.0  # deviations, from which on it is another delay
 BEGINS = 5.0  # the same, where none is in use
+# Squares that the delay in use leaves over those of the best: what smoothing leaves of a motion
+# with corners is alike in all points, however many they are.
+LEAST_RATIO = 1.5
 BISECTIONS = 12
 
 
@@ -133,6 +136,7 @@ def _fit(settings: Any, finder: Any) -> None:
             finder.joint_left[j] = left
         _improve(settings, finder, FIRST_STEPS)
     _improve(settings, finder, STEPS)
+    _give_a_second_chance(settings, finder, _candidate_in_use(finder))
     count = delay_fit.count_of(finder)
     fits = finder.joint_left[finder.joint_chosen] < MISFITTING * count
     finder.joint_fits = 1 if fits else 0
@@ -176,6 +180,42 @@ def _improve(settings: Any, finder: Any, steps: int) -> None:
 
 
 @compiled
+def _candidate_in_use(finder: Any) -> int:
+    """Candidate nearest to the delay in use."""
+    centre = CANDIDATES // 2
+    near = centre + round(finder.delay / finder.grid_step)
+    return min(max(near, centre - finder.reach), centre + finder.reach)  # type: ignore[no-any-return]
+
+
+@compiled
+def _give_a_second_chance(settings: Any, finder: Any, j: int) -> None:
+    """Improve a candidate from the law of the chosen one, too: it may have kept to a false optimum.
+
+    Args:
+        settings: settings record.
+        finder: what was found for the candidate is changed if this is better.
+        j: candidate.
+    """
+    chosen = finder.joint_chosen
+    if j == chosen:
+        return
+    law, before = finder.joint_law[j], finder.joint_left[j]
+    score, information = finder.joint_score[j], finder.joint_information[j]
+    for i in range(4):
+        finder.joint_before[i] = law[i]
+        law[i] = finder.joint_law[chosen, i]
+    delay_fit.improve(settings, finder, j, FIRST_STEPS)
+    if finder.joint_left[j] < finder.joint_left[chosen]:
+        finder.joint_chosen = j
+    if not finder.joint_left[j] < before:
+        finder.joint_left[j] = before
+        finder.joint_score[j] = score
+        finder.joint_information[j] = information
+        for i in range(4):
+            law[i] = finder.joint_before[i]
+
+
+@compiled
 def _is_clear(finder: Any, count: int) -> bool:
     """True if the fits say one delay; it and its deviation are then set.
 
@@ -206,12 +246,11 @@ def leads(finder: Any) -> bool:
     away = abs(finder.joint_delay - finder.delay)
     if not away > (BEGINS if finder.delay == 0.0 else FAR) * finder.joint_deviation:
         return False
-    centre, chosen = CANDIDATES // 2, finder.joint_chosen
-    low, high = centre - finder.reach, centre + finder.reach
-    used = min(max(centre + round(finder.delay / finder.grid_step), low), high)
+    used, chosen = _candidate_in_use(finder), finder.joint_chosen
     best = finder.joint_left[chosen]
     weight = _weight(delay_fit.count_of(finder), best)
-    return bool(used == chosen or weight * math.log(finder.joint_left[used] / best) > LEAD)
+    ratio = finder.joint_left[used] / best
+    return bool(used == chosen or (ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD))
 
 
 @compiled

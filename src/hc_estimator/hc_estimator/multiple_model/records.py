@@ -288,6 +288,7 @@ DELAY = record_type(
         Field("joint_noise", np.float64, (3,), 0.0),  # variances of force, depth and velocity
         Field("joint_law", np.float64, (CANDIDATES, 4)),  # K, B, n, p of the fits
         Field("joint_fits", np.int64, (), 0, 1),  # 1 if the best of them leaves no more than noise
+        Field("joint_before", np.float64, (4,)),
         Field("joint_squares", np.float64),  # of the last law tried, weighted
         Field("joint_taken", np.float64, (), 0.0),  # of its information on B, by noise
         Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # weighted squares left

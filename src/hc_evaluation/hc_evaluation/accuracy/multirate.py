@@ -127,15 +127,15 @@ def delay_bound(scenario: Scenario, contact: SimulatedContact) -> float:
         scenario: the contact.
         contact: its readings; forces where they are finite.
     """
-    felt = np.isfinite(contact.force_n)
-    late = contact.time_s[felt] - scenario.force_delay_s
+    read = np.isfinite(contact.force_n)
+    late = contact.time_s[read] - scenario.force_delay_s
     step = 1e-5
     ahead, behind = (
         hunt_crossley_force(*penetration(scenario, late + side)[:2], scenario.tissue.as_array())
         for side in (step, -step)
     )
     rate = (ahead - behind) / (2.0 * step)
-    return float(1.0 / np.sqrt(np.sum(np.square(rate / contact.force_noise_std[felt]))))
+    return float(1.0 / np.sqrt(np.sum(np.square(rate / contact.force_noise_std[read]))))
 
 
 @dataclass(frozen=True)
