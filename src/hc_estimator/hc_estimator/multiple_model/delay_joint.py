@@ -236,7 +236,7 @@ def _is_clear(finder: Any, count: int) -> bool:
     finder.joint_delay = (chosen - centre + _zero_of_the_score(finder)) * step
     known = 2.0 * weight / count * finder.joint_information[chosen] * step * step
     variance = INTERPOLATED**2 + max(best / count, 1.0) / known if known > 0.0 else math.inf
-    finder.joint_deviation = min(math.sqrt(variance), 0.5) * step
+    finder.joint_deviation = min(math.sqrt(variance), float(finder.reach)) * step
     return True
 
 
