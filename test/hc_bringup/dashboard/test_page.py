@@ -172,7 +172,9 @@ def test_a_robot_that_was_not_tared_is_told_so_on_top(
     said = "it reads a push as a pull; turn its sign (force.sign)"
     node = {"level": 1, "message": said, "hardware": "", "values": {}, "age_s": 0.2}
     opened(page, served, make_status, tip=False, nodes={"estimator": node})
+    # Estimates and what the nodes say come by ways of their own.
     page.wait_for("document.getElementById('headline').textContent.includes('was nothing tared')")
+    page.wait_for("document.getElementById('headline').textContent.includes('a push as a pull')")
     headline = page.text("#headline")
     assert "-199 mm" in headline
     assert said in headline
