@@ -137,19 +137,31 @@ def test_the_lag_of_the_motion_between_two_poses_is_no_delay():
         assert np.all(series.channel_delay == 0.0)
 
 
-def apart(seed, seconds=20.0):
-    """Presses of a tool with a ripple: force at 500 Hz, position at 125 Hz, each at its stamp."""
+def presses(seed, seconds, periods, rest, stroke, tissue, noise):
+    """Presses of a tool with a ripple, each reading at its own stamp.
+
+    Args:
+        seed: of noise and stamps.
+        seconds: of it.
+        periods: time between two forces, and two positions [s]; largest offset of these.
+        rest: before the first press [s].
+        stroke: least depth, and half of the way from there [mm].
+        tissue: K, B, n, p.
+        noise: of force [N] and position [mm].
+    """
     rng = np.random.default_rng(seed)
-    times = np.arange(0.0, seconds, 0.002), np.arange(rng.uniform(0.0001, 0.0079), seconds, 0.008)
+    force_period, period, offset = periods
+    begin = rng.uniform(0.0001, offset)
+    times = np.arange(0.0, seconds, force_period), np.arange(begin, seconds, period)
+    (lowest, half), (K, B, n, p) = stroke, tissue
     force, depth = ([], [])
     for time, readings in zip(times, (force, depth), strict=True):
-        after = np.maximum(time - 1.0, 0.0)
-        d = -4.0 + 4.25 * (1.0 - np.cos(2.2 * after)) + 0.2 * np.sin(11.0 * after)
-        v = 9.35 * np.sin(2.2 * after) + 2.2 * np.cos(11.0 * after)
-        inside = np.maximum(d, 0.0) ** 1.4
-        law = np.maximum(inside * (0.7 + 0.04 * np.sign(v) * np.abs(v) ** 0.9), 0.0)
-        readings.append(law + 0.03 * rng.standard_normal(time.size))
-        readings.append(d + 0.01 * rng.standard_normal(time.size))
+        after = np.maximum(time - rest, 0.0)
+        d = lowest + half * (1.0 - np.cos(2.2 * after)) + 0.2 * np.sin(11.0 * after)
+        v = 2.2 * half * np.sin(2.2 * after) + 2.2 * np.cos(11.0 * after)
+        law = np.maximum(np.maximum(d, 0.0) ** n * (K + B * np.sign(v) * np.abs(v) ** p), 0.0)
+        readings.append(law + noise[0] * rng.standard_normal(time.size))
+        readings.append(d + noise[1] * rng.standard_normal(time.size))
     nothing = [np.full(time.size, np.nan) for time in times]
     stamps = np.concatenate(times)
     order = np.argsort(stamps, kind="stable")
@@ -159,6 +171,18 @@ def apart(seed, seconds=20.0):
         np.concatenate([force[0], nothing[1]]),
     )
     return tuple(column[order] for column in columns)
+
+
+def apart(seed):
+    """Twenty seconds: force at 500 Hz, position at 125 Hz."""
+    tissue = (0.7, 0.04, 1.4, 0.9)
+    return presses(seed, 20.0, (0.002, 0.008, 0.0079), 1.0, (-4.0, 4.25), tissue, (0.03, 0.01))
+
+
+def minutes(seed):
+    """Two minutes: force at 1 kHz, position at 100 Hz with 0.02 mm of noise."""
+    tissue = (0.9, 0.06, 1.3, 0.8)
+    return presses(seed, 120.0, (0.001, 0.01, 0.009), 3.0, (-3.0, 3.5), tissue, (0.03, 0.02))
 
 
 @pytest.mark.parametrize("seed", [0, 3, 4, 7])
@@ -184,30 +208,6 @@ def test_what_is_not_known_of_the_delay_is_not_known_of_the_parameters():
     variances = np.diagonal(series.covariance, axis1=1, axis2=2) / slopes**2
     share = np.clip(1.0 - variances / np.square(priors), 0.0, 1.0)
     np.testing.assert_allclose(series.identifiability, share, atol=1e-12)
-
-
-def minutes(seed, seconds=120.0):
-    """A tool that presses for minutes: force at 1 kHz, position at 100 Hz with 0.02 mm of noise."""
-    rng = np.random.default_rng(seed)
-    times = np.arange(0.0, seconds, 0.001), np.arange(rng.uniform(0.0001, 0.009), seconds, 0.01)
-    force, depth = ([], [])
-    for time, readings in zip(times, (force, depth), strict=True):
-        after = np.maximum(time - 3.0, 0.0)
-        d = -3.0 + 3.5 * (1.0 - np.cos(2.2 * after)) + 0.2 * np.sin(11.0 * after)
-        v = 7.7 * np.sin(2.2 * after) + 2.2 * np.cos(11.0 * after)
-        inside = np.maximum(d, 0.0) ** 1.3
-        law = np.maximum(inside * (0.9 + 0.06 * np.sign(v) * np.abs(v) ** 0.8), 0.0)
-        readings.append(law + 0.03 * rng.standard_normal(time.size))
-        readings.append(d + 0.02 * rng.standard_normal(time.size))
-    nothing = [np.full(time.size, np.nan) for time in times]
-    stamps = np.concatenate(times)
-    order = np.argsort(stamps, kind="stable")
-    columns = (
-        stamps,
-        np.concatenate([nothing[0], depth[1]]),
-        np.concatenate([force[0], nothing[1]]),
-    )
-    return tuple(column[order] for column in columns)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 4])
