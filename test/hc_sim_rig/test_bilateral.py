@@ -186,7 +186,7 @@ def test_model_mediated_bounds_hold(round_trip: float) -> None:
     # The hand's own account: its work on the renderer, which held each force for one sample.
     work = np.concatenate([[0.0], np.cumsum(series.hand_force_n[:-1] * np.diff(series.master_mm))])
     assert work.min() >= -feedback.tank_mj
-    assert np.ptp(work) > 0.2
+    assert np.ptp(work) > 1.0
 
 
 def test_no_force_in_free_motion_and_none_before_the_model() -> None:

@@ -64,6 +64,36 @@ def log_speed_of(row: Any, log_speed: float) -> float:
 
 
 @compiled
+def squares_left(settings: Any, points: Any, first: int, last: int, row: Any) -> float:
+    """Sum of squares [N^2] that a row's law leaves of points, on a surface that stays.
+
+    Args:
+        settings: settings record.
+        points: ring of depth [mm], velocity [mm/s] and force [N], the leading columns.
+        first: number of the first.
+        last: number of the one after the last.
+        row: whose parameters they are.
+    """
+    state, total = row.state, 0.0
+    k, b, n, p = state[LOG_STIFFNESS], state[LOG_DAMPING], state[EXPONENT], state[VELOCITY_EXPONENT]
+    for i in range(first, last):
+        point = points[i % points.shape[0]]
+        error = point[2] - force_of(settings, point[0], point[1], k, b, n, p)
+        total += error * error
+    return total
+
+
+@compiled
+def squared_forces(points: Any, first: int, last: int) -> float:
+    """Sum of the squared forces [N^2] of such points."""
+    total = 0.0
+    for i in range(first, last):
+        force = points[i % points.shape[0], 2]
+        total += force * force
+    return total
+
+
+@compiled
 def force_of_row(settings: Any, row: Any, ahead: float) -> float:
     """Force [N] that the row expects some time [s] after its state."""
     state = row.state

@@ -16,14 +16,10 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.hypotheses import (
-    EXPONENT,
     FITTED,
-    LOG_DAMPING,
-    LOG_STIFFNESS,
     SURFACE,
-    VELOCITY_EXPONENT,
 )
-from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.kalman import squared_forces, squares_left
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.specification import ParameterSpecification
 
@@ -46,6 +42,14 @@ FAR_OFF = 0.3
 
 
 @compiled
+def look(settings: Any, bank: Any, elapsed: float) -> None:
+    """Ask once, when nothing has been felt for long enough after another time [s]."""
+    away = bank.tool.away_time
+    if away < AWAY_TIME and away + elapsed >= AWAY_TIME:
+        review(settings, bank)
+
+
+@compiled
 def review(settings: Any, bank: Any) -> None:
     """Let the fit go on if it explains the contact that is over better than the chosen row.
 
@@ -61,10 +65,11 @@ def review(settings: Any, bank: Any) -> None:
     first = _begin_of_contact(history)
     if history.count - first < FEWEST:
         return
-    left = _squares_left(settings, history, first, chosen)
-    if left < FAR_OFF**2 * _squared_forces(history, first):
+    points, last = history.points, history.count
+    left = squares_left(settings, points, first, last, chosen)
+    if left < FAR_OFF**2 * squared_forces(points, first, last):
         return
-    if _squares_left(settings, history, first, fitted) > CLEARLY**2 * left:
+    if squares_left(settings, points, first, last, fitted) > CLEARLY**2 * left:
         return
     judging.go_on_with_fit(judge, rows, bank.tool.contact_clock)
 
@@ -79,31 +84,3 @@ def _begin_of_contact(history: Any) -> int:
             break
         first -= 1
     return max(first, histories.oldest(history))  # type: ignore[no-any-return]
-
-
-@compiled
-def _squares_left(settings: Any, history: Any, first: int, row: Any) -> float:
-    """Sum of squares [N^2] that a row's law leaves of the remembered points from `first` on."""
-    state, total = row.state, 0.0
-    for i in range(first, history.count):
-        point = history.points[i % POINTS]
-        force = force_of(
-            settings,
-            point[0],
-            point[1],
-            state[LOG_STIFFNESS],
-            state[LOG_DAMPING],
-            state[EXPONENT],
-            state[VELOCITY_EXPONENT],
-        )
-        total += (point[2] - force) ** 2
-    return total
-
-
-@compiled
-def _squared_forces(history: Any, first: int) -> float:
-    """Sum of the squared forces [N^2] of the remembered points from `first` on."""
-    total = 0.0
-    for i in range(first, history.count):
-        total += history.points[i % POINTS, 2] ** 2
-    return total

@@ -26,6 +26,7 @@ from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.choice import trusted_motion
 from hc_estimator.multiple_model.follows_tool import follows_tool
 from hc_estimator.multiple_model.hypotheses import (
+    BREATHES,
     COUNTS,
     FRESH,
     LOG_STIFFNESS,
@@ -73,7 +74,6 @@ RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
 # Log evidence by which a freer one is believed instead. A spline between its knots is off by more
 # than the noise on the flank of a narrow lump, and a surface that moves would make up for it.
 LIKELIER = np.array([150.0, 10.0, 150.0, 10.0, 10.0, 10.0, 10.0, 0.0])
-WANDERS = 1e-3  # variance that the speed of a surface gains per second from which it moves
 OUTCOME = 7  # ln K, ln B, n, p; position and speed of the surface; rate of ln K
 
 
@@ -82,7 +82,7 @@ def _kind_of(m: int) -> int:
     row = ROWS[m]
     if not row.surface:
         return -1
-    kind = MOVES if row.own_walks[1] > WANDERS else SINKS
+    kind = MOVES if BREATHES[m] else SINKS
     return kind + (VARIES if any(drives[0] > 0.0 for drives in row.drives) else STAYS)
 
 

@@ -326,11 +326,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         if clock.present[1] != 0:
             plausible.learn(tool, chosen, clock.measurement[1], clock.force_elapsed)
     else:
-        away = tool.away_time
+        lift_off.look(settings, bank, clock.elapsed)
         tool.away_time += clock.elapsed
-        if away < lift_off.AWAY_TIME and tool.away_time >= lift_off.AWAY_TIME:
-            lift_off.review(settings, bank)
-            chosen = rows[bank.judge.chosen]
+        chosen = rows[bank.judge.chosen]
     _correct_density(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
     if clock.present[1] != 0 and not turning:

@@ -28,7 +28,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     SURFACE_ROW,
 )
-from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.kalman import squared_forces, squares_left
 from hc_estimator.multiple_model.records import GRID
 from hc_estimator.multiple_model.rows import SMALLEST_LOG_RATIO, free_parameters, limit, seed
 from hc_estimator.specification import ParameterSpecification
@@ -95,7 +95,10 @@ def look(settings: Any, bank: Any, elapsed: float) -> None:
     if not _gather(bank.delay, search, bank.sensor_noise, now):
         return
     left = _least_squares(settings, search, bank.rows)
-    if left > LEAST_MISFIT**2 * _squared_forces(search) and _try_all(search) < FAR_BETTER * left:
+    if (
+        left > LEAST_MISFIT**2 * squared_forces(search.points, 0, search.count)
+        and _try_all(search) < FAR_BETTER * left
+    ):
         _begin(settings, bank, surface, chosen)
 
 
@@ -195,15 +198,6 @@ def _try(search: Any, position: float, rate: float) -> float:
 
 
 @compiled
-def _squared_forces(search: Any) -> float:
-    """Sum of the squared forces of the points [N^2]."""
-    total = 0.0
-    for i in range(search.count):
-        total += search.points[i, 2] ** 2
-    return total
-
-
-@compiled
 def _least_squares(settings: Any, search: Any, rows: Any) -> float:
     """Squares that the best row with a surface that stays leaves on the same points [N^2]."""
     least = math.inf
@@ -211,13 +205,7 @@ def _least_squares(settings: Any, search: Any, rows: Any) -> float:
         row = rows[m]
         if row.active == 0 or SURFACE[m]:
             continue
-        k, b, n, p = row.state[2], row.state[3], row.state[4], row.state[5]
-        total = 0.0
-        for i in range(search.count):
-            point = search.points[i]
-            error = point[2] - force_of(settings, point[0], point[1], k, b, n, p)
-            total += error * error
-        least = min(least, total)
+        least = min(least, squares_left(settings, search.points, 0, search.count, row))
     return least
 
 

@@ -20,7 +20,7 @@ from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.measure import Numbers, Setup, sampled
 from hc_evaluation.accuracy.presses import MOVES, Presses
-from hc_evaluation.accuracy.rates import DECLARED, Rates, read_apart
+from hc_evaluation.accuracy.rates import Rates, declared, read_apart
 from hc_evaluation.accuracy.scenarios import (
     Motion,
     Scenario,
@@ -195,11 +195,9 @@ def _row(name: str, runs: Sequence[Numbers]) -> Row:
 
 def multirate(bench: Bench) -> Result:
     """Pose slower than wrench, presses, with a delay and without."""
-    setup = bench.setup if bench.setup.candidate else bench.setup.with_parameters(DECLARED)
-    try:
-        setup.create()
-    except ValueError as error:
-        return {"rows": [], "targets": [], "skipped": f"needs missing readings: {error}"}
+    setup, skipped = declared(bench)
+    if skipped is not None:
+        return skipped
     kinds = [(rates, delayed) for delayed in (False, True) for rates in RATES]
     tasks = [
         MultirateTask(setup, rates, delayed, bench.first_seed + seed)

@@ -129,13 +129,21 @@ def _row(name: str, runs: Sequence[Numbers]) -> Row:
     }
 
 
-def rates(bench: Bench) -> Result:
-    """Channels at rates of their own."""
+def declared(bench: Bench) -> tuple[Setup, Result | None]:
+    """The estimator with single readings declared; and what to say if it takes none."""
     setup = bench.setup if bench.setup.candidate else bench.setup.with_parameters(DECLARED)
     try:
         setup.create()
     except ValueError as error:
-        return {"rows": [], "targets": [], "skipped": f"needs missing readings: {error}"}
+        return setup, {"rows": [], "targets": [], "skipped": f"needs missing readings: {error}"}
+    return setup, None
+
+
+def rates(bench: Bench) -> Result:
+    """Channels at rates of their own."""
+    setup, skipped = declared(bench)
+    if skipped is not None:
+        return skipped
     tasks = [
         RatesTask(setup, pair, bench.first_seed + seed)
         for pair in RATES
