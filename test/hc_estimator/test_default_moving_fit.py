@@ -10,10 +10,12 @@ import pytest
 
 import hc_estimator as hc
 from hc_estimator.estimate import Hypothesis
+from hc_evaluation.accuracy.measure import Setup
 from hc_evaluation.accuracy.misfit import misfit_contact
 from hc_evaluation.accuracy.scan import KINDS, scanned
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.together import contact_of
+from hc_evaluation.accuracy.troubles import TroubleTask, trouble_run
 
 FILTER = "self_tuning_ukf"
 SETTLED_S = 10.0
@@ -38,6 +40,21 @@ def test_a_lump_on_a_surface_that_moves_is_followed(name):
     assert np.mean(np.concatenate(scores) < 3.0) > 0.8
     without = [run_pair(name, seed, fit_movement=False)[0] for seed in range(5000, 5004)]
     assert np.median(np.concatenate(without)) > 1.5 * np.median(np.concatenate(errors))
+
+
+@pytest.mark.parametrize("seed", [1015, 1017, 1026, 1029])
+def test_a_surface_that_sinks_is_no_stiffness_that_drifts(seed):
+    """Regression of 2026-11-26: a spline of ln K explained it, and K was 22 to 99 % off."""
+    numbers = trouble_run(TroubleTask(Setup(), "sinking", seed))
+    assert numbers["wrong"] < 0.02
+    assert numbers["K"] < 0.08
+
+
+@pytest.mark.parametrize("seed", [1001, 1004, 1010, 1019])
+def test_a_stiffness_that_drifts_is_no_surface_that_sinks(seed):
+    numbers = trouble_run(TroubleTask(Setup(), "drift", seed))
+    assert numbers["wrong"] < 0.05
+    assert numbers["K"] < 0.05
 
 
 def test_a_tissue_that_relaxes_is_no_surface_that_moves():

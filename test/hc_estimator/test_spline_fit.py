@@ -8,10 +8,10 @@ from scipy.optimize import least_squares
 import hc_estimator as hc
 from hc_estimator.multiple_model import spline, spline_fit, spline_prior
 from hc_estimator.multiple_model.history import MEMORY, WIDE
-from hc_estimator.multiple_model.spline import BENDS, MOVES, RELAXES, SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.spline import BENDS, MOVES, RELAXES, SINKS, STAYS, STEADY, VARIES
 from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
 
-KINDS = [STAYS, RELAXES, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
+KINDS = [STAYS, RELAXES, STEADY + VARIES, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
 SHARES = np.array([0.0, 0.1, 0.15, 0.05, 0.1])  # of the force that memories take away
 COUNT, SPACING = 400, 0.02
 NOISE = (1e-8, 1e-6)  # variances of a point's displacement [mm^2] and force [N^2]
@@ -38,7 +38,9 @@ def filled(records_of):
         acceleration = -(slow**2) * np.sin(slow * time) - 0.3 * quick**2 * np.sin(quick * time)
         level, exponent = np.full(COUNT, np.log(0.4)), np.full(COUNT, 1.5)
         surface, speed = np.zeros(COUNT), np.zeros(COUNT)
-        if kind & VARIES:
+        if kind & STEADY:
+            level += 0.05 * time
+        elif kind & VARIES:
             level += 0.4 * np.sin(2.0 * np.pi * time / 6.0)
         if kind & BENDS:
             exponent += 0.1 * np.sin(2.0 * np.pi * time / 7.0)

@@ -79,7 +79,11 @@ OWNERS = {
         "multiple_model/spline_fit",
     ),
     "moving": ("multiple_model/moving_fit",),
-    "zeros": ("multiple_model/zero_fit", "multiple_model/zero_sensitivity"),
+    "zeros": (
+        "multiple_model/zero_choice",
+        "multiple_model/zero_fit",
+        "multiple_model/zero_sensitivity",
+    ),
     "delay": (
         "multiple_model/delay",
         "multiple_model/grid",
@@ -134,7 +138,7 @@ GUESTS = {
     },
     "multiple_model/zero_fit": {
         "fit": "held values",
-        "onset": "decided force_deviation position_deviation shift",
+        "onset": "doubted force_deviation position_deviation shift",
     },
     "multiple_model/batch_fit": {
         "row": "active covariance log_likelihood model_error score state",

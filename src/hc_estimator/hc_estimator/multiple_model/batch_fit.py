@@ -126,8 +126,7 @@ def _look_for_zeros(settings: Any, bank: Any, noise: tuple[float, float], scatte
         scatter: variance of what is left of a point's readings over `noise`.
     """
     finder, onset = bank.delay, bank.onset
-    # Where the tool was seen free, the first touch shows the zeros (`contact_onset`).
-    if onset.decided != 0 or onset.in_air != 0 or not is_tried(settings, SURFACE_ROW):
+    if onset.doubted != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay of many milliseconds must have been found before, or ruled out.
     looked = finder.windows >= FEWEST_WINDOWS or finder.exponent_chosen != 0

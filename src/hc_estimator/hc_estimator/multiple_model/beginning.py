@@ -16,6 +16,7 @@ from hc_estimator.multiple_model import (
     plausible,
     surface_search,
     tempering,
+    zero_fit,
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import history as histories
@@ -119,6 +120,7 @@ def begin_aligned(settings: Any, bank: Any) -> None:
 def begin_at_onset(settings: Any, bank: Any) -> None:
     """Begin every row anew, now that the zeros are known better."""
     contact_onset.move_zeros(bank)
+    zero_fit.reset(bank.zeros)
     _forget_tissue(settings, bank)
     delays.forget_zeros(bank.delay)
 

@@ -66,6 +66,7 @@ def reset(bank: Any) -> None:
     onset = bank.onset
     for i in range(2):
         onset.zero[i] = 0.0
+    onset.doubted = 0
     onset.force_deviation = math.nan
     for m in range(bank.rows.shape[0]):
         bank.rows[m].position_deviation = 0.0
@@ -355,6 +356,7 @@ def take_back(bank: Any) -> None:
     move_zeros(bank)
     reset(bank)
     onset.decided = 1
+    onset.doubted = 1
 
 
 @compiled

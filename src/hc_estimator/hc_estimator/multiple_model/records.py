@@ -307,6 +307,7 @@ ONSET = record_type(
         Field("position_deviation", np.float64, (), 0.0),  # of the contact position [mm]
         Field("shift", np.float64, (2,)),  # of the zeros at this sample
         Field("decided", np.int64, (), 0, 1),  # 1 after the first contact
+        Field("doubted", np.int64, (), 0, 1),  # 1 once zeros that were found were given up for good
         Field("looked_back", np.int64, (), 0, 1),  # 1 once the readings of the start were taken
         Field("free", np.int64, (), 0, 1),  # 1 once the tool was seen without force
         Field("free_at", np.float64),  # displacement there, the last one [mm]

@@ -30,8 +30,9 @@ from hc_estimator.multiple_model.spline_records import (
 # Of the unknowns; the coefficients of ln K come after them, and then those of surface or exponent.
 LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
 # A kind is the sum of what does not stay.
-# Stiffness; surface, surface; exponent; force under a depth that stays.
-STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES = 0, 1, 2, 4, 8, 16
+# Stiffness; surface, surface; exponent; force under a depth that stays; STEADY: the stiffness, at
+# a rate that hardly changes.
+STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES, STEADY = 0, 1, 2, 4, 8, 16, 32
 KNOT = 0.25  # time between two knots of the stiffness [s]
 SECOND_KNOT = 0.5  # of surface or exponent [s]
 STRETCHED = 1.5  # factor on both up to which the points may lie apart
@@ -69,13 +70,15 @@ def lay_out(history: Any, fit: Any, first: int, last: int, kind: int) -> bool:
     fit.intervals[0] = 0
     fit.intervals[1] = 0
     if has(fit, VARIES):
-        fit.intervals[0] = _intervals(span, KNOT, SPLINE)
+        fit.intervals[0] = 1 if has(fit, STEADY) else _intervals(span, KNOT, SPLINE)
     if has(fit, MOVES + BENDS):
         fit.intervals[1] = _intervals(span, SECOND_KNOT, SECOND_SPLINE)
     fit.unknowns = SPLINE_FIRST + stiffness_count(fit) + second_count(fit)
     for i in range(2):
         fit.knot[i] = span / max(fit.intervals[i], 1)
         longest = STRETCHED * (KNOT if i == 0 else SECOND_KNOT)
+        if has(fit, STEADY):
+            longest = math.inf
         if fit.intervals[i] > 0 and not (fit.knot[i] > 0.0 and fit.knot[i] <= longest):
             return False
     return True

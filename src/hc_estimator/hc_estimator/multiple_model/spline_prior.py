@@ -22,6 +22,7 @@ from hc_estimator.multiple_model.spline import (
     POSITION,
     RELAXES,
     SPEED,
+    STEADY,
     VELOCITY_EXPONENT,
     has,
     stiffness_count,
@@ -35,6 +36,7 @@ SHARE_DEVIATION = 0.5  # of the force that a memory takes away
 SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [mm]
 # Variance that the speed of such a surface gains per second [mm^2/s^3]: 1 mm at 0.25 Hz.
 SURFACE_WALK = 1.0
+STEADY_WALK = 1e-4  # the same of a rate of ln K that hardly changes [1/s^3]
 # Variance of a second difference of the coefficients by that of the rate's wandering and the third
 # power of the time between knots.
 SECOND_DIFFERENCE = 2.0 / 3.0
@@ -82,6 +84,8 @@ def _guess(settings: Any, fit: Any, i: int) -> float:
 def _wandering(fit: Any, is_second: bool) -> float:
     """Variance that a rate gains per second."""
     if not is_second:
+        if has(fit, STEADY):
+            return STEADY_WALK
         return OWN_WALKS[TREND_ROW, 0]  # type: ignore[no-any-return]
     return OWN_WALKS[EXPONENT_ROW, 1] if has(fit, BENDS) else SURFACE_WALK
 

@@ -12,7 +12,7 @@ SPLINE_FIRST = 7  # of the unknowns that is one
 BAND = 3  # coefficients next to one another that the prior ties
 UNKNOWNS = SPLINE_FIRST + SPLINE + SECOND_SPLINE
 MEMORIES = 5  # of a tissue that relaxes
-KINDS = 8  # of what tissue and surface do
+KINDS = 9  # of what tissue and surface do
 LOCAL = SPLINE_FIRST + 2 * 4  # of which the force depends at one time
 
 SPLINE_FIT = record_type(

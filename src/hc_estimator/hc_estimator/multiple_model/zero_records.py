@@ -15,6 +15,7 @@ ALL = BOTH + OF_DELAY
 ZEROS = record_type(
     (
         Field("unknown", np.int64, (), 0, 3),  # which zeros in use were found: 1 position, 2 force
+        Field("moved", np.float64, (2,)),  # by how much they were moved for it [mm], [N]
         # Covariance of ln K, ln B, n and p that those owe to what is not known of the zeros.
         Field("doubt", np.float64, (4, 4)),
         Field("deviation", np.float64, (), 0.0),  # of ln K by that, when they were found
@@ -39,6 +40,7 @@ ZEROS = record_type(
         Field("slopes_by", np.float64, (4, 2)),  # derivatives by contact position and force zero
         Field("change", np.float64, (4,)),
         Field("cost", np.float64, (8,), finite=False),  # of each choice of unknowns
+        Field("squares", np.float64, (), 0.0),  # least squares that the last fit left
         Field("misfit", np.float64, (), finite=False),  # least squares left over the noise's
     )
 )

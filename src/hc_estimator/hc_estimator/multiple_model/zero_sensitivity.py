@@ -75,13 +75,15 @@ def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
 
 
 @compiled
-def average(zeros: Any, unknown: int) -> None:
-    """Both zeros may be off although one explains the points (Bayesian model averaging).
+def average(zeros: Any, unknown: int, possible: int) -> None:
+    """All zeros may be off although fewer explain the points (Bayesian model averaging).
 
     Hoeting et al., Statistical Science 14, 1999. The chosen fit stays what is used; in
-    zeros.change are the parameters of the fit with both.
+    zeros.change are the parameters of the fit with all.
     """
-    share = 1.0 / (1.0 + math.exp(min(0.5 * (zeros.cost[BOTH] - zeros.cost[unknown]), LARGEST_LOG)))
+    share = 1.0 / (
+        1.0 + math.exp(min(0.5 * (zeros.cost[possible] - zeros.cost[unknown]), LARGEST_LOG))
+    )
     for i in range(4):
         zeros.change[i] -= zeros.fit[i]
     for i in range(4):

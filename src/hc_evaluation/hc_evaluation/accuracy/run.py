@@ -24,6 +24,7 @@ from hc_evaluation.accuracy import (
     simulated,
     surface,
     together,
+    troubles,
 )
 from hc_evaluation.accuracy.bench import REPORT_SEED, WORKERS, Bench, Result
 from hc_evaluation.accuracy.measure import Setup
@@ -102,6 +103,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "together": Experiment(
         "two troubles at once: presses, lumps, delays, zeros, surfaces that move",
         together.together,
+    ),
+    "troubles": Experiment(
+        "everything drawn, each trouble alone and several at once: what is told wrong",
+        troubles.troubles,
     ),
     "ablation": Experiment(
         "every mechanism of the default filter off in turn, on every experiment",

@@ -1,0 +1,297 @@
+"""Contacts in which everything is drawn: motion, tissue, sensors, and what is wrong.
+
+Motions that the other experiments do not have (a hand that wanders, ramps of a robot with rests,
+taps) and troubles that they have one by one, each as likely with each motion. A plant of its own,
+in plain numpy, so that it shares no mistake with the scenarios.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from hc_evaluation.accuracy.scenarios import log_uniform
+
+FloatArray = NDArray[np.float64]
+Draw = np.random.Generator
+
+DURATION_S = 20.0
+RATES_HZ = (66.0, 100.0, 200.0, 500.0, 1000.0, 2000.0)
+STIFFNESS = (0.05, 2.5)
+EXPONENT = (1.0, 2.1)
+VELOCITY_EXPONENT = (0.5, 1.3)
+DAMPING_SHARE = (0.02, 0.6)  # of the elastic force, at the fastest
+SLOWEST_FASTEST_MM_S = 5.0  # the same at least
+FORCE_NOISE = (0.0005, 0.02)  # of the largest force
+DISPLACEMENT_NOISE_MM = (0.0005, 0.02)
+
+
+@dataclass
+class DrawnContact:
+    """Readings of one contact beside the truth; arrays of shape (N,), parameters (N, 4).
+
+    Attributes:
+        time_s: stamps.
+        displacement_mm: readings.
+        force_n: readings.
+        parameters: K, B, n, p.
+        delay_s: by how much the force is late.
+        changed_s: when the tissue changed abruptly; None: it did not.
+        troubles: what is wrong.
+        motion: how the tool moves.
+    """
+
+    time_s: FloatArray
+    displacement_mm: FloatArray
+    force_n: FloatArray
+    parameters: FloatArray
+    delay_s: float = 0.0
+    changed_s: float | None = None
+    troubles: tuple[str, ...] = ()
+    motion: str = ""
+
+
+@dataclass
+class _Plan:
+    """What the troubles may change before anything is felt or read, arrays of shape (N,)."""
+
+    time: FloatArray
+    rate_hz: float
+    tool: FloatArray
+    surface: FloatArray
+    log_factor: FloatArray  # of K and B
+    position_mm: float = 0.0
+    zero_share: float = 0.0  # of the largest force
+    delay_s: float = 0.0
+    changed_s: float | None = None
+    quanta: tuple[float, float] = (0.0, 0.0)  # deviations of a reading's noise
+    colour: float = 0.0
+    kept: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, np.bool_))
+
+
+def _minimum_jerk(share: FloatArray) -> FloatArray:
+    """Way of a smooth move at a share of its time (Flash and Hogan 1985)."""
+    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+
+
+def _sines(draw: Draw, time: FloatArray, rate_hz: float) -> FloatArray:
+    del rate_hz
+    middle, count = float(draw.uniform(2.0, 7.0)), int(draw.integers(1, 4))
+    way = np.full(time.size, middle)
+    for _ in range(count):
+        amplitude = middle * float(draw.uniform(0.1, 0.6)) / count
+        frequency = log_uniform(draw, 0.3, 5.0) / (1.0 + 0.25 * amplitude)
+        way += amplitude * np.sin(2.0 * np.pi * frequency * time + draw.uniform(0.0, 6.28))
+    return way
+
+
+def _moves(
+    draw: Draw, time: FloatArray, fastest: tuple[float, float], rest: tuple[float, float]
+) -> FloatArray:
+    place = home = float(draw.uniform(-2.0, 1.0))
+    way, now = np.full(time.size, place), 0.0
+    while now < time[-1]:
+        now += float(draw.uniform(*rest))
+        goal = float(draw.uniform(2.0, 8.0)) if place == home else home
+        if place != home and draw.random() < 0.2:
+            goal = float(draw.uniform(1.0, 8.0))
+        takes = max(1.9 * abs(goal - place) / float(draw.uniform(*fastest)), 0.08)
+        share = np.clip((time - now) / takes, 0.0, 1.0)
+        way = np.where(time >= now, place + (goal - place) * _minimum_jerk(share), way)
+        now, place = now + takes, goal
+    return way
+
+
+def _presses(draw: Draw, time: FloatArray, rate_hz: float) -> FloatArray:
+    del rate_hz
+    return _moves(draw, time, (4.0, 40.0), (0.1, 1.2))
+
+
+def _taps(draw: Draw, time: FloatArray, rate_hz: float) -> FloatArray:
+    del rate_hz
+    return _moves(draw, time, (20.0, 60.0), (0.0, 0.3))
+
+
+def _ramps(draw: Draw, time: FloatArray, rate_hz: float) -> FloatArray:
+    place = home = float(draw.uniform(-0.5, 1.0))
+    way, now = np.full(time.size, place), 0.0
+    while now < time[-1]:
+        goal = float(draw.uniform(2.0, 6.0)) if place == home or draw.random() < 0.3 else home
+        takes = max(abs(goal - place), 0.05) / log_uniform(draw, 0.5, 6.0)
+        share = np.clip((time - now) / takes, 0.0, 1.0)
+        way = np.where(time >= now, place + (goal - place) * share, way)
+        now, place = now + takes + float(draw.uniform(0.2, 2.0)), goal
+    corner = min(float(draw.uniform(5.0, 20.0)), 0.4 * rate_hz)
+    smooth: FloatArray = sosfiltfilt(butter(2, corner, fs=rate_hz, output="sos"), way)
+    return smooth
+
+
+def _wanders(draw: Draw, time: FloatArray, rate_hz: float) -> FloatArray:
+    low = butter(3, log_uniform(draw, 0.7, 3.5), fs=rate_hz, output="sos")
+    settles = int(2.0 * rate_hz)
+    noise = sosfiltfilt(low, draw.standard_normal(time.size + 2 * settles))[settles:-settles]
+    scaled: FloatArray = noise / np.std(noise)
+    return float(draw.uniform(2.5, 6.0)) + float(draw.uniform(0.4, 1.2)) * scaled
+
+
+MOTIONS = {
+    "sines": _sines,
+    "presses": _presses,
+    "taps": _taps,
+    "ramps": _ramps,
+    "wanders": _wanders,
+}
+
+
+def _sign(draw: Draw) -> float:
+    return float(draw.choice([-1.0, 1.0]))
+
+
+def _lumps(draw: Draw, plan: _Plan) -> None:
+    for _ in range(int(draw.integers(1, 3))):
+        away = (plan.time - draw.uniform(3.0, 18.0)) / draw.uniform(0.5, 2.0)
+        plan.log_factor += np.log(log_uniform(draw, 0.5, 3.5)) * np.exp(-0.5 * away**2)
+
+
+def _drift(draw: Draw, plan: _Plan) -> None:
+    plan.log_factor += _sign(draw) * draw.uniform(0.2, 0.5) * plan.time / DURATION_S
+
+
+def _change(draw: Draw, plan: _Plan) -> None:
+    plan.changed_s = float(draw.uniform(6.0, 14.0))
+    change = _sign(draw) * np.log(log_uniform(draw, 1.3, 3.0))
+    plan.log_factor += np.where(plan.time >= plan.changed_s, change, 0.0)
+
+
+def _delay(draw: Draw, plan: _Plan) -> None:
+    plan.delay_s = _sign(draw) * float(draw.uniform(0.005, 0.05))
+
+
+def _force_zero(draw: Draw, plan: _Plan) -> None:
+    plan.zero_share = _sign(draw) * float(draw.uniform(0.005, 0.03))
+
+
+def _contact_position(draw: Draw, plan: _Plan) -> None:
+    plan.position_mm = _sign(draw) * float(draw.uniform(0.05, 0.4))
+
+
+def _breathing(draw: Draw, plan: _Plan) -> None:
+    phase = float(draw.uniform(0.0, 6.28))
+    angle = 2.0 * np.pi * draw.uniform(0.2, 0.35) * plan.time + phase
+    plan.surface += draw.uniform(0.3, 1.0) * (np.sin(angle) - np.sin(phase))
+
+
+def _sinking(draw: Draw, plan: _Plan) -> None:
+    plan.surface += _sign(draw) * draw.uniform(0.02, 0.06) * plan.time
+
+
+def _tremor(draw: Draw, plan: _Plan) -> None:
+    angle = 2.0 * np.pi * draw.uniform(6.0, 10.0) * plan.time
+    plan.tool += log_uniform(draw, 0.01, 0.1) * np.sin(angle + 1.0)
+
+
+def _coloured(draw: Draw, plan: _Plan) -> None:
+    plan.colour = float(draw.uniform(0.3, 0.8))
+
+
+def _coarse(draw: Draw, plan: _Plan) -> None:
+    plan.quanta = (float(draw.uniform(0.5, 3.0)), float(draw.uniform(0.5, 3.0)))
+
+
+def _gaps(draw: Draw, plan: _Plan) -> None:
+    for _ in range(int(draw.integers(1, 5))):
+        start = float(draw.uniform(1.0, 19.0))
+        end = start + log_uniform(draw, 0.01, 0.5)
+        plan.kept &= ~((plan.time > start) & (plan.time < end))
+    plan.kept &= draw.random(plan.time.size) > 0.01
+
+
+TROUBLES: dict[str, Callable[[Draw, _Plan], None]] = {
+    "lumps": _lumps,
+    "drift": _drift,
+    "change": _change,
+    "delay": _delay,
+    "force zero": _force_zero,
+    "contact position": _contact_position,
+    "breathing": _breathing,
+    "sinking": _sinking,
+    "tremor": _tremor,
+    "coloured noise": _coloured,
+    "coarse readings": _coarse,
+    "gaps": _gaps,
+}
+"""By name: what is wrong, drawn and put into the plan of a contact."""
+
+
+def drawn_contact(troubles: tuple[str, ...], seed: int) -> DrawnContact:
+    """The contact that a seed draws with some troubles; without them it is otherwise the same.
+
+    Args:
+        troubles: of `TROUBLES`.
+        seed: of everything.
+
+    Raises:
+        KeyError: no such trouble.
+    """
+    draw = np.random.default_rng([seed, 777])
+    motion = str(draw.choice(sorted(MOTIONS)))
+    rate_hz = float(draw.choice(RATES_HZ))
+    time = np.arange(0.0, DURATION_S, 1.0 / rate_hz)
+    tool = MOTIONS[motion](draw, time, rate_hz)
+    stiffness, exponent = log_uniform(draw, *STIFFNESS), float(draw.uniform(*EXPONENT))
+    velocity_exponent = float(draw.uniform(*VELOCITY_EXPONENT))
+    damping_share = log_uniform(draw, *DAMPING_SHARE)
+    noise = log_uniform(draw, *FORCE_NOISE), log_uniform(draw, *DISPLACEMENT_NOISE_MM)
+    white = draw.standard_normal((2, time.size))
+    plan = _Plan(time, rate_hz, tool, np.zeros(time.size), np.zeros(time.size))
+    plan.kept = np.ones(time.size, np.bool_)
+    for name in troubles:
+        place = list(TROUBLES).index(name)
+        TROUBLES[name](np.random.default_rng([seed, 778, place]), plan)
+    depth = plan.tool - plan.surface
+    velocity = np.gradient(depth, time)
+    fastest = max(float(np.max(np.abs(velocity))), SLOWEST_FASTEST_MM_S)
+    factor = np.exp(plan.log_factor)
+    damping = stiffness * damping_share / fastest**velocity_exponent
+    drag = damping * np.sign(velocity) * np.abs(velocity) ** velocity_exponent
+    # Tissue cannot pull.
+    law = np.maximum(depth, 0.0) ** exponent * factor * np.maximum(stiffness + drag, 0.0)
+    largest = float(np.max(law))
+    felt = np.interp(time - plan.delay_s, time, law) + plan.zero_share * largest
+    force = _read(felt, noise[0] * largest, white[0], plan.colour, plan.quanta[0])
+    place_read = _read(plan.tool, noise[1], white[1], plan.colour, plan.quanta[1])
+    parameters = np.column_stack(
+        [
+            stiffness * factor,
+            damping * factor,
+            np.full(time.size, exponent),
+            np.full(time.size, velocity_exponent),
+        ]
+    )
+    kept = plan.kept
+    return DrawnContact(
+        time[kept],
+        (place_read + plan.position_mm)[kept],
+        force[kept],
+        parameters[kept],
+        plan.delay_s,
+        plan.changed_s,
+        troubles,
+        motion,
+    )
+
+
+def _read(
+    value: FloatArray, deviation: float, white: FloatArray, colour: float, quantum: float
+) -> FloatArray:
+    """Readings of a sensor: with noise, first-order coloured if asked, in steps if asked."""
+    noise = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], white) if colour > 0.0 else white
+    reading: FloatArray = value + deviation * noise
+    if quantum > 0.0:
+        step = quantum * deviation
+        reading = np.round(reading / step) * step
+    return reading

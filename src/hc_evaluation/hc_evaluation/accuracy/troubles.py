@@ -1,0 +1,115 @@
+"""Is K true within what is said of it, whatever the motion and whatever is wrong?
+
+Contacts of `drawn_contact`: nothing wrong, each trouble alone, and two and three at once. What
+counts is what a user would believe and should not: samples whose K is further off than four stated
+deviations and a per cent, with no misfit told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hc_evaluation import metrics
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
+from hc_evaluation.accuracy.drawn_contact import TROUBLES, drawn_contact
+from hc_evaluation.accuracy.measure import Numbers, Setup
+
+START_S = 8.0  # from when on the estimate counts
+BEFORE_S, AFTER_S = 0.1, 2.0  # about an abrupt change it does not
+LIKELY = 4.0  # deviations
+NEGLIGIBLE = 0.01  # of K
+OFTEN = 0.1  # of a run's samples
+CALLED_S = 2.0  # a change counts as called for so long after it
+SINGLE = "nothing"
+COUNTS = {"two of them": 2, "three of them": 3}
+
+
+@dataclass(frozen=True)
+class TroubleTask:
+    """One run: estimator, the trouble (or how many of them) and seed."""
+
+    setup: Setup
+    trouble: str
+    seed: int
+
+
+def troubles_of(name: str, seed: int) -> tuple[str, ...]:
+    """The troubles that a row's name and a seed stand for.
+
+    Raises:
+        KeyError: no such row.
+    """
+    if name == SINGLE:
+        return ()
+    if name in COUNTS:
+        draw = np.random.default_rng([seed, 779])
+        chosen = draw.choice(sorted(TROUBLES), COUNTS[name], replace=False)
+        return tuple(str(trouble) for trouble in chosen)
+    if name not in TROUBLES:
+        raise KeyError(name)
+    return (name,)
+
+
+def trouble_run(task: TroubleTask) -> Numbers:
+    """Errors of K, what was claimed of them, changes and misfit told."""
+    contact = drawn_contact(troubles_of(task.trouble, task.seed), task.seed)
+    series = task.setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
+    time, changed = contact.time_s, contact.changed_s
+    counted = time >= START_S
+    called = np.asarray(series.change_detected, np.bool_) & (time >= CALLED_S)
+    if changed is not None:
+        counted &= ~((time > changed - BEFORE_S) & (time < changed + AFTER_S))
+        called &= ~((time >= changed) & (time < changed + CALLED_S))
+    error = np.abs(metrics.log_parameter_error(series.parameters, contact.parameters)[:, 0])
+    deviation = series.parameters_std[:, 0] / series.parameters[:, 0]
+    told = np.asarray(series.model_mismatch, np.bool_)
+    wrong = ~told & ~(error <= LIKELY * deviation + NEGLIGIBLE)
+    return {
+        "K": float(np.median(error[counted])),
+        "deviation": float(np.median(deviation[counted])),
+        "wrong": float(np.mean(wrong[counted])),
+        "mismatch": float(np.mean(told[counted])),
+        "changes": float(np.count_nonzero(called)),
+    }
+
+
+def _row(name: str, runs: Sequence[Numbers]) -> Row:
+    columns = {key: np.array([run[key] for run in runs]) for key in runs[0]}
+    return {
+        "trouble": name,
+        "K": float(np.median(columns["K"])),
+        "K_90": float(np.quantile(columns["K"], 0.9)),
+        "deviation": float(np.median(columns["deviation"])),
+        "wrong": float(np.mean(columns["wrong"])),
+        "often": float(np.mean(columns["wrong"] > OFTEN)),
+        "mismatch": float(np.mean(columns["mismatch"])),
+        "changes": float(np.sum(columns["changes"])),
+    }
+
+
+def troubles(bench: Bench) -> Result:
+    """Everything drawn, with every trouble alone and with several at once."""
+    names = (SINGLE, *TROUBLES, *COUNTS)
+    tasks = [
+        TroubleTask(bench.setup, name, bench.first_seed + seed)
+        for name in names
+        for seed in range(bench.seeds)
+    ]
+    runs = bench.spread(trouble_run, tasks)
+    rows = [
+        _row(name, runs[index * bench.seeds : (index + 1) * bench.seeds])
+        for index, name in enumerate(names)
+    ]
+    alone = [row for row in rows if row["trouble"] in TROUBLES]
+    several = [row for row in rows if row["trouble"] in COUNTS]
+    targets = [
+        target("nothing wrong: share told wrong", rows[0]["wrong"], high=0.01),
+        target("nothing wrong: misfit told", rows[0]["mismatch"], high=0.02),
+        target("one trouble: share told wrong", worst(r["wrong"] for r in alone), high=0.05),
+        target("several: share told wrong", worst(r["wrong"] for r in several), high=0.1),
+        target("changes called where none is", float(sum(r["changes"] for r in rows)), high=0.0),
+    ]
+    return {"rows": rows, "targets": targets}
