@@ -55,7 +55,6 @@ def reset(finder: Any) -> None:
     finder.delay = 0.0
     finder.deviation = math.nan
     finder.doubt = 0.0
-    finder.windows = 0
     forget(finder)
     grids.restart(finder)
 
@@ -72,6 +71,7 @@ def forget_tissue(finder: Any) -> None:
 @compiled
 def forget(finder: Any) -> None:
     """What was said of the delay no longer holds: the zeros are others."""
+    finder.windows = 0
     forget_tissue(finder)
     delay_evidence.reset(finder)
 
@@ -87,11 +87,11 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
         finder: changed.
         sensor_noise: variances of displacement and force [mm^2], [N^2].
     """
-    finder.windows += 1
     if delay_points.find_contact(finder) < max(
         LEAST_CONTACT * finder.points, FEWEST_IN_CONTACT
     ):
         return False
+    finder.windows += 1
     smoothing.smooth(finder)
     _take_points(finder, sensor_noise)
     count = count_of(finder)
@@ -155,19 +155,23 @@ def _fit(settings: Any, finder: Any, count: int) -> None:
         _improve(settings, finder, FIRST_STEPS, True)
     varied, finder.varies = finder.varies, 0
     if varied != 0:  # has it one K by now?
+        delay_points.shift(finder, 0.0)
+        delay_fit.weigh(finder, finder.chosen)
         delay_fit.improve(settings, finder, finder.chosen, finder.chosen, STEPS)
         varied = 1 if finder.left[finder.chosen] > 2.0 * MISFITTING * count else 0
     if varied == 0:
         _improve(settings, finder, STEPS, False)
         varied = 0 if finder.left[CANDIDATES] < MISFITTING * count else 1
     if varied != 0:
-        alike = finder.left[CANDIDATES]
+        alike = finder.left[finder.chosen]
         finder.varies = 1
-        _improve(settings, finder, STEPS, False)
-        if not finder.left[CANDIDATES] < LEAST_GAIN * alike:
+        delay_points.shift(finder, 0.0)
+        delay_fit.improve(settings, finder, finder.chosen, finder.chosen, FIRST_STEPS)
+        if not finder.left[finder.chosen] < LEAST_GAIN * alike:
             finder.varies = 0
-            _improve(settings, finder, STEPS, False)
-    finder.fits = 1 if finder.left[CANDIDATES] < MISFITTING * count else 0
+        _improve(settings, finder, STEPS, False)
+    fits = finder.varies != 0 or finder.left[CANDIDATES] < MISFITTING * count
+    finder.fits = 1 if fits else 0
 
 
 @compiled
@@ -202,6 +206,8 @@ def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
     centre, first = CANDIDATES // 2, finder.chosen
     delay_points.shift(finder, 0.0)
     delay_fit.weigh(finder, first)
+    if finder.varies != 0:
+        delay_fit.temper(settings, finder, first)
     delay_fit.improve(settings, finder, first, first, steps)
     finder.chosen = first
     for side in (1, -1):
@@ -242,7 +248,7 @@ def _is_clear(finder: Any, count: int) -> bool:
     if finder.own_share[CANDIDATES] < LEAST_OWN:
         return False
     best = finder.left[CANDIDATES]
-    weight = _weight(count, best)
+    weight = _weight(finder)
     for j in range(low, high + 1):
         rival = abs(j - chosen) * step > APART
         if rival and weight * math.log(finder.left[j] / best) < RIVAL:
@@ -258,11 +264,13 @@ def _is_clear(finder: Any, count: int) -> bool:
 def _leads(finder: Any) -> bool:
     """True if the delay that was found, which is clear, is far likelier than the one in use."""
     away = abs(finder.found - finder.delay)
+    if finder.delay == 0.0 and finder.varies != 0 and away < finder.grid_step:
+        return False  # damping that goes its own way looks like a small delay
     if not away > (BEGINS if finder.delay == 0.0 else FAR) * finder.found_deviation:
         return False
     used, chosen = _candidate_in_use(finder), finder.chosen
     best = finder.left[CANDIDATES]
-    weight = _weight(count_of(finder), best)
+    weight = _weight(finder)
     ratio = finder.left[used] / best
     return bool(used == chosen or (ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD))
 
@@ -339,12 +347,15 @@ def _note_fit(finder: Any) -> None:
 
 
 @compiled
-def _weight(count: int, best: float) -> float:
+def _weight(finder: Any) -> float:
     """Log likelihood by the logarithm of the squares: half the number of independent points.
 
     What noise does not explain is alike for as long as the tool goes one way.
     """
-    ratio = max(best / count, 1.0)
+    count = count_of(finder)
+    if finder.varies != 0:
+        return 0.5 * ALIKE * count
+    ratio = max(finder.left[CANDIDATES] / count, 1.0)
     return 0.5 * count * ratio / (1.0 / INDEPENDENT + (ratio - 1.0) / ALIKE)
 
 

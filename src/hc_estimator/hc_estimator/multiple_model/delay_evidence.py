@@ -96,6 +96,8 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
         deviation += share * (finder.found_deviation - deviation)
     distance = abs(mean - finder.delay)
     if finder.delay == 0.0:
+        if finder.clear == 0:
+            return False
         # Between two readings the motion model lags behind, which looks like a delay.
         least = max(SMALLEST, LAG * grids.slowest_period(finder))
         if not distance > max(student_quantile(freedom) * finder.fine[1], least):

@@ -23,7 +23,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model.delay_points import count_of
-from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS
+from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, TEMPERED
 from hc_estimator.multiple_model.rows import (
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
@@ -39,6 +39,8 @@ SMALLEST_PRIOR = 1e-4  # deviation of an exponent
 LEAST_GAIN = 1e-4  # of the squares, below which a fit is done
 LEAST_MOTION = 0.3  # share of the squares of the velocities that is no noise, at least
 LEAST_ELASTIC = 0.3  # share of the force that K d^n is taken for, where damping takes it away
+SURFACE = 0.3  # deviation of the surface of a half second from that of all [mm]
+OWN = 2  # unknowns of a half second where the tissue varies
 UNKNOWNS = 3  # b, n and p; the delay is the last of the columns
 
 
@@ -70,6 +72,30 @@ def weigh(finder: Any, j: int) -> None:
 
 
 @compiled
+def temper(settings: Any, finder: Any, j: int) -> None:
+    """Let each half second weigh by what the law of a candidate leaves of it, where it has its own K.
+
+    The noise of each is then unknown, and the logarithm of what is left its log likelihood: else
+    the half seconds of which the law says least would decide.
+
+    Args:
+        settings: settings record.
+        finder: point_force[:, 1] is changed.
+        j: candidate.
+    """
+    add_up(settings, finder, j, finder.law[j])
+    count = count_of(finder)
+    for k in range(count):
+        finder.window_points[finder.point_window[k] % TEMPERED] = 0
+    for k in range(count):
+        finder.window_points[finder.point_window[k] % TEMPERED] += 1
+    for k in range(count):
+        window = finder.point_window[k] % TEMPERED
+        freedom = max(finder.window_points[window] - OWN, 1)
+        finder.point_force[k, 1] /= max(finder.window_left[window] / freedom, 1.0)
+
+
+@compiled
 def _columns(finder: Any, k: int, j: int, law: Any) -> float:
     """Shape of a point, and in finder.column its derivatives by b, n, p and the delay."""
     point, column = finder.point[k, j], finder.column
@@ -92,8 +118,9 @@ def _columns(finder: Any, k: int, j: int, law: Any) -> float:
 @compiled
 def _clear(finder: Any) -> None:
     """Nothing is added up of the points with one K."""
-    for i in range(7):
+    for i in range(9):
         finder.sums_of_k[i] = 0.0
+    for i in range(7):
         for m in range(4):
             finder.moments[i, m] = 0.0
 
@@ -108,11 +135,24 @@ def _eliminate(finder: Any, law: Any) -> None:
     law[0] = stiffness
     square = stiffness * stiffness
     finder.squares += sums[2] - stiffness * (2.0 * sums[1] - stiffness * sums[0])
+    push, deeper, away = 0.0, 1.0, 0.0
+    if finder.varies != 0 and square > 0.0:  # the surface, as far as K does not explain it
+        away = sums[6] / sums[0]
+        deeper = sums[7] - away * sums[6] + 1.0 / (square * SURFACE**2)
+        push = (sums[8] - away * sums[1]) / deeper
+        finder.squares -= push * push * deeper
+        law[0] = max(stiffness - push * away, 0.0)
     for i in range(4):
-        slope[i] += stiffness * (moments[5, i] - stiffness * moments[4, i])
+        own = moments[6, i] - away * moments[4, i] if push != 0.0 else 0.0
+        slope[i] += stiffness * (moments[5, i] - stiffness * moments[4, i] - push * own)
         for m in range(i + 1):
             share = moments[4, i] * moments[4, m] / sums[0]
+            if push != 0.0:
+                share += own * (moments[6, m] - away * moments[4, m]) / deeper
             normal[i, m] += square * (moments[i, m] - share)
+    window = finder.window_added % TEMPERED
+    finder.window_left[window] = finder.squares - finder.window_before
+    finder.window_before = finder.squares
     finder.column_squares += square * moments[3, 3]
     finder.noise_taken[0] += square * sums[3]
     finder.noise_taken[1] += square * sums[4]
@@ -141,7 +181,7 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
             normal[i, m] = 0.0
     for i in range(3):
         finder.noise_taken[i] = 0.0
-    finder.squares, finder.column_squares = 0.0, 0.0
+    finder.squares, finder.column_squares, finder.window_before = 0.0, 0.0, 0.0
     _clear(finder)
     sums, moments = finder.sums_of_k, finder.moments
     count = count_of(finder)
@@ -152,9 +192,13 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
             _eliminate(finder, law)
             _clear(finder)
             window = finder.point_window[k]
+            finder.window_added = window
         shape = _columns(finder, k, j, law)
         point, force = finder.point[k, j], finder.point_force[k]
-        weight = force[1]
+        weight, deeper = force[1], law[2] * shape * point[3]
+        sums[6] += weight * shape * deeper
+        sums[7] += weight * deeper * deeper
+        sums[8] += weight * deeper * force[0]
         sums[0] += weight * shape * shape
         sums[1] += weight * shape * force[0]
         sums[2] += weight * force[0] * force[0]
@@ -162,6 +206,8 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
             weighted = weight * column[i]
             moments[4, i] += weighted * shape
             moments[5, i] += weighted * force[0]
+            if finder.varies != 0:
+                moments[6, i] += weighted * deeper
             for m in range(i + 1):
                 moments[i, m] += weighted * column[m]
         least = slowest(force[2])

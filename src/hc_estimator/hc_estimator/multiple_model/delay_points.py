@@ -28,7 +28,8 @@ def find_contact(finder: Any) -> int:
     for k in range(finder.points):
         largest = max(largest, finder.grid[(finder.first + k) % GRID, 3])
     count = 0
-    margin = finder.reach + finder.neighbours
+    # The candidate beyond 60 ms only bounds what is between.
+    margin = min(finder.reach, CANDIDATES // 2 - 1) + finder.neighbours
     for k in range(finder.points):
         here = finder.first + k
         inside = True

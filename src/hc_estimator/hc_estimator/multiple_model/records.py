@@ -227,6 +227,7 @@ NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made 
 CANDIDATES = 15  # delays at steps of the grid, about zero
 WINDOWS = 24  # half seconds of innovations that are remembered
 DELAY_POINTS = 240  # that are kept to fit the delay
+TEMPERED = 128  # half seconds that they may be of
 
 # By how much is the force late?
 DELAY = record_type(
@@ -290,8 +291,12 @@ DELAY = record_type(
         Field("normal", np.float64, (4, 4)),
         Field("slope", np.float64, (4,)),
         Field("column", np.float64, (4,)),
-        Field("sums_of_k", np.float64, (7,)),  # of the points with one K
-        Field("moments", np.float64, (6, 4)),
+        Field("sums_of_k", np.float64, (9,)),  # of the points with one K
+        Field("moments", np.float64, (7, 4)),
+        Field("window_left", np.float64, (TEMPERED,), finite=False),  # weighted squares of each
+        Field("window_points", np.int64, (TEMPERED,), 0),
+        Field("window_added", np.int64, (), 0),  # the one that is being added up
+        Field("window_before", np.float64),  # squares of those before
         Field("fine", np.float64, (2,)),  # delay and its deviation [s]
         # Delay [s] and its variance [s^2] by the filter's innovations of each half second.
         Field("evidence", np.float64, (WINDOWS, 2)),
