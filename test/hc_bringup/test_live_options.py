@@ -1,10 +1,13 @@
 """Options of live runs: arrays of samples, real-time scheduling, the latency bench."""
 
+import json
+import threading
+
 import numpy as np
 import pytest
 import yaml
 
-from hc_bringup import bench_latency
+from hc_bringup import bench_latency, machine_wake_ups
 from hc_bringup.array_messages import with_array_messages
 from hc_bringup.commands.run import with_parameters
 from hc_bringup.paths import find_config
@@ -92,6 +95,7 @@ def case(rate_hz, subscribers, loaded, seed):
         "skipped": 0,
         "latency_us": bench_latency._quantiles(latencies),
         "arrival_us": bench_latency._quantiles(latencies),
+        "machine_us": bench_latency._quantiles(0.1 * latencies),
         "cpu_percent": {"indenter": 1.0, "estimator": 2.0, "recorder": 3.0},
         "latencies_s": latencies,
     }
@@ -102,8 +106,47 @@ def test_table_and_picture_of_the_latencies(tmp_path):
     table = bench_latency.text_table(cases).splitlines()
     assert len(table) == 4
     assert table[2].startswith("| 1 kHz | 1 | as it is | 2000 | 0 |")
+    assert {line.count("|") for line in table} == {12}
+    own = [float(cell) for cell in table[2].split("|")[-2].split(",")]
+    assert own == sorted(own)
+    assert own[-1] == pytest.approx(100.0 * cases[0]["latencies_s"].max() * 1e3, abs=0.5)
     bench_latency.draw(cases, tmp_path / "latency.png")
     assert (tmp_path / "latency.png").stat().st_size > 10_000
+
+
+def test_a_wake_up_is_as_late_as_the_machine_makes_it(monkeypatch):
+    """Deadlines stay where they are: after a stall of five periods five wake-ups are late."""
+    now = [100.0]
+    asleep = []
+
+    def sleep(seconds):
+        asleep.append(seconds)
+        now[0] += seconds + (0.0055 if len(asleep) == 10 else 0.0001)
+
+    monkeypatch.setattr(machine_wake_ups.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(machine_wake_ups.time, "sleep", sleep)
+    late_s = machine_wake_ups.wake_ups(5000.0, 30, threading.Event())
+    assert late_s.shape == (30,)
+    stalled = slice(9, 15)
+    assert late_s[stalled] == pytest.approx([5.5e-3, 4.5e-3, 3.5e-3, 2.5e-3, 1.5e-3, 0.5e-3])
+    assert np.delete(late_s, np.r_[stalled]) == pytest.approx(1e-4)
+    closed = threading.Event()
+    closed.set()
+    assert machine_wake_ups.wake_ups(1000.0, 30, closed).shape == (0,)
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_latencies_are_measured_beside_the_wake_ups_of_the_machine(command_line):
+    words = ("--duration", "2", "--rate", "200", "--subscribers", "1", "--machine", "idle")
+    done = command_line.run("bench", "latency", *words, "--json")
+    assert done.returncode == 0, done.stderr
+    (measured,) = json.loads(done.stdout)["cases"]
+    assert measured["lost"] == 0
+    assert measured["samples"] >= 300
+    own, latency = measured["machine_us"], measured["latency_us"]
+    assert 0.0 < own["p50"] < latency["p50"]
+    assert own["p50"] <= own["p99"] <= own["p99.9"] <= own["max"]
 
 
 def test_quantiles_of_nothing_are_none():

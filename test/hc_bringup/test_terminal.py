@@ -184,6 +184,38 @@ def test_the_last_panel_shows_the_rate_of_the_run_and_not_of_its_end(
     assert 900.0 < display._rate.hz < 1100.0
 
 
+@pytest.mark.parametrize(("with_estimates", "lines"), [(True, 12), (False, 3)])
+def test_without_a_panel_a_step_is_told_once_and_the_load_every_few_seconds(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    with_estimates: bool,
+    lines: int,
+) -> None:
+    """Regression: `hc bench latency` wrote the same "compiling the filters" twenty times."""
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    display = Display(enabled=True, with_keys=False, with_estimates=with_estimates)
+    state = RunState(EstimateStatistics(), 10.0)
+    state.cpu_percent = {"indenter": 17.0}
+
+    def told(seconds: float, phase: str) -> list[str]:
+        state.phase = phase
+        for _ in range(round(8.0 * seconds)):
+            now[0] += 0.125
+            state.elapsed_s += 0.125
+            display.show(state)
+        return capsys.readouterr().err.splitlines()
+
+    assert told(20.0, "estimator: 0 of 9 done") == ["estimator: 0 of 9 done"]
+    assert told(20.0, "estimator: 1 of 9 done") == ["estimator: 1 of 9 done"]
+    assert told(0.25, "waiting for indenter") == ["waiting for indenter"]
+    assert told(0.25, "starting recorder") == []  # gone before anybody could read it
+    running = told(12.0, "running")
+    assert len(running) == lines
+    assert told(3.0, "stopping indenter") == ["stopping indenter"]
+    assert told(3.0, "done") == ["done"]
+
+
 def test_why_a_sensor_is_silent_is_said_to_the_end() -> None:
     """Regression: at 100 columns the second sensor was cut off."""
     reason = (

@@ -58,7 +58,10 @@ def test_a_headless_run_says_what_it_waits_for(monkeypatch: pytest.MonkeyPatch) 
     assert pass_time(2.0, "stopping estimator") == ["... stopping estimator, since 1 s"]
     assert len(pass_time(180.0, "stopping estimator")) in (22, 23)  # after a minute seldom
     assert pass_time(30.0, "done") == []
-    assert pass_time(6.0, "starting estimator", enabled=True) == []  # the panel tells it
+    # Where it is shown, a line says so once, and then that it lasts.
+    assert pass_time(6.0, "starting estimator", enabled=True) == [
+        "... starting estimator, since 3 s"
+    ]
 
 
 def test_what_the_command_says_itself_puts_the_next_line_off(

@@ -1,15 +1,16 @@
 """Readings that cannot be right are doubted, each fault by its own sentence, and no others are."""
 
 import os
-import time
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
-from hc_estimator.stream.readings import Check
-from hc_estimator.stream.sanity import _short, check_samples
+from hc_estimator.stream import suspicion_watch
+from hc_estimator.stream.readings import Check, usable, whole
+from hc_estimator.stream.sanity import _short, check_in_parts, check_samples
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
 
 SHARED = Path(os.environ.get("HC_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -229,8 +230,7 @@ def test_a_displacement_that_jumps_is_doubted_and_a_fast_press_or_a_gap_is_not()
         assert (Check.JUMP, "displacement") not in checks(*readings)
 
 
-@pytest.mark.clock
-def test_a_stream_is_looked_at_in_a_thread_and_told_once_until_it_is_right():
+def test_a_stream_is_looked_at_between_samples_and_told_once_until_it_is_right():
     watch = SuspicionWatch()
     time_s, displacement, force = press(rate_hz=1000.0)
     stamps = (time_s * 1e9).astype(int).tolist()
@@ -244,8 +244,7 @@ def test_a_stream_is_looked_at_in_a_thread_and_told_once_until_it_is_right():
             if i % 100 == 0:
                 clock += 0.1
                 told.extend(watch.look(clock))
-                while watch._looking is not None and not watch._looking.done():
-                    time.sleep(0.001)
+            watch.go_on()
 
     feed(displacement, -force, 0)
     assert [(s.check, s.channel) for s in told] == [(Check.SIGN, "force")]
@@ -302,24 +301,72 @@ def test_nothing_that_comes_in_ends_the_checks():
         assert not any("nan" in s.sentence for s in found)
 
 
-@pytest.mark.clock
+def test_a_look_is_done_in_small_parts():
+    """In one piece it took 14 ms of the thread that has the samples."""
+    time_s, displacement, force = press(rate_hz=1000.0)
+    parts = check_in_parts(
+        usable("displacement", "mm", time_s[:4096], displacement[:4096]),
+        usable("force", "N", time_s[:4096], force[:4096]),
+    )
+    calls = []
+
+    def count(_frame, event, _argument):
+        if event == "c_call":
+            calls[-1] += 1
+
+    def counted():
+        while True:
+            calls.append(0)
+            sys.setprofile(count)
+            try:
+                next(parts)
+            except StopIteration as end:
+                return end.value
+            finally:
+                sys.setprofile(None)
+            yield
+
+    found = whole(counted())
+    assert found == check_samples(time_s[:4096], displacement[:4096], force[:4096])
+    assert len(calls) > 15
+    assert max(calls) < 0.25 * sum(calls)
+
+
+def test_a_look_that_nobody_goes_on_with_is_finished_all_the_same():
+    """Samples that come once a second, or come no more, leave no pause between two of them."""
+    watch = SuspicionWatch()
+    time_s, displacement, force = press()
+    told = []
+    for part in range(3):
+        for t, d, f in zip(time_s, displacement, -force, strict=True):
+            watch.add(round(1e9 * (t + part * (time_s[-1] + 0.01))), float(d), float(f))
+        for step in range(21):
+            told += watch.look(2.1 * part + 0.1 * step)
+    assert [(s.check, s.channel) for s in told] == [(Check.SIGN, "force")]
+
+
 def test_a_look_that_fails_says_so_and_the_next_one_works(monkeypatch):
     """Regression: an error of these checks, which only advise, ended the estimator node."""
-    from hc_estimator.stream import suspicion_watch
-
     watch = SuspicionWatch()
     watch.add(0, 1.0, 1.0)
-    check = suspicion_watch.check_channels
-    monkeypatch.setattr(suspicion_watch, "check_channels", lambda *_: 1 / 0)
-    for now_s, failure in ((0.0, "ZeroDivisionError: division by zero"), (10.0, "")):
-        watch.add(1, 1.0, 1.0)
-        assert watch.look(now_s) == []
-        deadline = time.monotonic() + 10.0
-        while watch._looking is not None and time.monotonic() < deadline:
-            watch.look(now_s)
-            time.sleep(0.001)
-        assert watch.failure == failure
-        monkeypatch.setattr(suspicion_watch, "check_channels", check)
+
+    def fails(*_):
+        yield
+        raise ZeroDivisionError("of all things")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(suspicion_watch, "check_in_parts", fails)
+        assert watch.look(0.0) == []
+    watch.go_on()
+    assert watch.looking
+    watch.go_on()
+    assert not watch.looking
+    assert watch.failure == "ZeroDivisionError: of all things"
+    watch.add(1, 1.0, 1.0)
+    assert watch.look(10.0) == []
+    while watch.looking:
+        watch.go_on()
+    assert watch.failure == ""
 
 
 @pytest.mark.parametrize(("value", "text"), [(6.54, "6.5"), (-200.4, "-200"), (0.052, "0.052")])

@@ -272,6 +272,39 @@ def test_diagnostics_come_by_themselves_even_while_simulated_time_stands_still(n
     assert values == {"rate_hz": "999.123", "count": "3"}
 
 
+def test_a_status_that_is_due_waits_for_a_pause_and_is_published_without_one(node):
+    """Collected and sent when its time came, it stood in the way of a sample every other second."""
+    received = []
+    node.create_subscription(DiagnosticArray, "/diagnostics", received.append, 10)
+    collected = []
+
+    def collect():
+        collected.append(len(collected))
+        return Status(Level.OK, f"status {len(collected)}", {})
+
+    diagnostics = DiagnosticsPublisher(node, "glass", collect, in_parts=True)
+    node.spin_until(lambda: diagnostics.due)
+    assert not collected
+    diagnostics.go_on()
+    assert collected == [0]
+    assert diagnostics.due
+    diagnostics.publish()  # somebody wants one now: what was collected is not lost
+    assert not diagnostics.due
+    node.spin_until(lambda: len(received) == 2)
+    assert [m.status[0].message for m in received] == ["status 1", "status 2"]
+    node.spin_until(lambda: diagnostics.due)
+    diagnostics.publish_overdue()  # not yet
+    assert diagnostics.due
+
+    def is_published():
+        diagnostics.publish_overdue()
+        return not diagnostics.due
+
+    node.spin_until(is_published)
+    node.spin_until(lambda: len(received) == 3)
+    assert collected == [0, 1, 2]
+
+
 def test_a_whole_number_is_a_number(node):
     """`zero: 5` in a parameter file is what people write."""
     given = rclpy.create_node(

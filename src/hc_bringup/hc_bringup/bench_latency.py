@@ -2,7 +2,8 @@
 
 Each case is a run of its own: rig, estimator and recorder, and subscribers of hc/estimate in
 processes beside them (latency_listener.py). The latency is that from a sample's stamp to the
-publication of its estimate, as the estimator tells it with every estimate. The load is a C++
+publication of its estimate, as the estimator tells it with every estimate. What of its tail is the
+machine's is measured in the same run (machine_wake_ups.py). The load is a C++
 compiler that compiles the same file again and again on the last processor; where there is none,
 Python that compiles itself.
 """
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from hc_bringup.array_messages import with_array_messages
 from hc_bringup.commands.run import with_parameters
 from hc_bringup.errors import UserError
+from hc_bringup.machine_wake_ups import FASTEST_HZ
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 from hc_bringup.runner import Runner, RunState
@@ -58,9 +60,23 @@ Case = dict[str, Any]
 
 
 class _Run:
-    """Subscribers and load of one case; they begin with the samples."""
+    """Subscribers, load and bare wake-ups of one case; the latter two begin with the samples."""
 
-    def __init__(self, folder: Path, subscribers: int, loaded: bool, form: str) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        subscribers: int,
+        loaded: bool,
+        form: str,
+        rate_hz: float,
+        seconds: float,
+    ) -> None:
+        self._wake_ups: subprocess.Popen[bytes] | None = None
+        self._wake_ups_file = folder / "wake_ups.npy"
+        self._wake_ups_command = [
+            *(sys.executable, "-m", "hc_bringup.machine_wake_ups"),
+            *(str(self._wake_ups_file), str(rate_hz), str(seconds)),
+        ]
         self._files = [folder / f"listener_{i}.npz" for i in range(subscribers)]
         self._load: subprocess.Popen[bytes] | None = None
         self._folder, self._loaded = folder, loaded
@@ -79,20 +95,29 @@ class _Run:
                 raise UserError("a subscriber does not start")
 
     def look(self, state: RunState) -> None:
-        """Begin the load with the samples."""
+        """Begin with the samples."""
+        if self._wake_ups is None and state.phase == "running":
+            self._wake_ups = subprocess.Popen(self._wake_ups_command, stdin=subprocess.PIPE)
         if self._loaded and self._load is None and state.phase == "running":
             self._load = subprocess.Popen(
                 [sys.executable, "-c", _LOAD, *_compiler(self._folder)], start_new_session=True
             )
 
     def close(self) -> list[dict[str, NDArray[Any]]]:
-        """End load and subscribers; return what each of these saw."""
+        """End all of them; return what each of the subscribers saw."""
+        if self._wake_ups is not None:
+            self._wake_ups.communicate(timeout=60.0)
         if self._load is not None:
             os.killpg(self._load.pid, 9)  # the load's own group: it and its compiler
             self._load.wait()
         for listener in self._listeners:
             listener.communicate(timeout=60.0)
         return [dict(np.load(file)) for file in self._files if file.exists()]
+
+    def wake_ups_s(self) -> NDArray[np.float64]:
+        """Return how late the machine's own wake-ups were, in their order [s]."""
+        file = self._wake_ups_file
+        return np.load(file) if file.exists() else np.empty(0)
 
 
 def _compiler(folder: Path) -> list[str]:
@@ -131,7 +156,8 @@ def bench_latency(
     Returns:
         Of each case rate_hz, subscribers, loaded, samples_per_message, samples (that were
         estimated), lost, skipped, latency_us and arrival_us (p50, p99, p99.9, max; the first from
-        stamp to publication, the other to the subscriber), cpu_percent by node, and latencies_s.
+        stamp to publication, the other to the subscriber), machine_us (the same of the machine's
+        own wake-ups meanwhile), cpu_percent by node, and latencies_s.
 
     Raises:
         UserError: if the suite cannot be run.
@@ -170,7 +196,8 @@ def _measure(
             plan = with_parameters(plan, node, parameters)
         plan = with_array_messages(plan)
         form = "arrays" if together > 1 else "each"
-        beside = _Run(folder, subscribers, loaded, form)
+        messages_hz = rate_hz / together
+        beside = _Run(folder, subscribers, loaded, form, messages_hz, SETTLING_S + seconds)
 
         def look(state: RunState) -> None:
             beside.look(state)
@@ -181,6 +208,7 @@ def _measure(
             state = Runner(plan, look, with_estimates=False).run()
         finally:
             seen = beside.close()
+        machine_s = beside.wake_ups_s()[round(SETTLING_S * min(messages_hz, FASTEST_HZ)) :]
     skipped = int(float(state.diagnostics.get("estimator", {}).get("skipped", "nan")))
     first = max((one for one in seen), key=lambda one: len(one["sequence"]))
     counted = first["sequence"] >= SETTLING_S * rate_hz
@@ -200,6 +228,7 @@ def _measure(
         "skipped": skipped,
         "latency_us": _quantiles(latencies),
         "arrival_us": _quantiles(arrivals),
+        "machine_us": _quantiles(machine_s),
         "cpu_percent": dict(state.cpu_percent),
         "latencies_s": latencies,
     }
@@ -217,18 +246,20 @@ def text_table(cases: Sequence[Case]) -> str:
     """Return the cases as a Markdown table."""
     lines = [
         "| rate | subscribers | machine | samples | lost | p50 us | p99 us | p99.9 us | largest us "
-        "| rig, estimator, recorder, % of a core |",
-        "|---" * 10 + "|",
+        "| rig, estimator, recorder, % of a core "
+        "| the machine's own wake-ups: p50, p99, p99.9, largest us |",
+        "|---" * 11 + "|",
     ]
     for case in cases:
         figures = " | ".join(f"{case['latency_us'][n]:.0f}" for n in (*QUANTILES, "max"))
+        own = ", ".join(f"{case['machine_us'][n]:.0f}" for n in (*QUANTILES, "max"))
         load = ", ".join(f"{v:.0f}" for v in case["cpu_percent"].values())
         machine = "a compiler runs" if case["loaded"] else "as it is"
         message = case["samples_per_message"]
         rate = f"{case['rate_hz'] / 1000:g} kHz" + (f", {message} together" if message > 1 else "")
         lines.append(
             f"| {rate} | {case['subscribers']} | {machine} | {case['samples']} | {case['lost']} "
-            f"| {figures} | {load} |"
+            f"| {figures} | {load} | {own} |"
         )
     return "\n".join(lines)
 

@@ -1,4 +1,8 @@
-"""The live display of a run: a panel in a terminal, a line a second elsewhere."""
+"""The live display of a run: a panel in a terminal, lines elsewhere.
+
+Those are one a second while estimates come, one every few seconds where only the load is known, and
+one for each step on the way there and back.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +36,8 @@ SYMBOLS: Final = {
     "velocity_exponent": ("p", ""),
 }
 _LINE_PERIOD_S: Final = 1.0
+_LOAD_PERIOD_S: Final = 5.0
+"""Between two lines of a run whose estimates somebody else hears: nothing in them is urgent."""
 _REASON_WITHIN_S: Final = 1.6
 """So long a silent run is waited with, for the estimator to say why."""
 
@@ -70,6 +76,7 @@ class Display:
         self._rate = _RateMeter()
         self._explainer = BackgroundExplainer()
         self._last_line_at = 0.0
+        self._last_phase = ""
         self._page_announced = False
         self._reported: dict[str, set[str]] = {}
         self._doubted: set[str] = set()
@@ -108,21 +115,34 @@ class Display:
         if not self._enabled:
             heartbeat.doing("" if state.phase in (RUNNING, DONE) else state.phase)
             return
-        heartbeat.nothing()  # the panel tells it, or a line a second
         if state.phase == RUNNING:  # while it ends, the source has stopped
             self._rate.update(state.statistics.estimates)
         if self._live is not None:
+            heartbeat.nothing()  # the panel tells it
             if self._keys is not None:
                 state.requests += self._keys.requests()
             view = self._view(state)
             self._live.update(self._painter.draw(view, self._console.width), refresh=True)
             return
+        self._tell_line(state)
+
+    def _tell_line(self, state: RunState) -> None:
+        """Write a line if one is due; that a step lasts, the heartbeat tells."""
+        if state.phase != RUNNING and state.phase == self._last_phase:
+            heartbeat.doing("" if state.phase == DONE else state.phase)
+            return
+        heartbeat.nothing()
+        period_s = _LINE_PERIOD_S
+        if state.phase == RUNNING and not self._with_estimates:
+            period_s = _LOAD_PERIOD_S if self._last_phase == RUNNING else 0.0
         now = time.monotonic()
-        if now - self._last_line_at >= _LINE_PERIOD_S:
-            self._last_line_at = now
-            line = _line(state, self._rate, self._with_latency)
-            sys.stderr.write((line if self._with_estimates else _load_line(state)) + "\n")
-            sys.stderr.flush()
+        if now - self._last_line_at < period_s:
+            return
+        self._last_line_at, self._last_phase = now, state.phase
+        line = _line(state, self._rate, self._with_latency)
+        sys.stderr.write((line if self._with_estimates else _load_line(state)) + "\n")
+        sys.stderr.flush()
+        heartbeat.spoke()
 
     def _tell_page(self, state: RunState) -> None:
         """Say once where the live page is: above the panel, whole, so that it can be copied."""

@@ -96,7 +96,9 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         # The machine's own steady clock: simulated time may stand still.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=self._steady)
-        self._diagnostics = DiagnosticsPublisher(self, "estimator", self._collect_status)
+        self._diagnostics = DiagnosticsPublisher(
+            self, "estimator", self._collect_status, in_parts=True
+        )
         maximum_gap_s = self._settings.values["input.maximum_gap"]
         self._jump_handle = watch_jumps(self, maximum_gap_s, self._on_clock_jump)
         self._starts_by_itself = bool(self._settings.values["autostart"])
@@ -272,6 +274,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
 
     def _watch(self) -> None:
         self.destroy_retired()
+        self._diagnostics.publish_overdue()
         if self._starts_by_itself:
             self._start()
         self._outputs.look_who_listens()

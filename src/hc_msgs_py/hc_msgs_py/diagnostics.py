@@ -20,6 +20,8 @@ from hc_msgs_py.units import NANOSECONDS
 from hc_msgs_py.wire import publish_bytes
 
 PERIOD_S = 1.0
+PATIENCE_S = 0.05
+"""So long a status waits for a pause between two samples."""
 FEELS = "zeros are looked for"
 """Key of what an estimator feels while it looks for zeros, in words."""
 LAST_DELIVERY = Duration(seconds=1.0)
@@ -44,25 +46,64 @@ class Status(NamedTuple):
 
 
 class DiagnosticsPublisher:
-    """Publishes a node's status once a second."""
+    """Publishes a node's status once a second.
 
-    def __init__(self, node: Node, hardware_id: str, collect: Callable[[], Status]) -> None:
+    A node whose thread has samples to deal with lets it wait for a pause and do it in two parts:
+    what is `due` it does with `go_on`, and what found no pause with `publish_overdue`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        hardware_id: str,
+        collect: Callable[[], Status],
+        *,
+        in_parts: bool = False,
+    ) -> None:
         """Start publishing.
 
         Args:
             node: the node whose status it is.
             hardware_id: what the status is about, for example the sensor.
             collect: called once a second; returns the status.
+            in_parts: leave it to the node to publish what is due.
         """
         self._node = node
         self._hardware_id = hardware_id
         self._collect = collect
         self._publisher = node.create_publisher(DiagnosticArray, DIAGNOSTICS, DIAGNOSTICS_QOS)
         self._used_s, self._at_s = time.process_time(), time.monotonic()
+        self._due_since_s: float | None = None
+        self._collected: Status | None = None
         # The steady clock: a status is due even while simulated time stands still.
         self._timer = node.create_timer(
-            PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
+            PERIOD_S,
+            self._fall_due if in_parts else self.publish,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
+
+    @property
+    def due(self) -> bool:
+        """Whether a status waits for a pause."""
+        return self._due_since_s is not None
+
+    def _fall_due(self) -> None:
+        if self._due_since_s is None:
+            self._due_since_s = time.monotonic()
+
+    def go_on(self) -> None:
+        """Do a part of the status that is due: collect it, and the next time send it."""
+        if self._collected is None:
+            self._collected = self._collect()
+        else:
+            self._send(self._collected)
+
+    def publish_overdue(self) -> None:
+        """Publish what has been due for a while: nothing comes after which there were a pause."""
+        due_since_s = self._due_since_s
+        if due_since_s is not None and time.monotonic() - due_since_s > PATIENCE_S:
+            while self.due:
+                self.go_on()
 
     def publish_last(self) -> None:
         """Publish the final status and wait until it has arrived, before the node is destroyed."""
@@ -74,7 +115,13 @@ class DiagnosticsPublisher:
 
         Every node says its processor use since the last status, in percent of a core.
         """
-        level, message, values = self._collect()
+        if self._collected is not None:  # what was counted until then is in it
+            self._send(self._collected)
+        self._send(self._collect())
+
+    def _send(self, status: Status) -> None:
+        self._due_since_s = self._collected = None
+        level, message, values = status
         used_s, at_s = time.process_time(), time.monotonic()
         if at_s > self._at_s:
             percent = 100.0 * (used_s - self._used_s) / (at_s - self._at_s)

@@ -33,6 +33,9 @@ from hc_msgs_py.realtime import RealtimeError
 
 SPIN_TIMEOUT_S = 1.0
 """Longest turn of the executor; the clock's watch ends each after a tenth of that."""
+SWITCH_INTERVAL_S = 5e-5
+"""After so long a thread that waits for the interpreter's lock asks for it; Python's own 5 ms are
+five samples. What a node's threads do for longer (timers beside a rig's samples) lets go sooner."""
 
 
 class NodeStartError(Exception):
@@ -105,6 +108,7 @@ def run_node(
         Exit status: 0 after a clean end, 2 when the node could not start for what it was given,
         1 when it failed later; standard error then says why in one line.
     """
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     stopped_by: int | None = None
     turn = Turn()
 

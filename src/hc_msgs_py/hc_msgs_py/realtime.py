@@ -108,7 +108,8 @@ def enter(below: int = 0) -> bool:
     from now on. Python's other threads (the compiler's) stay ordinary.
 
     Args:
-        below: so many priorities below the wanted one, for who may wait while others may not.
+        below: so many priorities below the wanted one, for who may wait while others may not;
+            negative for one above.
 
     Raises:
         RealtimeError: if the system does not permit it, or the environment is wrong.
@@ -116,7 +117,7 @@ def enter(below: int = 0) -> bool:
     priority = wanted_priority()
     if not priority:
         return False
-    priority = max(1, priority - below)
+    priority = min(99, max(1, priority - below))
     ordinary = {thread.native_id for thread in threading.enumerate()}
     ordinary.discard(threading.main_thread().native_id)
     for task in Path("/proc/self/task").iterdir():

@@ -168,6 +168,11 @@ class Channel:
         self._maximum_backlog = min(messages, STREAM_DEPTH)
 
     @property
+    def waits(self) -> bool:
+        """Whether a message was fetched and not handed on yet."""
+        return bool(self._waiting)
+
+    @property
     def publishers(self) -> int:
         """Number of matched publishers."""
         return int(self._subscription.get_publisher_count())

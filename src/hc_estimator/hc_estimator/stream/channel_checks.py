@@ -9,6 +9,7 @@ import numpy as np
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     FloatArray,
+    Parts,
     Readings,
     moves,
     robust_range,
@@ -233,8 +234,8 @@ def stopped_short(depth: Readings, force: Readings) -> str:
     )
 
 
-def flattened(depth: Readings, force: Readings) -> str:
-    """A force that goes no further while the tool goes on: an amplifier at its end, with noise.
+def flattened(depth: Readings, force: Readings) -> Parts[str]:
+    """Find a force that goes no further while the tool goes on: an amplifier at its end, in parts.
 
     Soft tissue stiffens: what lies in the last percents of the force lies in the last percents of
     the depth as well, but for the damping.
@@ -243,10 +244,12 @@ def flattened(depth: Readings, force: Readings) -> str:
     newtons = force.values[inside]
     if len(newtons) < LEAST_SAMPLES or not (moves(newtons) and moves(depth.values)):
         return ""
+    yield
     order = np.argsort(depth.time_s, kind="stable")
     at = np.interp(force.time_s[inside], depth.time_s[order], depth.values[order])
     low, high = robust_range(newtons)
     shallow, deep = robust_range(at)
+    yield
     for limit, word, side in ((high, "largest", 1.0), (low, "smallest", -1.0)):
         room = side * (limit - newtons) / (high - low)
         top, before = room < _TOP, (room >= _TOP) & (room < _TOP + _NEXT)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Generator
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+Parts = Generator[None, None, T]
+"""Work in parts of some tenths of a millisecond, between which others have their turn."""
 
 LEAST_SAMPLES = 100
 MEANINGS = "docs/guide/warnings.md"
@@ -70,6 +74,15 @@ class Readings(NamedTuple):
     unit: str
     time_s: FloatArray
     values: FloatArray
+
+
+def whole(parts: Parts[T]) -> T:
+    """Do all parts of a work, one after the other, and return what came of it."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
 
 
 def usable(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> Readings:

@@ -8,22 +8,24 @@ passes them may still be wrong, what does not is worth a look.
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hc_estimator.stream import channel_checks
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
     FloatArray,
+    Parts,
     Readings,
     Suspicion,
     moves,
     noise,
     robust_range,
     usable,
+    whole,
 )
 from hc_estimator.stream.zero_steps import find_steps
 
@@ -80,37 +82,28 @@ def check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
         As `check_samples`.
     """
     with np.errstate(all="ignore"):  # steps of 1e-300 beside steps of 1e12
-        return _check_channels(displacement, force)
+        return whole(check_in_parts(displacement, force))
 
 
-def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
+def check_in_parts(displacement: Readings, force: Readings) -> Parts[list[Suspicion]]:
+    """Check as `check_channels`, in parts; whoever runs them ignores numpy's warnings meanwhile."""
     result: list[Suspicion] = []
     for readings, other in ((displacement, force), (force, displacement)):
         if len(readings.values) >= LEAST_SAMPLES:
-            saturated = channel_checks.saturated(readings) if readings is force else ""
-            _add(result, Check.SATURATION, readings, saturated)
-            short = ""
-            if readings is displacement and len(force.values) >= LEAST_SAMPLES:
-                short = channel_checks.stopped_short(displacement, force)
-                _add(result, Check.SATURATION, readings, short)
-            if not (saturated or short):
-                _add(result, Check.STUCK, readings, channel_checks.stuck(readings, other))
-                stands, is_lost = channel_checks.standing(readings, other)
-                _add(result, Check.STUCK if is_lost else Check.PAUSE, readings, stands)
-            mistimed = channel_checks.mistimed(readings) if readings is displacement else ""
-            _add(result, Check.TIMES, readings, mistimed)
-            if not mistimed:
-                uneven = channel_checks.irregular(readings) or channel_checks.held(readings)
-                _add(result, Check.RATE, readings, uneven)
-            _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
+            yield from _check_one(readings, other, result)
     if min(len(displacement.values), len(force.values)) >= LEAST_SAMPLES:
         coarse = any(suspicion.check is Check.QUANTISATION for suspicion in result)
-        result += [] if coarse else find_steps(displacement, force)
-        result += _check_together(displacement, force, fine=not coarse)
+        if not coarse:
+            result += yield from find_steps(displacement, force)
+        yield
+        result += yield from _check_together(displacement, force, fine=not coarse)
+        yield
         seen = {(s.check, s.channel) for s in result}
         turned = seen & {(Check.SIGN, "displacement"), (Check.SIGN, "both")}
         if not (turned or (Check.SATURATION, "force") in seen):
-            _add(result, Check.SATURATION, force, channel_checks.flattened(displacement, force))
+            flattened = yield from channel_checks.flattened(displacement, force)
+            _add(result, Check.SATURATION, force, flattened)
+    yield
     if len(displacement.values) >= LEAST_SAMPLES:
         doubted = {s.check for s in result if s.channel == "displacement"}
         # Nothing is known of its speed; or what it jumped by is known.
@@ -118,6 +111,31 @@ def _check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
             _add(result, Check.JUMP, displacement, channel_checks.jumping(displacement))
     order = list(Check)
     return sorted(result, key=lambda s: order.index(s.check))
+
+
+def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> Parts[None]:
+    """Check what one channel shows, of which there is enough; add what is found."""
+    is_force = readings.name == "force"
+    saturated = channel_checks.saturated(readings) if is_force else ""
+    _add(result, Check.SATURATION, readings, saturated)
+    short = ""
+    if not is_force and len(other.values) >= LEAST_SAMPLES:
+        short = channel_checks.stopped_short(readings, other)
+        _add(result, Check.SATURATION, readings, short)
+    yield
+    if not (saturated or short):
+        _add(result, Check.STUCK, readings, channel_checks.stuck(readings, other))
+        stands, is_lost = channel_checks.standing(readings, other)
+        _add(result, Check.STUCK if is_lost else Check.PAUSE, readings, stands)
+    yield
+    mistimed = "" if is_force else channel_checks.mistimed(readings)
+    _add(result, Check.TIMES, readings, mistimed)
+    if not mistimed:
+        uneven = channel_checks.irregular(readings) or channel_checks.held(readings)
+        _add(result, Check.RATE, readings, uneven)
+    yield
+    _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
+    yield
 
 
 def _add(result: list[Suspicion], check: Check, readings: Readings, sentence: str) -> None:
@@ -128,10 +146,13 @@ def _add(result: list[Suspicion], check: Check, readings: Readings, sentence: st
 # Both channels.
 
 
-def _check_together(displacement: Readings, force: Readings, *, fine: bool) -> list[Suspicion]:
+def _check_together(
+    displacement: Readings, force: Readings, *, fine: bool
+) -> Parts[list[Suspicion]]:
     """Check what displacement and force say of each other; zeros only of fine readings."""
     if not (moves(displacement.values) and moves(force.values)):
         return _check_still(displacement, force)
+    yield
     order = np.argsort(displacement.time_s, kind="stable")
     inside = (force.time_s >= displacement.time_s.min()) & (
         force.time_s <= displacement.time_s.max()
@@ -140,16 +161,21 @@ def _check_together(displacement: Readings, force: Readings, *, fine: bool) -> l
     depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
     sound = np.isfinite(depth)  # not between stamps that are next to equal
     depth, newtons = depth[sound], newtons[sound]
+    yield
     if len(newtons) < LEAST_SAMPLES or not (moves(depth) and moves(newtons)):
         return []  # both move, but not where both have readings
+    yield
     related = float(np.corrcoef(depth, newtons)[0, 1])
     if math.isnan(related):  # motions whose squares are too small for a number
         return []
     result: list[Suspicion] = []
+    yield
     result += _units(depth, newtons, related)
-    result += _sign(depth, newtons, related)
+    yield
+    result += yield from _sign(depth, newtons, related)
+    yield
     if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
-        result += _zeros(depth, newtons, related)
+        result += yield from _zeros(depth, newtons, related)
     return result
 
 
@@ -170,10 +196,10 @@ def _far_from_zero(low: float, high: float) -> Suspicion:
     )
 
 
-def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
+def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> Parts[list[Suspicion]]:
     low, high = robust_range(newtons)
     shallow, deep = robust_range(depth)
-    if related < -RELATED and _pulls(depth, newtons):
+    if related < -RELATED and (yield from _pulls(depth, newtons)):
         sentence = (
             f"the force falls to {low:.3g} N as the displacement grows: it reads a push as a "
             "pull; turn its sign (force.sign)"
@@ -186,7 +212,8 @@ def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspic
         )
         return [Suspicion(Check.SIGN, "displacement", sentence, -1.0)]
     below = -low > 2.0 * max(high, 0.0) and -shallow > 2.0 * max(deep, 0.0)
-    if related > RELATED and pressed_way(depth, newtons, 1.0 if below else 0.0) > 0.0:
+    unknown = 1.0 if below else 0.0
+    if related > RELATED and (yield from pressed_way(depth, newtons, unknown)) > 0.0:
         sentence = (
             f"force and displacement go down together, to {low:.3g} N and {shallow:.3g} mm: turn "
             "the signs of both (force.sign, position.sign)"
@@ -195,14 +222,15 @@ def _sign(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspic
     return []
 
 
-def _pulls(depth: FloatArray, newtons: FloatArray) -> bool:
+def _pulls(depth: FloatArray, newtons: FloatArray) -> Parts[bool]:
     """Whether, of two channels that go against each other, it is the force that is turned."""
     low, high = robust_range(newtons)
-    return pressed_way(-depth, newtons, float(abs(low) > abs(high)) - 0.5) > 0.0
+    unknown = float(abs(low) > abs(high)) - 0.5
+    return (yield from pressed_way(-depth, newtons, unknown)) > 0.0
 
 
-def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> float:
-    """Say whether two channels that go together are both turned round.
+def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> Parts[float]:
+    """Say, in parts, whether two channels that go together are both turned round.
 
     A force that is flat at one end of the motion is free there, whatever its zero.
 
@@ -214,7 +242,10 @@ def pressed_way(depth: FloatArray, newtons: FloatArray, unknown: float) -> float
     Returns:
         -1 if neither is turned, 1 if both are.
     """
-    right, turned = free_motion(depth, newtons), free_motion(-depth, -newtons)
+    right = yield from free_motion(depth, newtons)
+    yield
+    turned = yield from free_motion(-depth, -newtons)
+    yield
     if (right is None) == (turned is None):
         return unknown
     return 1.0 if right is None else -1.0
@@ -272,13 +303,14 @@ def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
     return []
 
 
-def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspicion]:
+def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> Parts[list[Suspicion]]:
     """Zeros, where the readings go from free motion into contact."""
     low, high = robust_range(depth)
     least, most = robust_range(newtons)
     span = most - least
     result = []
-    free = free_motion(depth, newtons)
+    free = yield from free_motion(depth, newtons)
+    yield
     if free is not None:
         level, surface = free
         if abs(level) > _ZERO_SHARE * span:
@@ -321,13 +353,14 @@ def _force_zero(what: str, level: float = math.nan) -> Suspicion:
     )
 
 
-def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] | None:
+def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, float] | None]:
     """Find the flat part of force over depth before it rises, on the way down where there is one.
 
     On the way up a damped tissue lets go of the tool early, and the force is zero in the tissue.
 
     Returns:
-        The force there [N] and the depth where it ends [mm]; None if there is no such part.
+        In parts: the force there [N] and the depth where it ends [mm]; None if there is no such
+        part.
     """
     lag = max(1, len(depth) // 500)
     advance = np.zeros(len(depth))
@@ -335,19 +368,19 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] |
     down = advance > 4.0 * noise(depth)
     if np.mean(down) > _DOWN_SHARE:
         depth, newtons = depth[down], newtons[down]
+    yield
     low, high = robust_range(depth)
     edges = np.linspace(low, high, _BINS + 1)
     place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, _BINS - 1)
-    order = np.argsort(place, kind="stable")
-    bounds = np.searchsorted(place[order], np.arange(_BINS + 1))
-    groups = [newtons[order[a:b]] for a, b in itertools.pairwise(bounds)]
-    medians = np.array([np.median(g) if len(g) >= 3 else np.nan for g in groups])
+    yield
+    counts = np.bincount(place, minlength=_BINS)
+    medians = _medians(newtons[np.lexsort((newtons, place))], counts)
     if np.isnan(medians[:_FLAT_BINS]).any():
         return None
+    yield
     least, most = robust_range(newtons)
     level = float(np.median(medians[:_FLAT_BINS]))
-    sizes = np.array([max(len(g), 1) for g in groups])
-    errors = 1.25 * noise(newtons) / np.sqrt(sizes)  # standard errors of medians
+    errors = 1.25 * noise(newtons) / np.sqrt(np.maximum(counts, 1))  # standard errors of medians
     allowed = np.maximum(_FLAT_SHARE * (most - least), 4.0 * errors)
     moved = np.flatnonzero(~(np.abs(medians - level) <= allowed))
     flat = int(moved[0]) if len(moved) else _BINS
@@ -355,6 +388,15 @@ def free_motion(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] |
     if flat < _FLAT_BINS or flat == _BINS or last - level < _RISE_SHARE * (most - least):
         return None
     return level, float(edges[flat])
+
+
+def _medians(ordered: FloatArray, counts: NDArray[np.int64]) -> FloatArray:
+    """Return the medians of groups that follow one another, each in order; NaN of less than 3."""
+    medians = np.full(len(counts), np.nan)
+    enough = counts >= 3
+    first, count = (np.cumsum(counts) - counts)[enough], counts[enough]
+    medians[enough] = 0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2])
+    return medians
 
 
 def _short(value: float) -> str:

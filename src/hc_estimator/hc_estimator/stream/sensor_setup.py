@@ -13,7 +13,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.readings import CLEAR, LEAST_SAMPLES, FloatArray, noise, robust_range
+from hc_estimator.stream.readings import (
+    CLEAR,
+    LEAST_SAMPLES,
+    FloatArray,
+    noise,
+    robust_range,
+    whole,
+)
 from hc_estimator.stream.sanity import free_motion, pressed_way
 from hc_estimator.stream.surface import find_surface
 
@@ -293,7 +300,7 @@ def _presses_backwards(
     centred = (moved - moved.mean()) / scale
     curvature = float(np.polyfit(centred, pushed[inside], 2)[0])
     sense = 1.0 if np.corrcoef(moved, pushed[inside])[0, 1] > 0.0 else -1.0
-    return pressed_way(moved, sense * pushed[inside], -curvature) > 0.0
+    return whole(pressed_way(moved, sense * pushed[inside], -curvature)) > 0.0
 
 
 def _zeros(
@@ -307,7 +314,7 @@ def _zeros(
     found = find_surface(moved, pushed[inside])
     if found is not None and found.displacement_std_mm <= coarse:
         return found.force_n, found.displacement_mm, found.displacement_std_mm, []
-    free = free_motion(moved, pushed[inside])
+    free = whole(free_motion(moved, pushed[inside]))
     if free is not None:  # pieces of approaches, none of them whole
         return free[0], free[1], coarse, []
     notes = [

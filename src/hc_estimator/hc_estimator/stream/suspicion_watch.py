@@ -1,22 +1,26 @@
-"""Sanity checks of a stream: the newest readings are looked at every few seconds, in a thread.
+"""Sanity checks of a stream: the newest readings are looked at every few seconds, between samples.
 
-Looking takes some ten milliseconds, which no sample must wait for.
+Looking takes some milliseconds, which no sample must wait for. So it is done in parts of some
+tenths of one, each after a sample was dealt with (`go_on`). A thread is no way: numpy gives the
+interpreter's lock back in each of its calls, wakes who waits for it, and has taken it again before
+that one runs; samples then waited for 2 to 5 ms, in every look.
 """
 
 from __future__ import annotations
 
 from array import array
-from concurrent.futures import Future, ThreadPoolExecutor
 
 import numpy as np
 
-from hc_estimator.stream.readings import Readings, Suspicion, usable
-from hc_estimator.stream.sanity import check_channels
+from hc_estimator.stream.readings import Parts, Readings, Suspicion, usable
+from hc_estimator.stream.sanity import check_in_parts
 from hc_estimator.stream.stamp_watch import StampWatch
 
 KEPT = 4096
 """Readings of each channel: four seconds at 1 kHz."""
 PERIOD_S = 2.0
+PATIENCE_S = 0.5
+"""Then what is left of a look is done at once: samples come so seldom that none waits for it."""
 CONFIRMATIONS = 2
 """Looks in a row that must doubt a thing before it is told, and must not before it is forgotten."""
 
@@ -57,8 +61,9 @@ class SuspicionWatch:
     def __init__(self) -> None:
         self.suspicions: list[Suspicion] = []
         self.failure = ""
-        self._worker = ThreadPoolExecutor(1, "sanity")
-        self._looking: Future[list[Suspicion]] | None = None
+        self._parts: Parts[list[Suspicion]] | None = None
+        self._found: list[Suspicion] | None = None
+        self._began_s = 0.0
         self._next_s = 0.0
         self.forget()
 
@@ -70,7 +75,7 @@ class SuspicionWatch:
         self._origin_ns: int | None = None
         self._seen: dict[tuple[str, str], int] = {}
         self._looked_at = 0
-        self._looking = None
+        self._parts = self._found = None
         self.suspicions = []
 
     def add(self, stamp_ns: int, displacement_mm: float, force_n: float) -> None:
@@ -88,26 +93,40 @@ class SuspicionWatch:
         self._stamps.add(latency_ns, live=live)
 
     def look(self, now_s: float) -> list[Suspicion]:
-        """Look, if it is time to; returns what has become suspicious since the last time.
+        """Begin a look, if it is time to; returns what has become suspicious since the last time.
 
         Args:
             now_s: a clock that never goes back.
         """
+        while self.looking and now_s - self._began_s > PATIENCE_S:
+            self.go_on()
         new: list[Suspicion] = []
-        if self._looking is not None and self._looking.done():
-            looked, self._looking = self._looking, None
-            error = looked.exception()
-            self.failure = "" if error is None else f"{type(error).__name__}: {error}"
-            if error is None:
-                new = self._weigh([*looked.result(), *self._stamps.take(now_s)])
+        if self._found is not None:
+            found, self._found = self._found, None
+            new = self._weigh([*found, *self._stamps.take(now_s)])
         count = self._displacement.count + self._force.count
-        if self._looking is None and now_s >= self._next_s and count > self._looked_at:
+        if not self.looking and now_s >= self._next_s and count > self._looked_at:
             self._looked_at = count
-            self._next_s = now_s + PERIOD_S
-            self._looking = self._worker.submit(
-                check_channels, self._displacement.readings(), self._force.readings()
-            )
+            self._next_s, self._began_s = now_s + PERIOD_S, now_s
+            self._parts = check_in_parts(self._displacement.readings(), self._force.readings())
         return new
+
+    @property
+    def looking(self) -> bool:
+        """Whether a look is under way, so that `go_on` has something to do."""
+        return self._parts is not None
+
+    def go_on(self) -> None:
+        """Do the next part of the look that is under way."""
+        if self._parts is None:
+            return
+        try:
+            with np.errstate(all="ignore"):
+                next(self._parts)
+        except StopIteration as end:
+            self._parts, self._found, self.failure = None, end.value, ""
+        except Exception as error:  # noqa: BLE001 - it only advises: told, and the next look is tried
+            self._parts, self.failure = None, f"{type(error).__name__}: {error}"
 
     def _weigh(self, found: list[Suspicion]) -> list[Suspicion]:
         """Tell a doubt once it was there twice, and until it was absent twice."""

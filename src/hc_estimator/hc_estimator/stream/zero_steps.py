@@ -17,6 +17,7 @@ from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
     FloatArray,
+    Parts,
     Readings,
     Suspicion,
     moves,
@@ -58,7 +59,7 @@ class _Step(NamedTuple):
         return self.after - self.before
 
 
-def find_steps(displacement: Readings, force: Readings) -> list[Suspicion]:
+def find_steps(displacement: Readings, force: Readings) -> Parts[list[Suspicion]]:
     """Find zeros that were taken anew.
 
     Args:
@@ -66,16 +67,20 @@ def find_steps(displacement: Readings, force: Readings) -> list[Suspicion]:
         force: contact force [N].
 
     Returns:
-        A doubt for each time at which one was, the earliest first; the remedy is to be taken off
-        the readings of the part whose zero is the less likely one.
+        In parts: a doubt for each time at which one was, the earliest first; the remedy is to be
+        taken off the readings of the part whose zero is the less likely one.
     """
     if min(len(displacement.values), len(force.values)) < LEAST_SAMPLES:
         return []
     if not moves(displacement.values):
         return []
+    yield
     steps: list[tuple[Readings, _Step]] = []
-    jumps = [s for s in _steps(displacement) if _is_no_motion(s)]
-    for step in _steps(force):
+    stepped = yield from _steps(displacement)
+    jumps = [s for s in stepped if _is_no_motion(s)]
+    stepped = yield from _steps(force)
+    yield
+    for step in stepped:
         jump = next((j for j in jumps if abs(j.end_s - step.end_s) < _TOGETHER_S), None)
         if jump is not None or _is_no_contact(step, displacement, force):
             steps.append((force, step))
@@ -83,12 +88,13 @@ def find_steps(displacement: Readings, force: Readings) -> list[Suspicion]:
     return [_suspicion(*found) for found in sorted(steps, key=lambda found: found[1].end_s)]
 
 
-def _steps(channel: Readings) -> list[_Step]:
+def _steps(channel: Readings) -> Parts[list[_Step]]:
     """Return the steps between flat readings of a channel, each the largest around it."""
     time_s, values = channel.time_s, channel.values
     deviation = noise(values)
     low, high = robust_range(values)
     least = max(_CLEAR * deviation, _LEAST_SHARE * (high - low))
+    yield
     usual_s = float(np.median(np.diff(time_s)))
     if not usual_s > 0.0:
         return []
@@ -100,8 +106,12 @@ def _steps(channel: Readings) -> list[_Step]:
     change = np.abs(
         means[count:] - means[:-count]
     )  # at [i]: between readings i + count - 1 and + 1
+    yield
+    peaks = sorted(_peaks(change, 0.8 * least, count))
+    yield
     flat: list[tuple[int, float, float]] = []
-    for start in sorted(_peaks(change, 0.8 * least, count)):
+    for start in peaks:
+        yield
         last = start + count - 1
         if time_s[last + count] - time_s[start] > 3.0 * count * usual_s:
             continue  # readings are missing
@@ -125,13 +135,14 @@ def _steps(channel: Readings) -> list[_Step]:
 
 def _peaks(change: FloatArray, least: float, apart: int) -> list[int]:
     """Return where a change beyond the least is the largest of so many to both sides."""
-    beyond = np.flatnonzero(change > least)
+    left = np.where(change > least, change, -np.inf)
     kept: list[int] = []
-    for i in beyond[np.argsort(-change[beyond], kind="stable")].tolist():
-        if len(kept) == _MOST:
+    while len(kept) < _MOST:
+        i = int(np.argmax(left))
+        if left[i] == -np.inf:
             break
-        if all(abs(i - other) > apart for other in kept):
-            kept.append(i)
+        kept.append(i)
+        left[max(0, i - apart) : i + apart + 1] = -np.inf
     return kept
 
 
@@ -139,9 +150,10 @@ def _is_flat(values: FloatArray, level: float, deviation: float, least: float) -
     """Whether readings lie about their median and do not drift."""
     third = len(values) // 3
     drift = abs(float(np.median(values[:third]) - np.median(values[-third:])))
+    if not drift < 0.2 * least:
+        return False  # most often: the rest is not worked out
     allowed = max(_FLAT * deviation, 0.05 * least)
-    spread = float(np.quantile(np.abs(values - level), 0.95))
-    return drift < 0.2 * least and spread <= allowed
+    return float(np.quantile(np.abs(values - level), 0.95)) <= allowed
 
 
 def _is_end(part: FloatArray, level: float, deviation: float, least: float) -> bool:
