@@ -4,11 +4,12 @@ Sensors filter and networks delay, and a delay of the force looks like damping (
 damping that is not there). The delay cannot be a state: the likelihood has two optima, one false.
 Instead points of every half second in contact are kept as they would be with each candidate delay
 (`delay_points`), and the law is fitted to all of them, for each candidate (`delay_fit`). What that
-leaves says which candidate it is; the zero of the score between two of them says the delay, and the
-information its deviation. Along one way a delay is nothing but another depth: the tool must have
-gone both ways, and a least share of what the delay does must be its own, which no K, B, n and p
-would do as well. Near the delay in use the innovations of the filter say the value more finely
-(`delay_evidence`).
+leaves says which candidate it is, the zero of the score beside it the delay, the information its
+deviation. Where one K leaves far more than noise does, each half second has a K and a surface of
+its own.
+
+Along one way a delay is nothing but another depth: the tool must have gone both ways. Near the
+delay in use the innovations of the filter say the value more finely (`delay_evidence`).
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ LEAST_CONTACT = 0.3  # share of a window that must be in contact
 FEWEST_IN_CONTACT = 12  # points of a window that must be
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
 ALIKE = 0.2  # the same of what noise does not explain: a quarter of a second apart
-MISFITTING = 4.0  # squares that are left, over those of the noise, from which on it does
+ONE = 4.0  # squares that are left, over those of the noise, up to which one K is enough
+VARYING = 8.0  # the same, from which on half seconds with their own are tried
 FEWEST = 24  # points
 NEW = 1.0 / 8.0  # share of the points that must be new for another fit
 FIRST_EXPONENTS = (1.0, 1.5, 2.0, 2.5)
@@ -36,16 +38,15 @@ STEPS = 3  # of one that goes on
 LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
-LEAST_OWN = 0.0  # share of the squares of the delay's column that is no other unknown's
-SMALLEST_DEVIATION = 0.03  # of a delay, in steps of the grid: what smoothing makes of a motion
+SMALLEST_DEVIATION = 0.05  # of a delay, in steps of the grid: what smoothing makes of a motion
 FINER = 0.6  # deviation of the delay in use, from which on another one is known better
 DOUBTFUL = 3.0  # deviations from which on it is no longer believed that there is none
 BEGINS = 5.0  # deviations, from which on a delay is one
 # Squares that the delay in use leaves over those of the best: what smoothing leaves of a motion
 # with corners is alike in all points, however many they are.
 LEAST_RATIO = 1.5
-BETWEEN = 2  # delays between two candidates that are tried
-LEAST_MOVE = 0.05  # of the way between them
+BETWEEN = 3  # delays between two candidates that are tried
+SMALL_STEP = 0.003  # from one to the next, in candidates, that is the last
 LEAST_GAIN = 0.25  # of what one K leaves, that must be left by one for each half second
 
 
@@ -87,9 +88,7 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
         finder: changed.
         sensor_noise: variances of displacement and force [mm^2], [N^2].
     """
-    if delay_points.find_contact(finder) < max(
-        LEAST_CONTACT * finder.points, FEWEST_IN_CONTACT
-    ):
+    if delay_points.find_contact(finder) < max(LEAST_CONTACT * finder.points, FEWEST_IN_CONTACT):
         return False
     finder.windows += 1
     smoothing.smooth(finder)
@@ -145,7 +144,7 @@ def _fit(settings: Any, finder: Any, count: int) -> None:
 
     Args:
         settings: settings record.
-        finder: law, law and left of all candidates, what the slot CANDIDATES holds, and varies are set.
+        finder: law and left of the candidates, what the slot CANDIDATES holds, and varies are set.
         count: number of points.
     """
     if finder.fits == 0:
@@ -157,20 +156,20 @@ def _fit(settings: Any, finder: Any, count: int) -> None:
     if varied != 0:  # has it one K by now?
         delay_points.shift(finder, 0.0)
         delay_fit.weigh(finder, finder.chosen)
-        delay_fit.improve(settings, finder, finder.chosen, finder.chosen, STEPS)
-        varied = 1 if finder.left[finder.chosen] > 2.0 * MISFITTING * count else 0
+        _improve_one(settings, finder, finder.chosen, STEPS)
+        varied = 1 if finder.left[finder.chosen] > ONE * count else 0
     if varied == 0:
         _improve(settings, finder, STEPS, False)
-        varied = 0 if finder.left[CANDIDATES] < MISFITTING * count else 1
+        varied = 1 if finder.left[CANDIDATES] > VARYING * count else 0
     if varied != 0:
         alike = finder.left[finder.chosen]
         finder.varies = 1
         delay_points.shift(finder, 0.0)
-        delay_fit.improve(settings, finder, finder.chosen, finder.chosen, FIRST_STEPS)
+        _improve_one(settings, finder, finder.chosen, FIRST_STEPS)
         if not finder.left[finder.chosen] < LEAST_GAIN * alike:
             finder.varies = 0
         _improve(settings, finder, STEPS, False)
-    fits = finder.varies != 0 or finder.left[CANDIDATES] < MISFITTING * count
+    fits = finder.varies != 0 or finder.left[CANDIDATES] < VARYING * count
     finder.fits = 1 if fits else 0
 
 
@@ -193,6 +192,12 @@ def _begin(settings: Any, finder: Any) -> None:
 
 
 @compiled
+def _improve_one(settings: Any, finder: Any, j: int, steps: int) -> None:
+    """Improve the law of one candidate."""
+    delay_fit.improve(settings, finder, j, j, j, steps)
+
+
+@compiled
 def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
     """Improve the law of every candidate, outwards from the one that left least so far.
 
@@ -208,18 +213,17 @@ def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
     delay_fit.weigh(finder, first)
     if finder.varies != 0:
         delay_fit.temper(settings, finder, first)
-    delay_fit.improve(settings, finder, first, first, steps)
+    _improve_one(settings, finder, first, steps)
     finder.chosen = first
     for side in (1, -1):
         for away in range(1, 2 * finder.reach + 1):
             j = first + side * away
             if abs(j - centre) > finder.reach:
                 break
-            next_to_it = finder.law[j - side]
-            if anew or delay_fit.leaves_less(settings, finder, j, next_to_it):
+            if anew:
                 for i in range(4):
-                    finder.law[j, i] = next_to_it[i]
-            delay_fit.improve(settings, finder, j, j, steps)
+                    finder.law[j, i] = finder.law[j - side, i]
+            delay_fit.improve(settings, finder, j, j, j if anew else j - side, steps)
             if finder.left[j] < finder.left[finder.chosen]:
                 finder.chosen = j
     _find_zero(settings, finder)
@@ -245,8 +249,6 @@ def _is_clear(finder: Any, count: int) -> bool:
     low, high = centre - finder.reach, centre + finder.reach
     if chosen in (low, high) or not _explains(finder, count):
         return False
-    if finder.own_share[CANDIDATES] < LEAST_OWN:
-        return False
     best = finder.left[CANDIDATES]
     weight = _weight(finder)
     for j in range(low, high + 1):
@@ -264,7 +266,8 @@ def _is_clear(finder: Any, count: int) -> bool:
 def _leads(finder: Any) -> bool:
     """True if the delay that was found, which is clear, is far likelier than the one in use."""
     away = abs(finder.found - finder.delay)
-    if finder.delay == 0.0 and finder.varies != 0 and away < finder.grid_step:
+    varies = finder.varies != 0 or finder.fits == 0
+    if finder.delay == 0.0 and varies and away < finder.grid_step:
         return False  # damping that goes its own way looks like a small delay
     if not away > (BEGINS if finder.delay == 0.0 else FAR) * finder.found_deviation:
         return False
@@ -285,44 +288,31 @@ def _is_finer(finder: Any) -> bool:
 
 @compiled
 def _find_zero(settings: Any, finder: Any) -> None:
-    """Find where the score vanishes, beside the chosen candidate, by false position (Illinois).
+    """Find where the score vanishes beside the chosen candidate, by Gauss-Newton steps.
 
     Args:
         settings: settings record.
         finder: place, and what the slot CANDIDATES holds, are set.
     """
-    chosen, fine = finder.chosen, CANDIDATES
-    base = chosen if finder.score[chosen] > 0.0 else chosen - 1
-    finder.place = float(chosen)
+    chosen, fine, centre = finder.chosen, CANDIDATES, CANDIDATES // 2
+    finder.place = chosen + _step(finder, chosen)
     for i in range(4):
         finder.law[fine, i] = finder.law[chosen, i]
-    finder.left[fine] = finder.left[chosen]
-    finder.score[fine] = finder.score[chosen]
-    finder.information[fine] = finder.information[chosen]
-    finder.own_share[fine] = finder.own_share[chosen]
-    finder.noise_share[fine] = finder.noise_share[chosen]
-    if abs(base + 0.5 - CANDIDATES // 2) > finder.reach:
-        return
-    low, high = 0.0, 1.0
-    below, above = finder.score[base], finder.score[base + 1]
-    side = 0
     for _ in range(BETWEEN):
-        x = 0.5 * (low + high)
-        if below > 0.0 > above:
-            x = (low * above - high * below) / (above - below)
-            x = min(max(x, low + LEAST_MOVE * (high - low)), high - LEAST_MOVE * (high - low))
-        delay_points.shift(finder, x)
-        delay_fit.improve(settings, finder, base, fine, STEPS)
-        finder.place = base + x
-        score = finder.score[fine]
-        if score > 0.0:
-            low, below = x, score
-            above *= 0.5 if side > 0 else 1.0
-            side = 1
-        else:
-            high, above = x, score
-            below *= 0.5 if side < 0 else 1.0
-            side = -1
+        base = min(max(math.floor(finder.place), centre - finder.reach), centre + finder.reach)
+        delay_points.shift(finder, finder.place - base)
+        delay_fit.improve(settings, finder, base, fine, fine, STEPS)
+        step = _step(finder, fine)
+        finder.place = min(max(finder.place + step, chosen - 1.0), chosen + 1.0)
+        if abs(step) < SMALL_STEP:
+            break
+
+
+@compiled
+def _step(finder: Any, slot: int) -> float:
+    """Step of Gauss and Newton towards the zero of the score [candidates], at most half of one."""
+    bend = finder.bend[slot] * finder.grid_step
+    return min(max(finder.score[slot] / bend, -0.5), 0.5) if bend > 0.0 else 0.0
 
 
 @compiled

@@ -9,8 +9,8 @@ is early. p is found with the others, and not taken from elsewhere, because a de
 to one ridge.
 
 The law is K s with the shape s = d^n (1 + b v^p). K is linear, and eliminated (variable projection;
-Golub and Pereyra 1973, Kaufman 1975): one K for all points, or one for each half second where the
-tissue is not the same along the way. What remains is nonlinear in b, n and p.
+Golub and Pereyra 1973, Kaufman 1975): one K for all points, or where the tissue varies one for each
+half second, with a surface of its own (to first order). What remains is nonlinear in b, n and p.
 
 The squares have a derivative by the delay: the score. It is exact at a candidate, where between two
 of them interpolation would average the noise of both and draw any least squares to the middle.
@@ -73,7 +73,7 @@ def weigh(finder: Any, j: int) -> None:
 
 @compiled
 def temper(settings: Any, finder: Any, j: int) -> None:
-    """Let each half second weigh by what the law of a candidate leaves of it, where it has its own K.
+    """Let each half second with its own K weigh by what the law of a candidate leaves of it.
 
     The noise of each is then unknown, and the logarithm of what is left its log likelihood: else
     the half seconds of which the law says least would decide.
@@ -127,7 +127,7 @@ def _clear(finder: Any) -> None:
 
 @compiled
 def _eliminate(finder: Any, law: Any) -> None:
-    """K of the points that were added up, in law[0]; what it leaves goes to the normal equations."""
+    """K of the points that were added up, in law[0]; what it leaves goes to the equations."""
     sums, moments, normal, slope = finder.sums_of_k, finder.moments, finder.normal, finder.slope
     if not sums[0] > 0.0:
         return
@@ -153,7 +153,6 @@ def _eliminate(finder: Any, law: Any) -> None:
     window = finder.window_added % TEMPERED
     finder.window_left[window] = finder.squares - finder.window_before
     finder.window_before = finder.squares
-    finder.column_squares += square * moments[3, 3]
     finder.noise_taken[0] += square * sums[3]
     finder.noise_taken[1] += square * sums[4]
     finder.noise_taken[2] += square * sums[5]
@@ -166,8 +165,7 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
     Args:
         settings: settings record, for the priors of n and p.
         finder: normal and slope are set, squares (weighted squares left, those of the priors among
-            them), noise_taken[0], of the noise of the velocity in what shows b, and
-            column_squares, what the delay would be known by if all else were known [1/s^2].
+            them), and noise_taken[0], the noise of the velocity in what shows b.
         j: candidate.
         law: K, b, n, p; K is set.
 
@@ -181,7 +179,7 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
             normal[i, m] = 0.0
     for i in range(3):
         finder.noise_taken[i] = 0.0
-    finder.squares, finder.column_squares, finder.window_before = 0.0, 0.0, 0.0
+    finder.squares, finder.window_before = 0.0, 0.0
     _clear(finder)
     sums, moments = finder.sums_of_k, finder.moments
     count = count_of(finder)
@@ -272,23 +270,34 @@ def _solve(normal: Any, slope: Any, held: bool) -> bool:
 
 
 @compiled
-def improve(settings: Any, finder: Any, j: int, slot: int, steps: int) -> None:
+def improve(settings: Any, finder: Any, j: int, slot: int, other: int, steps: int) -> None:
     """Gauss-Newton on b >= 0, n and p of a candidate.
 
     Args:
         settings: settings record.
-        finder: law[slot] is where it begins and is improved; left, score, information, own_share
-            and noise_share of the slot are set.
+        finder: law[slot] is where it begins and is improved; left, score, information and
+            noise_share of the slot are set.
         j: candidate.
         slot: j, or CANDIDATES for a delay between it and the next.
+        other: candidate with whose law it begins where that leaves less; slot for its own.
         steps: at most.
     """
     law, trial, slope = finder.law[slot], finder.trial, finder.slope
     if not law[1] > 0.0:
         law[1] = FIRST_DAMPING
+    others = math.inf
+    if other != slot:
+        for i in range(4):
+            trial[i] = finder.law[other, i]
+        others = add_up(settings, finder, j, trial)
     left = add_up(settings, finder, j, law)
+    if others < left:
+        for i in range(4):
+            law[i] = finder.law[other, i]
+        left = add_up(settings, finder, j, law)
     for _ in range(steps):
         if not _solve(finder.normal, slope, law[1] <= 0.0 and slope[0] <= 0.0):
+            add_up(settings, finder, j, law)
             break
         size, better = 1.0, math.inf
         largest = max(abs(slope[1]) / LARGEST_STEPS[0], abs(slope[2]) / LARGEST_STEPS[1])
@@ -305,6 +314,7 @@ def improve(settings: Any, finder: Any, j: int, slot: int, steps: int) -> None:
                 break
             size *= 0.5
         if not better < left:
+            add_up(settings, finder, j, law)
             break
         done = left - better < LEAST_GAIN * finder.squares
         left = better
@@ -312,18 +322,8 @@ def improve(settings: Any, finder: Any, j: int, slot: int, steps: int) -> None:
             law[i] = trial[i]
         if done:
             break
-    add_up(settings, finder, j, law)
     finder.left[slot] = finder.squares
     _note_score(finder, slot)
-
-
-@compiled
-def leaves_less(settings: Any, finder: Any, j: int, law: Any) -> bool:
-    """True if a law leaves less at a candidate than the candidate's own."""
-    for i in range(4):
-        finder.trial[i] = law[i]
-    own = add_up(settings, finder, j, finder.law[j])
-    return bool(add_up(settings, finder, j, finder.trial) < own)
 
 
 @compiled
@@ -336,18 +336,31 @@ def _limit(law: Any) -> None:
 
 @compiled
 def _note_score(finder: Any, slot: int) -> None:
-    """Score and information of the delay, all else having been found (Schur complement)."""
+    """Score and information of the delay, all else having been found (Schur complement).
+
+    While b stays at zero the score is that with b held; the information is never that, for a b
+    that is larger would go with another delay.
+    """
     normal, slope = finder.normal, finder.slope
     finder.noise_share[slot] = finder.noise_taken[0] / max(normal[0, 0], 1e-300)
-    for k in range(UNKNOWNS):
+    for i in range(4):
+        for m in range(i):
+            normal[m, i] = normal[i, m]
+    held = finder.law[slot, 1] <= 0.0
+    for k in (1, 2, 0):
+        if k == 0:
+            finder.bend[slot] = max(normal[3, 3], 0.0)
+            finder.score[slot] = slope[3]
         pivot = normal[k, k]
-        if not pivot > 0.0 or (k == 0 and finder.law[slot, 1] <= 0.0):
+        if not pivot > 0.0:
             continue
-        for i in range(k + 1, 4):
-            share = normal[i, k] / pivot
-            slope[i] -= share * slope[k]
-            for m in range(k + 1, i + 1):
-                normal[i, m] -= share * normal[m, k]
-    finder.score[slot] = slope[3]
+        for i in range(4):
+            if i != k and not (k == 2 and i == 1) and not (k == 0 and i != 3):
+                share = normal[i, k] / pivot
+                slope[i] -= share * slope[k]
+                for m in range(4):
+                    normal[i, m] -= share * normal[k, m]
     finder.information[slot] = max(normal[3, 3], 0.0)
-    finder.own_share[slot] = finder.information[slot] / max(finder.column_squares, 1e-300)
+    if not held:
+        finder.bend[slot] = finder.information[slot]
+        finder.score[slot] = slope[3]

@@ -1,6 +1,6 @@
 """Points in contact as they would be with each candidate delay: what the delay is fitted to.
 
-Every fifth point of the grid is kept. Displacement and velocity at a candidate are those of a
+Points 50 ms apart are kept. Displacement and velocity at a candidate are those of a
 smoothed point some steps earlier or later: candidates stand on the grid. For a delay between two of
 them the force is interpolated, which is smooth over many steps.
 """
@@ -18,7 +18,7 @@ LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed that is kept at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
 QUICK = 2.0  # squares between the velocities of parabola and cubic, over those of their noise
-EVERY = 5  # points of the grid between two that are kept
+APART = 0.05  # time between two points that are kept [s]
 
 
 @compiled
@@ -64,12 +64,13 @@ def take(finder: Any, narrow: float, wide: float) -> None:
     if finder.first < finder.kept_from:
         return  # what was before is in this window
     centre, contact = CANDIDATES // 2, 0
+    every = max(round(APART / finder.grid_step), 1)
     column = 4 if _is_quick(finder, narrow, wide) else 1
     for k in range(finder.points):
         if finder.in_contact[k] == 0:
             continue
         contact += 1
-        if contact % EVERY != (EVERY + 1) // 2:
+        if contact % every != (every + 1) // 2 % every:
             continue
         here = finder.first + k
         slot = finder.kept % DELAY_POINTS
@@ -111,7 +112,7 @@ def count_of(finder: Any) -> int:
 
 @compiled
 def shift(finder: Any, share: float) -> None:
-    """Let the forces be those of a candidate, or of a delay by a share of a step above it (cubic)."""
+    """Let the forces be those of a candidate, or of a delay a share of a step above it (cubic)."""
     x = share
     before, here = -x * (x - 1.0) * (x - 2.0) / 6.0, (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
     after, last = -(x + 1.0) * x * (x - 2.0) / 2.0, (x + 1.0) * x * (x - 1.0) / 6.0

@@ -257,9 +257,10 @@ DELAY = record_type(
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("parabola", np.float64, (5,)),  # the last: mean square left
-        # Points that are kept, a ring; see `delay_points`. By the candidate: ln d, ln |v|, v, 1 / d.
+        # Points that are kept, a ring; see `delay_points`. By the candidate: ln d, ln |v|, v, 1/d.
         Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 4)),
-        Field("point_forces", np.float64, (DELAY_POINTS, 4)),  # [N]; from a step before to two after
+        # [N]; from a step of the grid before to two after.
+        Field("point_forces", np.float64, (DELAY_POINTS, 4)),
         # Force [N] and its weight [1/N^2]; variance of the velocity.
         Field("point_force", np.float64, (DELAY_POINTS, 3)),
         Field("point_window", np.int64, (DELAY_POINTS,), 0),  # that it is of
@@ -278,13 +279,12 @@ DELAY = record_type(
         Field("left", np.float64, (CANDIDATES + 1,), finite=False),  # weighted squares left
         Field("score", np.float64, (CANDIDATES + 1,)),  # derivative of half of them [1/s]
         Field("information", np.float64, (CANDIDATES + 1,), 0.0),  # on the delay [1/s^2]
-        Field("own_share", np.float64, (CANDIDATES + 1,), 0.0),  # of it, were all else known
+        Field("bend", np.float64, (CANDIDATES + 1,), 0.0),  # of the squares, by the delay [1/s^2]
         Field("noise_share", np.float64, (CANDIDATES + 1,), 0.0),  # of what shows B
         Field("place", np.float64),  # of the delay, in candidates
         Field("least", np.float64, (), 0.0, finite=False),  # squares left at the delay
         # Within one fit:
         Field("squares", np.float64),  # of the last law tried
-        Field("column_squares", np.float64, (), 0.0),  # of the delay's column [1/s^2]
         Field("noise_taken", np.float64, (3,), 0.0),  # of the velocity, from what is known of B
         Field("trial", np.float64, (4,)),
         Field("direction", np.float64, (3,)),
