@@ -35,6 +35,7 @@ NEW = 1.0 / 8.0  # share of the points that must be new for another fit
 FIRST_EXPONENTS = (1.0, 1.5, 2.0, 2.5)
 FIRST_STEPS = 6  # of a fit that begins anew
 STEPS = 3  # of one that goes on
+LARGEST = 0.0625  # delay that is looked for [s]
 LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
@@ -157,16 +158,18 @@ def _fit(settings: Any, finder: Any, count: int) -> None:
         delay_points.shift(finder, 0.0)
         delay_fit.weigh(finder, finder.chosen)
         _improve_one(settings, finder, finder.chosen, STEPS)
-        varied = 1 if finder.left[finder.chosen] > ONE * count else 0
+        _find_zero(settings, finder)
+        varied = 1 if finder.left[CANDIDATES] > ONE * count else 0
     if varied == 0:
         _improve(settings, finder, STEPS, False)
         varied = 1 if finder.left[CANDIDATES] > VARYING * count else 0
     if varied != 0:
-        alike = finder.left[finder.chosen]
+        alike = finder.left[CANDIDATES]
         finder.varies = 1
         delay_points.shift(finder, 0.0)
         _improve_one(settings, finder, finder.chosen, FIRST_STEPS)
-        if not finder.left[finder.chosen] < LEAST_GAIN * alike:
+        _find_zero(settings, finder)
+        if not finder.left[CANDIDATES] < LEAST_GAIN * alike:
             finder.varies = 0
         _improve(settings, finder, STEPS, False)
     fits = finder.varies != 0 or finder.left[CANDIDATES] < VARYING * count
@@ -224,7 +227,7 @@ def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
                 for i in range(4):
                     finder.law[j, i] = finder.law[j - side, i]
             delay_fit.improve(settings, finder, j, j, j if anew else j - side, steps)
-            if finder.left[j] < finder.left[finder.chosen]:
+            if _least_near(finder, j) < _least_near(finder, finder.chosen):
                 finder.chosen = j
     _find_zero(settings, finder)
 
@@ -256,6 +259,8 @@ def _is_clear(finder: Any, count: int) -> bool:
         if rival and weight * math.log(finder.left[j] / best) < RIVAL:
             return False
     finder.found = (finder.place - centre) * step
+    if abs(finder.found) > LARGEST:
+        return False
     known = 2.0 * weight / count * finder.information[CANDIDATES] * step * step
     variance = SMALLEST_DEVIATION**2 + max(best / count, 1.0) / known if known > 0.0 else math.inf
     finder.found_deviation = min(math.sqrt(variance), float(finder.reach)) * step
@@ -306,6 +311,13 @@ def _find_zero(settings: Any, finder: Any) -> None:
         finder.place = min(max(finder.place + step, chosen - 1.0), chosen + 1.0)
         if abs(step) < SMALL_STEP:
             break
+
+
+@compiled
+def _least_near(finder: Any, j: int) -> float:
+    """Squares that are left within half a step of a candidate, by its score."""
+    away = _step(finder, j) * finder.grid_step
+    return float(finder.left[j] - away * (2.0 * finder.score[j] - away * finder.bend[j]))
 
 
 @compiled

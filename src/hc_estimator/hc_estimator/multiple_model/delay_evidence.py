@@ -48,7 +48,7 @@ LINEAR = 0.01  # error that is believed [s]
 BENT = 0.1  # share of an error by which it may be off, for what is not linear
 LAG = 0.25  # of the slower sensor's period, up to which a delay may be the motion model's lag
 ALIKE = 0.5  # of a step of the grid: by what smoothing may put the fit of all points off
-STILL_LAG = 0.05  # the same, for the error of a delay in use
+STILL_LAG = 0.02  # the same, for the error of a delay in use
 FEWEST = 3  # half seconds
 FEWEST_ALIKE = 2.0  # the same, if all of them said equally much
 
@@ -95,7 +95,7 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
         deviation = math.hypot(deviation, STILL_LAG * grids.slowest_period(finder))
         share = deviation**2 / (deviation**2 + finder.found_deviation**2)
         mean += share * (finder.found - mean)
-        deviation += share * (finder.found_deviation - deviation)
+        deviation = min(deviation, finder.found_deviation)
     distance = abs(mean - finder.delay)
     if finder.delay == 0.0:
         if finder.clear == 0:
