@@ -42,7 +42,8 @@ LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
 SMALLEST_DEVIATION = 0.05  # of a delay, in steps of the grid: what smoothing makes of a motion
 FINER = 0.6  # deviation of the delay in use, from which on another one is known better
 DOUBTFUL = 3.0  # deviations from which on it is no longer believed that there is none
-BEGINS = 5.0  # deviations, from which on a delay is one
+BEGINS = 4.0  # deviations, from which on a delay is one
+BEGINS_SMALL = 5.0  # the same, for less than a step of the grid
 # Squares that the delay in use leaves over those of the best: what smoothing leaves of a motion
 # with corners is alike in all points, however many they are.
 LEAST_RATIO = 1.5
@@ -272,9 +273,13 @@ def _leads(finder: Any) -> bool:
     """True if the delay that was found, which is clear, is far likelier than the one in use."""
     away = abs(finder.found - finder.delay)
     varies = finder.varies != 0 or finder.fits == 0
-    if finder.delay == 0.0 and varies and away < finder.grid_step:
-        return False  # damping that goes its own way looks like a small delay
-    if not away > (BEGINS if finder.delay == 0.0 else FAR) * finder.found_deviation:
+    least = FAR
+    if finder.delay == 0.0:
+        small = away < finder.grid_step
+        if small and varies:  # damping that goes its own way looks like a small delay
+            return False
+        least = BEGINS_SMALL if small else BEGINS
+    if not away > least * finder.found_deviation:
         return False
     used, chosen = _candidate_in_use(finder), finder.chosen
     best = finder.left[CANDIDATES]
@@ -288,7 +293,8 @@ def _is_finer(finder: Any) -> bool:
     """True if the delay in use is known far less well than the one that was found."""
     away, deviation = abs(finder.found - finder.delay), finder.found_deviation
     known = deviation < FINER * finder.deviation
-    return bool(finder.delay != 0.0 and known and away > max(deviation, CORRECTION))
+    known = known and finder.delay != 0.0 and finder.varies == 0
+    return bool(known and away > max(deviation, CORRECTION))
 
 
 @compiled
