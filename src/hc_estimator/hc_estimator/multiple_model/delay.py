@@ -28,6 +28,7 @@ LEAST_CONTACT = 0.3  # share of a window that must be in contact
 FEWEST_IN_CONTACT = 12  # points of a window that must be
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
 ALIKE = 0.2  # the same of what noise does not explain: a quarter of a second apart
+VARIED = 0.35  # the same where each half second has a K and a surface of its own
 ONE = 4.0  # squares that are left, over those of the noise, up to which one K is enough
 VARYING = 8.0  # the same, from which on half seconds with their own are tried
 FEWEST = 24  # points
@@ -362,7 +363,7 @@ def _weight(finder: Any) -> float:
     """
     count = count_of(finder)
     if finder.varies != 0:
-        return 0.5 * ALIKE * count
+        return 0.5 * VARIED * count
     ratio = max(finder.left[CANDIDATES] / count, 1.0)
     return 0.5 * count * ratio / (1.0 / INDEPENDENT + (ratio - 1.0) / ALIKE)
 
