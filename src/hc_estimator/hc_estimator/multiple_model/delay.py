@@ -365,7 +365,7 @@ def _weight(finder: Any) -> float:
     if finder.varies != 0:
         return 0.5 * VARIED * count
     ratio = max(finder.left[CANDIDATES] / count, 1.0)
-    return 0.5 * count * ratio / (1.0 / INDEPENDENT + (ratio - 1.0) / ALIKE)
+    return 0.5 * count * ratio / (1.0 / INDEPENDENT + (ratio - 1.0) / ALIKE)  # type: ignore[no-any-return]
 
 
 @compiled

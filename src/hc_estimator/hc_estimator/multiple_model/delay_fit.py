@@ -112,7 +112,7 @@ def _columns(finder: Any, k: int, j: int, law: Any) -> float:
     moves = law[2] * shape * point[2] * point[3]
     bends = power * law[1] * law[3] * rate / point[2] * acceleration
     column[3] = -(moves + bends)
-    return shape
+    return shape  # type: ignore[no-any-return]
 
 
 @compiled
