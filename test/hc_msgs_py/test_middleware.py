@@ -283,3 +283,43 @@ def test_ports_of_the_probe_are_told_apart() -> None:
         command = [sys.executable, "-c", PROBE, "127.0.0.1", str(port)]
         said = subprocess.run(command, capture_output=True, text=True, timeout=30, check=True)
         assert said.stdout.strip() == "taken"
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("profile", [THIS_MACHINE, NETWORK])
+def test_a_reliable_writer_hears_soon_what_its_reader_has(
+    ros_domain: int, processes: Processes, profile: Path
+) -> None:
+    """It asked every 3 s: 3,000 samples were then forgotten at once, and the next one waited."""
+    writer_and_reader = """
+import sys, time
+from hc_msgs_py.middleware import set_defaults
+set_defaults()
+import rclpy
+from rclpy.duration import Duration
+from std_msgs.msg import String
+from hc_msgs_py.qos import SAMPLE_PUBLISHER_QOS
+rclpy.init()
+node = rclpy.create_node(sys.argv[1])
+if sys.argv[1] == "reader":
+    node.create_subscription(String, "said", lambda _message: None, SAMPLE_PUBLISHER_QOS)
+    time.sleep(60)
+    sys.exit()
+publisher = node.create_publisher(String, "said", SAMPLE_PUBLISHER_QOS)
+while publisher.get_subscription_count() == 0:
+    time.sleep(0.01)
+for _ in range(4):
+    for _ in range(20):
+        publisher.publish(String(data="here"))
+        time.sleep(0.001)
+    print(publisher.wait_for_all_acked(Duration(seconds=1)))
+"""
+    environment = {k: v for k, v in os.environ.items() if k not in VARIABLES}
+    environment["ROS_DOMAIN_ID"] = str(ros_domain)
+    if profile == NETWORK:
+        environment[RANGE] = "SUBNET"
+    _reader, writer = (
+        processes.launch([sys.executable, "-c", writer_and_reader, name], env=environment)
+        for name in ("reader", "writer")
+    )
+    assert writer.communicate(timeout=40)[0].split() == ["True"] * 4
