@@ -261,8 +261,8 @@ def drawn_contact(troubles: tuple[str, ...], seed: int) -> DrawnContact:
     # Tissue cannot pull.
     law = np.maximum(depth, 0.0) ** exponent * factor * np.maximum(stiffness + drag, 0.0)
     largest = float(np.max(law))
-    felt = np.interp(time - plan.delay_s, time, law) + plan.zero_share * largest
-    force = _read(felt, noise[0] * largest, white[0], plan.colour, plan.quanta[0])
+    acting = np.interp(time - plan.delay_s, time, law) + plan.zero_share * largest
+    force = _read(acting, noise[0] * largest, white[0], plan.colour, plan.quanta[0])
     place_read = _read(plan.tool, noise[1], white[1], plan.colour, plan.quanta[1])
     parameters = np.column_stack(
         [

@@ -65,13 +65,13 @@ def trouble_run(task: TroubleTask) -> Numbers:
         called &= ~((time >= changed) & (time < changed + CALLED_S))
     error = np.abs(metrics.log_parameter_error(series.parameters, contact.parameters)[:, 0])
     deviation = series.parameters_std[:, 0] / series.parameters[:, 0]
-    told = np.asarray(series.model_mismatch, np.bool_)
-    wrong = ~told & ~(error <= LIKELY * deviation + NEGLIGIBLE)
+    flagged = np.asarray(series.model_mismatch, np.bool_)
+    wrong = ~flagged & ~(error <= LIKELY * deviation + NEGLIGIBLE)
     return {
         "K": float(np.median(error[counted])),
         "deviation": float(np.median(deviation[counted])),
         "wrong": float(np.mean(wrong[counted])),
-        "mismatch": float(np.mean(told[counted])),
+        "mismatch": float(np.mean(flagged[counted])),
         "changes": float(np.count_nonzero(called)),
     }
 
