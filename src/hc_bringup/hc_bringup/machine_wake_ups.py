@@ -36,8 +36,7 @@ def wake_ups(rate_hz: float, number: int, closed: threading.Event) -> NDArray[np
         How late each wake-up was [s], shape (number or fewer,).
     """
     period_s = 1.0 / min(rate_hz, FASTEST_HZ)
-    late_s = np.zeros(number)
-    late_s.fill(-1.0)  # touched: no page of it comes into memory in the middle
+    late_s = np.full(number, -1.0)  # touched: no page of it comes into memory in the middle
     start_s = time.monotonic()
     done = 0
     while done < number and not closed.is_set():

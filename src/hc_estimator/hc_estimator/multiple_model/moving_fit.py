@@ -93,7 +93,8 @@ ORDER = np.array(
 )
 RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
 # Log evidence by which a freer one is believed instead. A spline between its knots is off by more
-# than the noise on the flank of a narrow lump, and a surface that moves would make up for it.
+# than the noise on the flank of a narrow lump, and a surface that moves would make up for it. A
+# stiffness that drifts has as few unknowns as a surface that sinks, and is no calmer.
 LIKELIER = np.array([150.0, 10.0, 3.0, 10.0, 150.0, 10.0, 10.0, 10.0, 0.0])
 OUTCOME = 7  # ln K, ln B, n, p; position and speed of the surface; rate of ln K
 

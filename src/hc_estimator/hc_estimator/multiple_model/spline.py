@@ -69,16 +69,15 @@ def lay_out(history: Any, fit: Any, first: int, last: int, kind: int) -> bool:
         fit.held[EXPONENT] = 1
     fit.intervals[0] = 0
     fit.intervals[1] = 0
+    knots = (math.inf if has(fit, STEADY) else KNOT, SECOND_KNOT)
     if has(fit, VARIES):
-        fit.intervals[0] = 1 if has(fit, STEADY) else _intervals(span, KNOT, SPLINE)
+        fit.intervals[0] = _intervals(span, knots[0], SPLINE)
     if has(fit, MOVES + BENDS):
-        fit.intervals[1] = _intervals(span, SECOND_KNOT, SECOND_SPLINE)
+        fit.intervals[1] = _intervals(span, knots[1], SECOND_SPLINE)
     fit.unknowns = SPLINE_FIRST + stiffness_count(fit) + second_count(fit)
     for i in range(2):
         fit.knot[i] = span / max(fit.intervals[i], 1)
-        longest = STRETCHED * (KNOT if i == 0 else SECOND_KNOT)
-        if has(fit, STEADY):
-            longest = math.inf
+        longest = STRETCHED * knots[i]
         if fit.intervals[i] > 0 and not (fit.knot[i] > 0.0 and fit.knot[i] <= longest):
             return False
     return True

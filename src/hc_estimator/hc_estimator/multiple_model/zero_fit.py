@@ -122,7 +122,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         return _review(bank, clock)
     zeros.refuted_since = math.inf
     zero_sensitivity.note_covariance(zeros, fit)
-    moved, sinks = zeros.moved, fit.kind == SINKS
+    sinks = fit.kind == SINKS
     unknown = choose(settings, zeros, possible, sinks)
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
@@ -130,7 +130,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     if unknown != possible and (unknown != NONE or zeros.unknown != NONE):
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
-        _hold_others(fit, unknown, moved)
+        _hold_others(fit, unknown, zeros.moved)
         if not _explains(settings, history, zeros, fit, noise, scatter):
             zeros.waiting = 0
             return False
@@ -149,16 +149,13 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         zeros.begun[1] = zeros.force
         copy_matrix(zeros.covariance, zeros.begun_covariance)
     # Tissue that has just changed looks the same for as long as the change was not found.
-    lasts = zeros.waiting != 0 and clock - zeros.since >= LASTING
-    if (
-        lasts
-        and zeros.unknown == NONE
-        and not _explains_more(settings, history, zeros, fit, row, possible, noise, scatter)
-    ):
+    if zeros.waiting != 0 and clock - zeros.since >= LASTING:
+        if zeros.unknown != NONE or _explains_more(
+            settings, history, zeros, fit, row, possible, noise, scatter
+        ):
+            _use(bank.onset, zeros, unknown, sinks)
+            return True
         zeros.waiting = 0
-    elif lasts:
-        _use(bank.onset, zeros, unknown, possible, sinks)
-        return True
     if zeros.unknown != NONE and zeros.unknown == unknown:
         zero_sensitivity.keep_doubt(zeros)
     return False
@@ -286,7 +283,7 @@ def _is_possible(history: Any, zeros: Any, first: int) -> bool:
 
 
 @compiled
-def _use(onset: Any, zeros: Any, unknown: int, possible: int, sinks: bool) -> None:
+def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
     """Note by how much the zeros are to move, and what is then left open."""
     zeros.unknown = unknown
     zeros.waiting = 0
@@ -297,7 +294,7 @@ def _use(onset: Any, zeros: Any, unknown: int, possible: int, sinks: bool) -> No
     onset.position_deviation = 0.0
     if unknown & OF_POSITION != 0 and not sinks:
         onset.position_deviation = math.sqrt(max(zeros.covariance[0, 0], 0.0))
-    if possible & OF_FORCE != 0:
+    if onset.in_air == 0:
         onset.force_deviation = math.nan
     if unknown & OF_FORCE != 0:
         onset.force_deviation = math.sqrt(max(zeros.covariance[1, 1], 0.0))

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hc_estimator.stream import channel_checks
+from hc_estimator.stream.free_motion import RISE_SHARE, free_motion
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -22,7 +22,6 @@ from hc_estimator.stream.readings import (
     Readings,
     Suspicion,
     moves,
-    noise,
     robust_range,
     usable,
     whole,
@@ -39,16 +38,10 @@ PEAK_N = (0.005, 1500.0)
 GRAM_FORCE = 9.80665e-3
 """N in a gram-force, which no range tells from ten millinewtons."""
 
-_BINS = 40
-_FLAT_BINS = 6
-_FLAT_SHARE = 0.005
-"""Of the force's range: as flat as free motion is."""
-_RISE_SHARE = 0.2
 _ZERO_SHARE = 0.05
 _SURFACE_SHARE = 0.4
 """Of the depth: a stiffening tissue is hardly felt in the first quarter."""
 _FREE_BUT_PRESSED = 0.2
-_DOWN_SHARE = 0.2
 _FAR = 10.0
 
 
@@ -331,7 +324,7 @@ def _zeros(depth: FloatArray, newtons: FloatArray, related: float) -> Parts[list
         return result
     if most < 0.0:
         result.append(_force_zero(f"the force stays below zero, at most {most:.3g} N, in contact"))
-    pressed = (depth <= 0.0) & (newtons > _RISE_SHARE * most)
+    pressed = (depth <= 0.0) & (newtons > RISE_SHARE * most)
     if low > _FAR * (high - low):
         result.append(_far_from_zero(low, high))
     elif most > 0.0 and np.mean(pressed) > _FREE_BUT_PRESSED:
@@ -351,52 +344,6 @@ def _force_zero(what: str, level: float = math.nan) -> Suspicion:
     return Suspicion(
         Check.FORCE_ZERO, "force", f"{what}: tare the tool free of contact (force.zero)", level
     )
-
-
-def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, float] | None]:
-    """Find the flat part of force over depth before it rises, on the way down where there is one.
-
-    On the way up a damped tissue lets go of the tool early, and the force is zero in the tissue.
-
-    Returns:
-        In parts: the force there [N] and the depth where it ends [mm]; None if there is no such
-        part.
-    """
-    lag = max(1, len(depth) // 500)
-    advance = np.zeros(len(depth))
-    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
-    down = advance > 4.0 * noise(depth)
-    if np.mean(down) > _DOWN_SHARE:
-        depth, newtons = depth[down], newtons[down]
-    yield
-    low, high = robust_range(depth)
-    edges = np.linspace(low, high, _BINS + 1)
-    place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, _BINS - 1)
-    yield
-    counts = np.bincount(place, minlength=_BINS)
-    medians = _medians(newtons[np.lexsort((newtons, place))], counts)
-    if np.isnan(medians[:_FLAT_BINS]).any():
-        return None
-    yield
-    least, most = robust_range(newtons)
-    level = float(np.median(medians[:_FLAT_BINS]))
-    errors = 1.25 * noise(newtons) / np.sqrt(np.maximum(counts, 1))  # standard errors of medians
-    allowed = np.maximum(_FLAT_SHARE * (most - least), 4.0 * errors)
-    moved = np.flatnonzero(~(np.abs(medians - level) <= allowed))
-    flat = int(moved[0]) if len(moved) else _BINS
-    last = medians[~np.isnan(medians)][-1]
-    if flat < _FLAT_BINS or flat == _BINS or last - level < _RISE_SHARE * (most - least):
-        return None
-    return level, float(edges[flat])
-
-
-def _medians(ordered: FloatArray, counts: NDArray[np.int64]) -> FloatArray:
-    """Return the medians of groups that follow one another, each in order; NaN of less than 3."""
-    medians = np.full(len(counts), np.nan)
-    enough = counts >= 3
-    first, count = (np.cumsum(counts) - counts)[enough], counts[enough]
-    medians[enough] = 0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2])
-    return medians
 
 
 def _short(value: float) -> str:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.readings import (
     CLEAR,
     LEAST_SAMPLES,
@@ -21,7 +22,7 @@ from hc_estimator.stream.readings import (
     robust_range,
     whole,
 )
-from hc_estimator.stream.sanity import free_motion, pressed_way
+from hc_estimator.stream.sanity import pressed_way
 from hc_estimator.stream.surface import find_surface
 
 AXIS_ALIGNED = math.cos(math.radians(10.0))

@@ -54,6 +54,11 @@ class Bench:
             self.report(len(results), len(tasks))
         return [results[place] for place in range(len(tasks))]
 
+    def by_seed(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[list[Any]]:
+        """The same for all seeds of one contact after the other, a list for each contact."""
+        flat = self.spread(function, tasks)
+        return [flat[place : place + self.seeds] for place in range(0, len(flat), self.seeds)]
+
     def runs(
         self, function: Callable[[Task], Numbers], scenarios: Sequence[Scenario]
     ) -> list[dict[str, np.ndarray[Any, Any]]]:
@@ -63,12 +68,10 @@ class Bench:
             for scenario in scenarios
             for seed in range(self.seeds)
         ]
-        flat = self.spread(function, tasks)
-        grouped = []
-        for index in range(len(scenarios)):
-            numbers = flat[index * self.seeds : (index + 1) * self.seeds]
-            grouped.append({key: np.array([n[key] for n in numbers]) for key in numbers[0]})
-        return grouped
+        return [
+            {key: np.array([n[key] for n in numbers]) for key in numbers[0]}
+            for numbers in self.by_seed(function, tasks)
+        ]
 
 
 def target(name: str, value: float, low: float | None = None, high: float | None = None) -> Row:

@@ -104,10 +104,8 @@ def corners(bench: Bench) -> Result:
         for speed, corner in kinds
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(corner_run, tasks)
     rows: list[Row] = []
-    for index, (speed, corner) in enumerate(kinds):
-        chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
+    for (speed, corner), chosen in zip(kinds, bench.by_seed(corner_run, tasks), strict=True):
         columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
         row: Row = {
             "motion": f"{speed:g} mm/s, {corner}",

@@ -165,10 +165,9 @@ def delay(bench: Bench) -> Result:
         for _, make in kinds
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(fault_run, tasks)
     rows = [
-        _row(name, runs[index * bench.seeds : (index + 1) * bench.seeds])
-        for index, (name, _) in enumerate(kinds)
+        _row(name, runs)
+        for (name, _), runs in zip(kinds, bench.by_seed(fault_run, tasks), strict=True)
     ]
     targets: list[Row] = []
     for row in rows[: len(DELAYS_MS)]:

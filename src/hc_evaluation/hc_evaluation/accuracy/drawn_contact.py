@@ -8,7 +8,7 @@ in plain numpy, so that it shares no mistake with the scenarios.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,20 +39,14 @@ class DrawnContact:
         displacement_mm: readings.
         force_n: readings.
         parameters: K, B, n, p.
-        delay_s: by how much the force is late.
         changed_s: when the tissue changed abruptly; None: it did not.
-        troubles: what is wrong.
-        motion: how the tool moves.
     """
 
     time_s: FloatArray
     displacement_mm: FloatArray
     force_n: FloatArray
     parameters: FloatArray
-    delay_s: float = 0.0
-    changed_s: float | None = None
-    troubles: tuple[str, ...] = ()
-    motion: str = ""
+    changed_s: float | None
 
 
 @dataclass
@@ -60,17 +54,16 @@ class _Plan:
     """What the troubles may change before anything is felt or read, arrays of shape (N,)."""
 
     time: FloatArray
-    rate_hz: float
     tool: FloatArray
     surface: FloatArray
     log_factor: FloatArray  # of K and B
+    kept: NDArray[np.bool_]  # readings that arrive
     position_mm: float = 0.0
     zero_share: float = 0.0  # of the largest force
     delay_s: float = 0.0
     changed_s: float | None = None
     quanta: tuple[float, float] = (0.0, 0.0)  # deviations of a reading's noise
     colour: float = 0.0
-    kept: NDArray[np.bool_] = field(default_factory=lambda: np.ones(0, np.bool_))
 
 
 def _minimum_jerk(share: FloatArray) -> FloatArray:
@@ -247,8 +240,8 @@ def drawn_contact(troubles: tuple[str, ...], seed: int) -> DrawnContact:
     damping_share = log_uniform(draw, *DAMPING_SHARE)
     noise = log_uniform(draw, *FORCE_NOISE), log_uniform(draw, *DISPLACEMENT_NOISE_MM)
     white = draw.standard_normal((2, time.size))
-    plan = _Plan(time, rate_hz, tool, np.zeros(time.size), np.zeros(time.size))
-    plan.kept = np.ones(time.size, np.bool_)
+    nothing = np.zeros(time.size)
+    plan = _Plan(time, tool, nothing.copy(), nothing, np.ones(time.size, np.bool_))
     for name in troubles:
         place = list(TROUBLES).index(name)
         TROUBLES[name](np.random.default_rng([seed, 778, place]), plan)
@@ -278,10 +271,7 @@ def drawn_contact(troubles: tuple[str, ...], seed: int) -> DrawnContact:
         (place_read + plan.position_mm)[kept],
         force[kept],
         parameters[kept],
-        plan.delay_s,
         plan.changed_s,
-        troubles,
-        motion,
     )
 
 

@@ -127,10 +127,8 @@ def misfit(bench: Bench) -> Result:
         for motion in MOTIONS
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(misfit_run, tasks)
     rows: list[Row] = []
-    for index, motion in enumerate(MOTIONS):
-        chosen = runs[index * bench.seeds : (index + 1) * bench.seeds]
+    for motion, chosen in zip(MOTIONS, bench.by_seed(misfit_run, tasks), strict=True):
         columns = {key: np.array([run[key] for run in chosen]) for key in chosen[0]}
         row: Row = {"motion": motion}
         for key in ("ratio", "k_off", "misfit", "mismatch"):

@@ -204,13 +204,9 @@ def multirate(bench: Bench) -> Result:
         for rates, delayed in kinds
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(multirate_run, tasks)
     rows = [
-        _row(
-            f"{'delayed' if delayed else 'in step'}, {rates.name}",
-            runs[index * bench.seeds : (index + 1) * bench.seeds],
-        )
-        for index, (rates, delayed) in enumerate(kinds)
+        _row(f"{'delayed' if delayed else 'in step'}, {rates.name}", runs)
+        for (rates, delayed), runs in zip(kinds, bench.by_seed(multirate_run, tasks), strict=True)
     ]
     none, some = rows[: len(RATES)], rows[len(RATES) :]
     targets = [

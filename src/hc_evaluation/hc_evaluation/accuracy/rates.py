@@ -149,10 +149,9 @@ def rates(bench: Bench) -> Result:
         for pair in RATES
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(rates_run, tasks)
     rows = [
-        _row(pair.name, runs[index * bench.seeds : (index + 1) * bench.seeds])
-        for index, pair in enumerate(RATES)
+        _row(pair.name, runs)
+        for pair, runs in zip(RATES, bench.by_seed(rates_run, tasks), strict=True)
     ]
     targets = [
         target("largest share with a misfit told", worst(r["mismatch"] for r in rows), high=0.02),

@@ -271,12 +271,11 @@ def scan(bench: Bench) -> Result:
         for kind in kinds
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(scan_run, tasks)
     rows: list[Row] = []
     targets: list[Row] = []
-    for index, kind in enumerate(kinds):
+    for kind, runs in zip(kinds, bench.by_seed(scan_run, tasks), strict=True):
         name = RIG_SCAN if kind is None else kind.name
-        row = _row(name, runs[index * bench.seeds : (index + 1) * bench.seeds])
+        row = _row(name, runs)
         rows.append(row)
         median, at_95 = LIMITS.get(name, LIMIT)
         targets += [

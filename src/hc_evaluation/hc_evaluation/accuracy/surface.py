@@ -140,11 +140,10 @@ def surface(bench: Bench) -> Result:
         for make in KINDS
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(surface_run, tasks)
-    rows = []
-    for index, make in enumerate(KINDS):
-        name = make(bench.first_seed).name
-        rows.append(_row(name, runs[index * bench.seeds : (index + 1) * bench.seeds]))
+    rows = [
+        _row(make(bench.first_seed).name, runs)
+        for make, runs in zip(KINDS, bench.by_seed(surface_run, tasks), strict=True)
+    ]
     targets: list[Row] = []
     for row in rows[:3]:
         name = row["surface"]

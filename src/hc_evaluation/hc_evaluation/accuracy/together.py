@@ -219,10 +219,8 @@ def together(bench: Bench) -> Result:
         for name in PAIRS
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(pair_run, tasks)
     rows = [
-        _row(name, runs[index * bench.seeds : (index + 1) * bench.seeds])
-        for index, name in enumerate(PAIRS)
+        _row(name, runs) for name, runs in zip(PAIRS, bench.by_seed(pair_run, tasks), strict=True)
     ]
     targets = [
         target("largest median error of K", worst(row["K"] for row in rows), high=0.05),

@@ -23,7 +23,7 @@ LIKELY = 4.0  # deviations
 NEGLIGIBLE = 0.01  # of K
 OFTEN = 0.1  # of a run's samples
 CALLED_S = 2.0  # a change counts as called for so long after it
-SINGLE = "nothing"
+NOTHING = "nothing"
 COUNTS = {"two of them": 2, "three of them": 3}
 
 
@@ -42,7 +42,7 @@ def troubles_of(name: str, seed: int) -> tuple[str, ...]:
     Raises:
         KeyError: no such row.
     """
-    if name == SINGLE:
+    if name == NOTHING:
         return ()
     if name in COUNTS:
         draw = np.random.default_rng([seed, 779])
@@ -92,16 +92,15 @@ def _row(name: str, runs: Sequence[Numbers]) -> Row:
 
 def troubles(bench: Bench) -> Result:
     """Everything drawn, with every trouble alone and with several at once."""
-    names = (SINGLE, *TROUBLES, *COUNTS)
+    names = (NOTHING, *TROUBLES, *COUNTS)
     tasks = [
         TroubleTask(bench.setup, name, bench.first_seed + seed)
         for name in names
         for seed in range(bench.seeds)
     ]
-    runs = bench.spread(trouble_run, tasks)
     rows = [
-        _row(name, runs[index * bench.seeds : (index + 1) * bench.seeds])
-        for index, name in enumerate(names)
+        _row(name, runs)
+        for name, runs in zip(names, bench.by_seed(trouble_run, tasks), strict=True)
     ]
     alone = [row for row in rows if row["trouble"] in TROUBLES]
     several = [row for row in rows if row["trouble"] in COUNTS]

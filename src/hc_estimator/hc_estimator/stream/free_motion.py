@@ -1,0 +1,62 @@
+"""Where was the tool free? The flat part of force over depth shows both zeros."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_estimator.stream.readings import FloatArray, Parts, noise, robust_range
+
+_BINS = 40
+_FLAT_BINS = 6
+_FLAT_SHARE = 0.005
+"""Of the force's range: as flat as free motion is."""
+RISE_SHARE = 0.2
+"""Of the force's range: from which on a force is one of contact."""
+_DOWN_SHARE = 0.2
+
+
+def free_motion(depth: FloatArray, newtons: FloatArray) -> Parts[tuple[float, float] | None]:
+    """Find the flat part of force over depth before it rises, on the way down where there is one.
+
+    On the way up a damped tissue lets go of the tool early, and the force is zero in the tissue.
+
+    Returns:
+        In parts: the force there [N] and the depth where it ends [mm]; None if there is no such
+        part.
+    """
+    lag = max(1, len(depth) // 500)
+    advance = np.zeros(len(depth))
+    advance[lag:-lag] = depth[2 * lag :] - depth[: -2 * lag]
+    down = advance > 4.0 * noise(depth)
+    if np.mean(down) > _DOWN_SHARE:
+        depth, newtons = depth[down], newtons[down]
+    yield
+    low, high = robust_range(depth)
+    edges = np.linspace(low, high, _BINS + 1)
+    place = np.clip(np.searchsorted(edges, depth, "right") - 1, 0, _BINS - 1)
+    yield
+    counts = np.bincount(place, minlength=_BINS)
+    medians = _medians(newtons[np.lexsort((newtons, place))], counts)
+    if np.isnan(medians[:_FLAT_BINS]).any():
+        return None
+    yield
+    least, most = robust_range(newtons)
+    level = float(np.median(medians[:_FLAT_BINS]))
+    errors = 1.25 * noise(newtons) / np.sqrt(np.maximum(counts, 1))  # standard errors of medians
+    allowed = np.maximum(_FLAT_SHARE * (most - least), 4.0 * errors)
+    moved = np.flatnonzero(~(np.abs(medians - level) <= allowed))
+    flat = int(moved[0]) if len(moved) else _BINS
+    last = medians[~np.isnan(medians)][-1]
+    if flat < _FLAT_BINS or flat == _BINS or last - level < RISE_SHARE * (most - least):
+        return None
+    return level, float(edges[flat])
+
+
+def _medians(ordered: FloatArray, counts: NDArray[np.int64]) -> FloatArray:
+    """Return the medians of groups that follow one another, each in order; NaN of less than 3."""
+    medians = np.full(len(counts), np.nan)
+    enough = counts >= 3
+    first, count = (np.cumsum(counts) - counts)[enough], counts[enough]
+    medians[enough] = 0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2])
+    return medians
