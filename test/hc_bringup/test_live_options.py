@@ -1,5 +1,6 @@
 """Options of live runs: arrays of samples, real-time scheduling, the latency bench."""
 
+import argparse
 import json
 import threading
 
@@ -9,7 +10,7 @@ import yaml
 
 from hc_bringup import bench_latency, machine_wake_ups
 from hc_bringup.array_messages import with_array_messages
-from hc_bringup.commands.run import with_parameters
+from hc_bringup.commands.run import wants_page, with_parameters
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
 from hc_sim_rig.scenario import SCENARIO_FOLDER
@@ -49,12 +50,26 @@ def test_a_fast_rig_sends_arrays_by_itself(tmp_path):
     assert with_array_messages(nothing) == nothing
 
 
+def test_a_program_that_may_look_needs_the_page():
+    """Regression: --allow-origin without --dashboard did nothing."""
+    options = {"dashboard": None, "headless": True, "json": True, "control": False}
+    allowed = argparse.Namespace(**options, allow_origin=["https://app.foxglove.dev"])
+    assert wants_page(allowed)
+    assert not wants_page(argparse.Namespace(**options, allow_origin=[]))
+    assert not wants_page(argparse.Namespace(**vars(allowed) | {"dashboard": False}))
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("run", "--realtime", "100"), "HC_REALTIME is '100', not a whole number from 1 to 99"),
         (("run", "--cpus", "70000"), "processors '70000' are not"),
         (("run", "--cpus", "a,b"), "processors 'a,b' are not a list like 0,2-3"),
+        # A browser sends neither a slash nor capitals, and nothing equals *: these let nobody in.
+        (("run", "--allow-origin", "*"), "'*' is not an origin: scheme://host"),
+        (("run", "--allow-origin", "https://app.foxglove.dev/"), "without a slash or path"),
+        (("dashboard", "--allow-origin", "https://App.foxglove.dev"), "in small letters"),
+        (("dashboard", "--allow-origin", "http://a\nb"), "is not an origin"),
         (("bench", "latency", "--subscribers", "0"), "--subscribers 0 is not from 1 to 64"),
         (("bench", "latency", "--picture", "no/such/folder.png"), "in a folder that exists"),
         (("bench", "latency", "--realtime", "0"), "HC_REALTIME is '0'"),

@@ -46,6 +46,11 @@ def test_aliases_stand_for_their_values() -> None:
     assert load_plain_yaml(text) == [shared, shared]
 
 
+def test_what_a_mapping_merges_it_may_say_otherwise() -> None:
+    text = "x: &x {a: 1}\nb: &b {<<: *x, a: 2}\nc: [{<<: *b}, {<<: [*b, *x], a: 4}]\n"
+    assert load_plain_yaml(text) == {"x": {"a": 1}, "b": {"a": 2}, "c": [{"a": 2}, {"a": 4}]}
+
+
 def test_a_date_is_a_text() -> None:
     assert load_plain_yaml("[2001-12-14, 2001-12-14t21:59:43.10-05:00]") == [
         "2001-12-14",
@@ -76,6 +81,7 @@ def test_a_date_is_a_text() -> None:
         ("\0", ""),
         ("\ud800", ""),
         ("{[1]: 2}", "unhashable"),
+        ("a: 1\nb: {c: 1, d: 2, c: 3}", "c stands there twice"),
         ("x" * (16 * 1024 * 1024 + 1), "longer than"),
     ],
 )

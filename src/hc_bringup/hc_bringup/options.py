@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from typing import Any
 
 from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
+
+_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://(\[[0-9a-f:]+\]|[a-z0-9._-]+)(:[0-9]{1,5})?")
 
 
 def seconds(text: str) -> float:
@@ -36,6 +39,16 @@ def port_number(text: str) -> int:
     if value != int(value) or value > 65535:
         raise argparse.ArgumentTypeError(f"{text!r} is not a port from 0 to 65535")
     return int(value)
+
+
+def origin(text: str) -> str:
+    """Parse an origin as browsers send it: scheme, host and port, in small letters, no path."""
+    if _ORIGIN.fullmatch(text) is None:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not an origin: scheme://host or scheme://host:port in small letters, "
+            "without a slash or path behind it"
+        )
+    return text
 
 
 def assignment(text: str) -> tuple[str, Any]:

@@ -19,6 +19,7 @@ MOST_VALUES: Final = 1_000_000
 DEEPEST: Final = 64
 LONGEST_REASON: Final = 200
 
+MERGE: Final = "tag:yaml.org,2002:merge"
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _REFUSED: Final = ("binary", "timestamp", "omap", "pairs", "set")
 
@@ -28,7 +29,29 @@ class PlainYamlError(ValueError):
 
 
 class _PlainLoader(_Base):  # type: ignore[misc]
-    """Reads lists, mappings, texts, numbers, booleans and null; a date is a text."""
+    """Reads lists, mappings, texts, numbers, booleans and null; a date is a text.
+
+    A key that stands twice is refused: PyYAML would take the last one, and what stands under the
+    first one would be ignored without a word.
+    """
+
+    def flatten_mapping(self, node: Any) -> None:
+        """Put what a mapping merges (<<) among its pairs; before, it has its own alone."""
+        if not hasattr(node, "has_own_keys"):
+            node.has_own_keys = True
+            _refuse_twice(node)
+        super().flatten_mapping(node)
+
+
+def _refuse_twice(mapping: Any) -> None:
+    seen = set()
+    for key, _ in mapping.value:
+        if isinstance(key, yaml.ScalarNode) and key.tag != MERGE:
+            if (key.tag, key.value) in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"{key.value} stands there twice", key.start_mark
+                )
+            seen.add((key.tag, key.value))
 
 
 _PlainLoader.yaml_implicit_resolvers = {

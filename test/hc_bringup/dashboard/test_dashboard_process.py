@@ -181,6 +181,10 @@ def test_a_port_in_use_is_one_line(command_line: Any, dashboard: Callable[..., s
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "--port" in done.stderr
+    for address in ("300.1.1.1", "192.0.2.1"):
+        nowhere = command_line.run("dashboard", "--listen", address)
+        assert nowhere.returncode == 2
+        assert "no such address; give another one to --listen" in nowhere.stderr
     wild = command_line.run("dashboard", "--listen", "0.0.0.0")
     assert wild.returncode == 2
     assert "--name" in wild.stderr

@@ -8,7 +8,7 @@ import json
 import os
 
 from hc_bringup.errors import UserError
-from hc_bringup.options import port_number
+from hc_bringup.options import origin, port_number
 
 HELP = "live page in a browser: what is felt, how sure, and what happens"
 HOW_TO_INSTALL = "the live page needs aiohttp: pip install hc-suite[dashboard]"
@@ -61,6 +61,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--allow-origin",
         action="append",
+        type=origin,
         default=[],
         metavar="ORIGIN",
         help="let a Foxglove or Lichtblick in a browser of that origin connect with the token",

@@ -115,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
-    if _wants_page(arguments):
+    if wants_page(arguments):
         if dashboard.is_installed():
             plan = with_dashboard(plan, arguments)
         else:
@@ -232,12 +232,13 @@ def show_ending(bag: Path) -> None:
     )
 
 
-def _wants_page(arguments: argparse.Namespace) -> bool:
+def wants_page(arguments: argparse.Namespace) -> bool:
     """Whether the live page is served: where it was asked for, or where somebody sits."""
     if arguments.dashboard is not None:
         return bool(arguments.dashboard)
     quiet = arguments.headless or arguments.json
-    return arguments.control or (sys.stderr.isatty() and not quiet)
+    asked = arguments.control or arguments.allow_origin
+    return bool(asked) or (sys.stderr.isatty() and not quiet)
 
 
 def with_dashboard(plan: Any, arguments: argparse.Namespace) -> Any:

@@ -7,6 +7,7 @@ server talks to browsers in a thread of its own.
 from __future__ import annotations
 
 import concurrent.futures
+import errno
 import os
 import socket
 import sys
@@ -234,14 +235,16 @@ def _bind(address: str, port: int, fallback: bool) -> socket.socket:
     except OSError as error:
         if fallback and port:
             return _bind(address, 0, False)
-        raise NodeStartError(
-            f"cannot listen on {address}:{port}: {_reason(error)}; give another --port"
-        ) from error
+        raise NodeStartError(f"cannot listen on {address}:{port}: {_reason(error)}") from error
 
 
 def _reason(error: OSError) -> str:
-    """Return why, without what Python adds to it."""
-    return os.strerror(error.errno) if error.errno else str(error)
+    """Return why, without what Python adds to it, and what to do."""
+    number = error.errno or 0  # below zero: of the look-up of a name (EAI_NONAME)
+    if number < 0 or number == errno.EADDRNOTAVAIL:
+        return "this machine has no such address; give another one to --listen"
+    why = os.strerror(error.errno) if error.errno else str(error)
+    return f"{why}; give another --port"
 
 
 def main() -> int:
