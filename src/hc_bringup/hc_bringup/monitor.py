@@ -283,5 +283,6 @@ class Monitor:
             values["level"] = str(int.from_bytes(status.level, "little"))
             values["message"] = status.message
             self.diagnostics[status.name] = values
-            if status.name == NODE_RECORDER and "bag" in values:
-                self.dropped[values["bag"]] = int(values["dropped"])
+            dropped = values.get("dropped", "")
+            if status.name == NODE_RECORDER and "bag" in values and dropped.isdecimal():
+                self.dropped[values["bag"]] = int(dropped)

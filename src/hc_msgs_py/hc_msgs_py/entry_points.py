@@ -63,7 +63,7 @@ def add_those_of_others(
             continue
         try:
             loaded = point.load()
-        except Exception as error:  # noqa: BLE001 - whatever somebody else's module does
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - whatever others' modules do
             problems[point.name] = f"{point.value}: {type(error).__name__}: {error}"
             continue
         if isinstance(loaded, kind):

@@ -21,7 +21,8 @@ def arrival(rows: int = 8, columns: int = 8, *, sequence: int = 0, **fields: Any
     """An estimate of an array whose taxels all touch, with a lump in row 2, column 5."""
     taxels = rows * columns
     row, column = np.divmod(np.arange(taxels), columns)
-    message = TactileEstimate(sequence=sequence, columns=columns, pitch=0.002)
+    pitch = fields.pop("pitch", 0.002)
+    message = TactileEstimate(sequence=sequence, columns=columns, pitch=pitch)
     values = {
         "stiffness": 0.2 + 0.6 * np.exp(-((row - 2) ** 2 + (column - 5) ** 2) / 4.0),
         "damping": 0.008,
@@ -87,6 +88,16 @@ def test_what_is_no_array_is_counted_and_left_out() -> None:
     assert taxels.version == 1
     taxels.take([arrival(sequence=1, stiffness=0.0)])  # held fixed at nothing, say
     assert len(taxels.table()) == 0
+
+
+@pytest.mark.parametrize("pitch", [0.0, -1.0, np.nan, np.inf, 1e308])
+def test_an_array_without_a_size_is_left_out(pitch: float) -> None:
+    """Regression: a pitch of 1e308 ended the dashboard."""
+    taxels = TaxelMap()
+    taxels.take([arrival(), arrival(sequence=1, pitch=pitch)])
+    assert taxels.status is not None
+    assert taxels.status["undecodable"] == 1
+    assert taxels.cell_mm == pytest.approx(2.0)
 
 
 def test_of_a_great_array_not_every_taxel_is_shown() -> None:

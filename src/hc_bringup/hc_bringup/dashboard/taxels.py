@@ -20,6 +20,9 @@ from hc_msgs_py.wire_arrays import ArraysDecoder
 
 MOST_SHOWN: Final = 4096
 """Of more taxels only every second, third ... row and column is shown: frames stay bounded."""
+LEAST_PITCH_M: Final = 1e-5
+MOST_PITCH_M: Final = 1.0
+"""Taxels further apart, or closer, are none: the number is wrong, and has no place on a page."""
 
 _PLACE: Final = {name: index for index, name in enumerate(MAP_COLUMNS)}
 
@@ -48,7 +51,8 @@ class TaxelMap:
                 self._undecodable += 1
                 continue
             columns = int(record["columns"])
-            if columns < 1 or len(record["stiffness"]) % columns:
+            has_places = LEAST_PITCH_M <= record["pitch"] <= MOST_PITCH_M  # false for NaN
+            if not has_places or columns < 1 or len(record["stiffness"]) % columns:
                 self._undecodable += 1
                 continue
             self._add(record)
