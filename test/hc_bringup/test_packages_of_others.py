@@ -42,12 +42,15 @@ def test_a_filter_that_cannot_be_loaded_says_why_and_disturbs_nobody(
     tmp_path: Path, install: Installer, run: Runner
 ) -> None:
     (tmp_path / "recording.csv").write_text("time_s,displacement_mm,force_N\n0,1,2\n")
-    install(tmp_path, "a", "[hc.filters]\nbad = nowhere:ENTRY\nukf = os:path\nodd = os:path\n")
+    (tmp_path / "leaving.py").write_text("import sys\nsys.exit(7)\n")
+    points = "bad = nowhere:ENTRY\nukf = os:path\nodd = os:path\ngone = leaving:ENTRY\n"
+    install(tmp_path, "a", f"[hc.filters]\n{points}")
     command = ("-m", "hc_bringup", "estimate", "recording.csv", "--filter")
     done = run(tmp_path, *command, "bad")
     assert done.returncode == 2
     assert "filter bad cannot be used: nowhere:ENTRY: ModuleNotFoundError" in done.stderr
     assert "os:path is a module, no FilterEntry" in run(tmp_path, *command, "odd").stderr
+    assert "leaving:ENTRY: SystemExit: 7" in run(tmp_path, *command, "gone").stderr
     code = (
         "from hc_estimator.filters.registry import FILTERS, PROBLEMS; print(len(FILTERS), PROBLEMS)"
     )
