@@ -162,6 +162,16 @@ def test_what_the_recorder_missed_is_told_with_the_bags_that_it_made(capsys) -> 
     assert "not in the bag" not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("said", ["", "inf", "nan", "1e400", "many", "12 ok"])
+def test_a_node_of_others_by_the_name_of_ours_ends_no_run(said: str) -> None:
+    """Regression: a diagnostic of a robot's own node `estimator` ended the run in an error."""
+    state = state_after([0, 1, 2], samples=3)
+    names = ("estimates", "skipped", "pairing_unpaired", "dropped", "file_bytes")
+    state.diagnostics["estimator"] = dict.fromkeys(names, said)
+    summary = run_summary(state, None)
+    assert (summary["not_seen"], summary["left_out"]) == (0, {})
+
+
 def test_summary_has_the_keys_of_the_design() -> None:
     summary = json.loads(to_json(run_summary(state_after([0, 1], samples=2), "bag")))
     for key in ("samples", "lost", "estimates", "duration_s", "force_rmse_n", "bag"):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Mapping
 from types import TracebackType
 from typing import Final
 
@@ -26,6 +25,7 @@ from hc_bringup.terminal.numbers import engineering
 from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.view import NO_SAMPLES, PanelHistory, PanelView
 from hc_estimator.stream.readings import MEANINGS
+from hc_msgs_py.diagnostics import number_said
 from hc_msgs_py.topics import NODE_ESTIMATOR
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -236,8 +236,8 @@ class Display:
             filter=estimator.get("filter", ""),
             scenario=self._scenario,
             bag=recorder.get("bag", "").rstrip("/").rpartition("/")[2],
-            bag_bytes=_number(recorder, "file_bytes"),
-            bag_dropped=int(_number(recorder, "dropped", 0.0)),
+            bag_bytes=number_said(recorder, "file_bytes", math.nan),
+            bag_dropped=int(number_said(recorder, "dropped")),
             processor=dict(state.cpu_percent),
             problems=state.problems,
             suspicions=tuple(state.suspicions.values()),
@@ -261,10 +261,6 @@ class _RateMeter:
         if now - self._time >= _LINE_PERIOD_S:
             self.hz = (count - self._count) / (now - self._time)
             self._count, self._time = count, now
-
-
-def _number(values: Mapping[str, str], name: str, missing: float = math.nan) -> float:
-    return float(values[name]) if name in values else missing
 
 
 def _figure(value: float, form: str) -> str:

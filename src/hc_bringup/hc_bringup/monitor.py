@@ -26,7 +26,7 @@ from hc_bringup.statistics import PARAMETERS, EstimateStatistics, estimate_rows
 from hc_logger.type_names import ESTIMATES_TYPE
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.conversion import configuration_from_message
-from hc_msgs_py.diagnostics import Level
+from hc_msgs_py.diagnostics import Level, number_said
 from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import (
     CONFIGURATION,
@@ -283,6 +283,5 @@ class Monitor:
             values["level"] = str(int.from_bytes(status.level, "little"))
             values["message"] = status.message
             self.diagnostics[status.name] = values
-            dropped = values.get("dropped", "")
-            if status.name == NODE_RECORDER and "bag" in values and dropped.isdecimal():
-                self.dropped[values["bag"]] = int(dropped)
+            if status.name == NODE_RECORDER and "bag" in values:
+                self.dropped[values["bag"]] = int(number_said(values, "dropped"))

@@ -23,7 +23,7 @@ from hc_bringup.statistics import EstimateStatistics
 from hc_estimator.stream.readings import SUSPECT
 from hc_logger.session import INCOMPLETE
 from hc_msgs_py.background import STARTING
-from hc_msgs_py.diagnostics import Level
+from hc_msgs_py.diagnostics import Level, number_said
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
 RUNNING, DONE = "running", "done"
@@ -103,7 +103,7 @@ class RunState:
     def left_out(self) -> dict[str, int]:
         """Samples that the estimator left out, by the reason that its counters name."""
         said = self.diagnostics.get(NODE_ESTIMATOR, {})
-        counts = {name: int(float(said.get(key, 0))) for name, key in _LEFT_OUT.items()}
+        counts = {name: int(number_said(said, key)) for name, key in _LEFT_OUT.items()}
         return {name: count for name, count in counts.items() if count}
 
     @property
@@ -112,7 +112,7 @@ class RunState:
 
         By what the estimator said last; it counts anew when it is started again.
         """
-        made = int(float(self.diagnostics.get(NODE_ESTIMATOR, {}).get("estimates", 0)))
+        made = int(number_said(self.diagnostics.get(NODE_ESTIMATOR, {}), "estimates"))
         heard = self.statistics.estimates
         return max(0, made - heard) if heard else 0  # or somebody else hears them
 
@@ -370,8 +370,9 @@ class Runner:
     def _count_samples(self, monitor: Monitor, state: RunState) -> None:
         for process in self._processes:
             values = monitor.diagnostics.get(process.name, {})
-            if process.plan.source and "samples" in values:
-                state.samples = int(values["samples"])
+            samples = number_said(values, "samples", -1.0)
+            if process.plan.source and samples >= 0.0:
+                state.samples = int(samples)
 
     def _stop_one(self, process: NodeProcess, state: RunState) -> None:
         state.phase = f"stopping {process.name}"

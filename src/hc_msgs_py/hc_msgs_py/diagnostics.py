@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import time
 from collections.abc import Callable, Mapping
@@ -176,3 +177,15 @@ def _add(data: bytearray, text: str) -> None:
 
 def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def number_said(values: Mapping[str, str], name: str, missing: float = 0.0) -> float:
+    """Return a number of a status; `missing` where it says none, or none that is finite.
+
+    A node of somebody else may go by the name of ours, and say anything.
+    """
+    try:
+        number = float(values[name])
+    except (KeyError, ValueError):
+        return missing
+    return number if math.isfinite(number) else missing
