@@ -14,7 +14,6 @@ from hc_estimator.multiple_model import (
     levels,
     moving_fit,
     plausible,
-    surface_search,
     tempering,
     zero_fit,
 )
@@ -79,7 +78,6 @@ def _choose_anew(bank: Any) -> None:
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
-    surface_search.reset(bank.search)
     moving_fit.reset(bank.moving)
 
 
