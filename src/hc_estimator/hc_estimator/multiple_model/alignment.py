@@ -226,12 +226,10 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     constant = bank.judge.chosen <= FITTED
     # What the innovations say is of the filter's own row, not of the fit beside it.
     row = rows[0 if constant else bank.judge.chosen]
-    misses = row.model_error > noise[1] or settings.delay_by_innovations == 0
-    changes = delays.learn_window(settings, finder, noise, constant, misses)
+    changes = delays.learn_window(settings, finder, noise)
     # Damping that goes its own way looks like a small delay, where none is known yet.
     asked = not changes and (constant or finder.delay != 0.0)
     asked = asked and settings.delay_by_innovations != 0
-    asked = asked and not (misses and finder.agreed != 0)
     found = delay_evidence.learn(finder, rows, row, asked)
     if not (changes or found):
         return

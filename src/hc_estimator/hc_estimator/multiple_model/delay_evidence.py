@@ -25,12 +25,13 @@ from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_rules import (
     CORRECTED,
     CORRECTION,
+    FAR,
     SMALLEST,
+    SMALLEST_DEVIATION,
     student_quantile,
 )
 from hc_estimator.multiple_model.hypotheses import EXPONENT, LOG_DAMPING, LOG_STIFFNESS
 from hc_estimator.multiple_model.records import WINDOWS
-from hc_estimator.multiple_model.window_fit import SMALLEST_DEVIATION
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -46,6 +47,8 @@ FARTHEST = 0.02  # error of which a half second still says something [s]
 LINEAR = 0.01  # error that is believed [s]
 BENT = 0.1  # share of an error by which it may be off, for what is not linear
 LAG = 0.25  # of the slower sensor's period, up to which a delay may be the motion model's lag
+ALIKE = 0.5  # of a step of the grid: by what smoothing may put the fit of all points off
+STILL_LAG = 0.02  # the same, for the error of a delay in use
 FEWEST = 3  # half seconds
 FEWEST_ALIKE = 2.0  # the same, if all of them said equally much
 
@@ -85,10 +88,18 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
         return False
     freedom = alike - 1.0
     mean, deviation = finder.fine[0], finder.fine[1] * math.sqrt(1.0 + 2.0 / freedom)
-    distance = abs(mean - finder.delay)
-    if not distance < LINEAR:
+    if not abs(mean - finder.delay) < LINEAR or contradicted(finder, mean):
         return False
+    if finder.clear != 0 and finder.delay != 0.0:
+        # Both come of the same readings: weighed by what they know, they do not know more.
+        deviation = math.hypot(deviation, STILL_LAG * grids.slowest_period(finder))
+        share = deviation**2 / (deviation**2 + finder.found_deviation**2)
+        mean += share * (finder.found - mean)
+        deviation = min(deviation, finder.found_deviation)
+    distance = abs(mean - finder.delay)
     if finder.delay == 0.0:
+        if finder.clear == 0:
+            return False
         # Between two readings the motion model lags behind, which looks like a delay.
         least = max(SMALLEST, LAG * grids.slowest_period(finder))
         if not distance > max(student_quantile(freedom) * finder.fine[1], least):
@@ -99,6 +110,13 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
     finder.delay = mean
     _tell(finder, mean, deviation)
     return True
+
+
+@compiled
+def contradicted(finder: Any, delay: float) -> bool:
+    """True if the fit to the points that are kept clearly says another delay."""
+    largest = max(FAR * finder.found_deviation, ALIKE * finder.grid_step)
+    return bool(finder.clear != 0 and abs(finder.found - delay) > largest)
 
 
 @compiled

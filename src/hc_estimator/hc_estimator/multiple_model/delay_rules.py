@@ -10,6 +10,8 @@ LEAD = 8.0  # log likelihood ratio to what is in use
 SMALLEST = 0.001  # delay worth the name [s]
 SMALL = 4.0  # deviations of a normal distribution, for a delay of less than a step
 CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
+SMALLEST_DEVIATION = 0.0001  # no more is claimed [s]
+FAR = 3.0  # deviations, from which on it is another delay
 CORRECTED = 2.0  # standard deviations by which it is corrected, at least
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 
