@@ -39,7 +39,8 @@ def filled(windows=12, varying=False, noise=0.0):
         force = own * d**n * (1.0 + b * np.sign(v) * abs(v) ** p)
         finder.point_forces[k] = force + noise * rng.standard_normal()
         finder.point_window[k] = window
-    finder.point_noise[:] = (1e-4, 1e-8)
+    finder.point_force[:, 3] = 1e-4
+    finder.depth_noise[0] = 1e-8
     delay_points.shift(finder, 0.0)
     finder.law[CENTRE] = TISSUE
     delay_fit.weigh(finder, CENTRE)

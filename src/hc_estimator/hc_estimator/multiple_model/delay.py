@@ -40,11 +40,10 @@ LARGEST = 0.0625  # delay that is looked for [s]
 LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
 LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
-SMALLEST_DEVIATION = 0.05  # of a delay, in steps of the grid: what smoothing makes of a motion
+SMALLEST_DEVIATION = 0.02  # of a delay, in steps of the grid: what smoothing makes of a motion
 FINER = 0.6  # deviation of the delay in use, from which on another one is known better
 DOUBTFUL = 3.0  # deviations from which on it is no longer believed that there is none
 BEGINS = 4.0  # deviations, from which on a delay is one
-BEGINS_SMALL = 5.0  # the same, for less than a step of the grid
 # Squares that the delay in use leaves over those of the best: what smoothing leaves of a motion
 # with corners is alike in all points, however many they are.
 LEAST_RATIO = 1.5
@@ -127,18 +126,27 @@ def _note_none(finder: Any) -> None:
 
 @compiled
 def _take_points(finder: Any, sensor_noise: Any) -> None:
-    """Keep some points of the window, and note the variances of a point's force and depth."""
-    width = finder.grid_width + 2.0 * finder.neighbours * finder.grid_step
+    """Keep some points of the window, and note the variances of what they hold."""
+    noise, few = sensor_noise[0], grids.readings_of(finder)
+    widths = (finder.grid_width + 2.0 * finder.neighbours * finder.grid_step, finder.grid_width)
     for i in range(2):
-        readings = max(width / max(grids.period(finder, i), 1e-9), 1.0)
-        finder.point_noise[1 - i] = smoothing.VALUE_VARIANCE * sensor_noise[i] / readings
-    noise, readings = sensor_noise[0], grids.readings_of(finder)
-    narrow = wide = grids.velocity_variance(finder, noise)
+        finder.depth_noise[i] = _value_variance(finder, 0, widths[i], noise)
+        finder.force_noise[i] = _value_variance(finder, 1, widths[i], sensor_noise[1])
+    velocities = finder.velocity_noise
+    velocities[2] = grids.velocity_variance(finder, noise)
+    velocities[0] = velocities[1] = velocities[2]
     if finder.neighbours > 0:
-        narrow = smoothing.velocity_variance(finder, noise, readings)
+        velocities[0] = smoothing.velocity_variance(finder, noise, few)
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
-        wide = smoothing.wide_variance(finder, noise * smoothing.VALUE_VARIANCE / readings)
-    delay_points.take(finder, narrow, wide)
+        velocities[1] = smoothing.wide_variance(finder, noise * smoothing.VALUE_VARIANCE / few)
+    delay_points.take(finder)
+
+
+@compiled
+def _value_variance(finder: Any, channel: int, width: float, noise: float) -> float:
+    """Variance of a parabola's value, by its width [s] and the variance of a reading."""
+    readings = max(width / max(grids.period(finder, channel), 1e-9), 1.0)
+    return smoothing.VALUE_VARIANCE * noise / readings
 
 
 @compiled
@@ -272,21 +280,17 @@ def _is_clear(finder: Any, count: int) -> bool:
 @compiled
 def _leads(finder: Any) -> bool:
     """True if the delay that was found, which is clear, is far likelier than the one in use."""
-    away = abs(finder.found - finder.delay)
-    varies = finder.varies != 0 or finder.fits == 0
-    least = FAR
-    if finder.delay == 0.0:
-        small = away < finder.grid_step
-        if small and varies:  # damping that goes its own way looks like a small delay
-            return False
-        least = BEGINS_SMALL if small else BEGINS
-    if not away > least * finder.found_deviation:
+    away, none = abs(finder.found - finder.delay), finder.delay == 0.0
+    small, varies = away < finder.grid_step, finder.varies != 0 or finder.fits == 0
+    if none and small and varies:  # damping that goes its own way looks like a small delay
         return False
-    used, chosen = _candidate_in_use(finder), finder.chosen
-    best = finder.left[CANDIDATES]
-    weight = _weight(finder)
-    ratio = finder.left[used] / best
-    return bool(used == chosen or (ratio > LEAST_RATIO and weight * math.log(ratio) > LEAD))
+    if not away > (BEGINS if none else FAR) * finder.found_deviation:
+        return False
+    used = _candidate_in_use(finder)
+    if used == finder.chosen and not none:
+        return True
+    ratio = finder.left[used] / finder.left[CANDIDATES]
+    return bool(ratio > LEAST_RATIO and _weight(finder) * math.log(ratio) > LEAD)
 
 
 @compiled
@@ -294,7 +298,7 @@ def _is_finer(finder: Any) -> bool:
     """True if the delay in use is known far less well than the one that was found."""
     away, deviation = abs(finder.found - finder.delay), finder.found_deviation
     known = deviation < FINER * finder.deviation
-    known = known and finder.delay != 0.0 and finder.varies == 0
+    known = known and finder.delay != 0.0
     return bool(known and away > max(deviation, CORRECTION))
 
 

@@ -55,11 +55,11 @@ def weigh(finder: Any, j: int) -> None:
     """Set the weights of all points by the law of a candidate.
 
     Args:
-        finder: point_noise holds the variances of a point's force and depth [N^2, mm^2], and
-            point_force[:, 2] that of its velocity; point_force[:, 1] is set [1/N^2].
+        finder: depth_noise[0] is the variance of a point's depth [mm^2], point_force[:, 2:] those
+            of its velocity and force; point_force[:, 1] is set [1/N^2].
         j: candidate.
     """
-    noise, law = finder.point_noise, finder.law[j]
+    law = finder.law[j]
     for k in range(count_of(finder)):
         point, force = finder.point[k, j], finder.point_force[k]
         least = slowest(force[2])
@@ -67,7 +67,7 @@ def weigh(finder: Any, j: int) -> None:
         rate = math.copysign(math.exp(law[3] * point[1]), point[2])
         elastic = force[0] / max(1.0 + law[1] * rate, LEAST_ELASTIC)
         swing = elastic * law[1] * law[3] * math.exp((law[3] - 1.0) * max(point[1], least))
-        variance = noise[0] + slope * slope * noise[1] + swing * swing * force[2]
+        variance = force[3] + slope * slope * finder.depth_noise[0] + swing * swing * force[2]
         force[1] = 1.0 / max(variance, SMALLEST_VARIANCE)
 
 

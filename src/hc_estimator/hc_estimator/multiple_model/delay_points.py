@@ -17,7 +17,8 @@ from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, GRID
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed that is kept at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
-QUICK = 2.0  # squares between the velocities of parabola and cubic, over those of their noise
+QUICK = 2.0  # squares between what is smoothed more and less, over those of their noise
+SURELY = 4.0  # variances of a force, beyond which a square is of more than the noise
 APART = 0.05  # time between two points that are kept [s]
 
 
@@ -52,31 +53,38 @@ def forget(finder: Any) -> None:
 
 
 @compiled
-def take(finder: Any, narrow: float, wide: float) -> None:
+def take(finder: Any) -> None:
     """Keep some points of a smoothed window whose contact is marked.
 
-    Args:
-        finder: changed.
-        narrow: variance of a velocity by a line or parabola [mm^2/s^2].
-        wide: the same, by a cubic.
+    Smoothing may flatten the force beyond its noise. Where it does not flatten the motion, it is
+    the law that bends (damping, where the tool turns): the force of the grid is kept. Where it
+    does, it flattens both alike, but not quite, and such points count less.
     """
     finder.kept_from = min(finder.kept_from, finder.grid_count)  # the grid has begun anew
     if finder.first < finder.kept_from:
         return  # what was before is in this window
-    centre, contact = CANDIDATES // 2, 0
+    centre, grid, smooths = CANDIDATES // 2, finder.grid, finder.smooth
+    velocities, forces = finder.velocity_noise, finder.force_noise
     every = max(round(APART / finder.grid_step), 1)
-    column = 4 if _is_quick(finder, narrow, wide) else 1
+    # Taps come back to the same phases: with another first point in each window these differ.
+    contact = finder.windows % every
+    column = 1
+    if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
+        column = 4 if _differ(finder, smooths, 1, smooths, 4, velocities[0] + velocities[1]) else 1
+    quick = 1 if column == 4 else 0
+    bends = _differ(finder, smooths, 0, grid, 0, finder.depth_noise[0] + finder.depth_noise[1])
+    bends = bends or _differ(finder, smooths, column, grid, 1, velocities[quick] + velocities[2])
+    sharp = not bends and _differ(finder, smooths, 3, grid, 3, forces[0] + forces[1])
     for k in range(finder.points):
         if finder.in_contact[k] == 0:
             continue
         contact += 1
-        if contact % every != (every + 1) // 2 % every:
+        if contact % every != 0:
             continue
         here = finder.first + k
         slot = finder.kept % DELAY_POINTS
         for j in range(centre - finder.reach, centre + finder.reach + 1):
-            smooth = finder.smooth[(here - j + centre) % GRID]
-            point = finder.point[slot, j]
+            smooth, point = smooths[(here - j + centre) % GRID], finder.point[slot, j]
             depth, velocity = max(smooth[0], 0.2 * LEAST_DEPTH), smooth[column]
             speed = max(abs(velocity), SLOWEST)
             point[0] = math.log(depth)
@@ -84,24 +92,35 @@ def take(finder: Any, narrow: float, wide: float) -> None:
             point[2] = math.copysign(speed, velocity)
             point[3] = 1.0 / depth
         for i in range(4):
-            finder.point_forces[slot, i] = finder.smooth[(here + i - 1) % GRID, 3]
-        finder.point_force[slot, 2] = narrow if column == 1 else wide
+            near = (here + i - 1) % GRID
+            finder.point_forces[slot, i] = grid[near, 3] if sharp else smooths[near, 3]
+        flattened = (smooths[here % GRID, 3] - grid[here % GRID, 3]) ** 2
+        flattened = max(flattened - SURELY * forces[1], 0.0)
+        finder.point_force[slot, 2] = velocities[quick]
+        finder.point_force[slot, 3] = forces[1] if sharp else forces[0] + flattened
         finder.point_window[slot] = finder.windows
         finder.kept += 1
 
 
 @compiled
-def _is_quick(finder: Any, narrow: float, wide: float) -> bool:
-    """True if the motion of the window is so quick that a parabola flattens it beyond the noise."""
-    if finder.neighbours < smoothing.FEWEST_NEIGHBOURS:
-        return False
+def _differ(finder: Any, some: Any, i: int, others: Any, j: int, noise: float) -> bool:
+    """True if smoothing has flattened what a window holds by more than the noise.
+
+    Args:
+        finder: with the points that are in contact.
+        some: smoothed more, ring slots as in `grid`.
+        i: its column.
+        others: smoothed less.
+        j: its column.
+        noise: variances of both.
+    """
     total, count = 0.0, 0
     for k in range(finder.points):
         if finder.in_contact[k] != 0:
-            smooth = finder.smooth[(finder.first + k) % GRID]
-            total += (smooth[4] - smooth[1]) ** 2
+            slot = (finder.first + k) % GRID
+            total += (some[slot, i] - others[slot, j]) ** 2
             count += 1
-    return bool(total > QUICK * (narrow + wide) * count)
+    return bool(total > QUICK * noise * count)
 
 
 @compiled

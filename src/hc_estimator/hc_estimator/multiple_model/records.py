@@ -261,10 +261,14 @@ DELAY = record_type(
         Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 4)),
         # [N]; from a step of the grid before to two after.
         Field("point_forces", np.float64, (DELAY_POINTS, 4)),
-        # Force [N] and its weight [1/N^2]; variance of the velocity.
-        Field("point_force", np.float64, (DELAY_POINTS, 3)),
+        # Force [N] and its weight [1/N^2]; variances of the velocity's noise and of the force.
+        Field("point_force", np.float64, (DELAY_POINTS, 4)),
         Field("point_window", np.int64, (DELAY_POINTS,), 0),  # that it is of
-        Field("point_noise", np.float64, (2,), 0.0),  # variances of force and depth
+        # Variances of depth and force, smoothed and as in `grid`; of the velocity by a parabola, by
+        # a cubic, and as in `grid`.
+        Field("depth_noise", np.float64, (2,), 0.0),
+        Field("force_noise", np.float64, (2,), 0.0),
+        Field("velocity_noise", np.float64, (3,), 0.0),
         Field("kept", np.int64, (), 0),  # points so far
         Field("kept_from", np.int64, (), 0),  # grid_count from which on it is this tissue
         # The fit to them; see `delay_fit`.
