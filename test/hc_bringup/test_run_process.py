@@ -96,6 +96,8 @@ def test_the_main_job_until_it_is_interrupted(command_line, shell) -> None:
     estimated = json.loads(shell("estimate", bag, "--json")[1])
     for name, value in summary["parameters"].items():
         assert estimated["parameters"][name] == pytest.approx(value, rel=1e-9)
+    for name in ("stiffness_if_position_off", "stiffness_if_force_zero_off"):
+        assert summary[name] == pytest.approx(estimated[name], rel=1e-9)
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from hc_msgs.msg import EstimatorEvent, HuntCrossleyEstimate
+from hc_msgs.msg import EstimatorConfiguration, EstimatorEvent, HuntCrossleyEstimate
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -25,9 +25,11 @@ from hc_bringup.reach import speak_to_nodes
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics, estimate_rows
 from hc_logger.type_names import ESTIMATES_TYPE
 from hc_msgs_py.clock_watch import ClockWatch
+from hc_msgs_py.conversion import configuration_from_message
 from hc_msgs_py.diagnostics import Level
 from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, ESTIMATE_QOS
 from hc_msgs_py.topics import (
+    CONFIGURATION,
     DIAGNOSTICS,
     ESTIMATE,
     ESTIMATES,
@@ -83,6 +85,9 @@ class Monitor:
         if self._with_estimates:
             self._subscription = self._node.create_subscription(
                 HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
+            )
+            self._node.create_subscription(
+                EstimatorConfiguration, CONFIGURATION, self._on_configuration, CONFIGURATION_QOS
             )
             self._node.taps.acquire(
                 self._node.resolve_topic_name(ESTIMATES),
@@ -259,6 +264,10 @@ class Monitor:
         for row in estimate_rows(table):
             self.statistics.add(row)
         self.last_estimate_at = now if len(table) else self.last_estimate_at
+
+    def _on_configuration(self, message: Any) -> None:
+        configuration = configuration_from_message(message)
+        self.statistics.touch.configure(configuration.parameters, configuration.revision)
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hc_bringup.explanation import RecentMotion
 from hc_bringup.force_error import SETTLING_S, one_step_error
+from hc_bringup.zero_effect import DeepestTouch
 from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -78,6 +79,7 @@ class EstimateStatistics:
         rejected: samples not used, by reason.
         latest: the last message (hc_msgs/HuntCrossleyEstimate), or None.
         motion: the last seconds of depth and force, to explain a misfit by.
+        touch: how deep the tool has been, for what zeros that are off would do.
     """
 
     estimates: int = 0
@@ -90,6 +92,7 @@ class EstimateStatistics:
     rejected: Counter[str] = field(default_factory=Counter)
     latest: Any = None
     motion: RecentMotion = field(default_factory=RecentMotion)
+    touch: DeepestTouch = field(default_factory=DeepestTouch)
     first_sequence: int | None = None
     force_n: float = math.nan
     _first_contact_s: float = math.nan
@@ -124,15 +127,12 @@ class EstimateStatistics:
         if message.rejected:
             self.rejected[REJECTION_NAMES.get(message.rejected, str(message.rejected))] += 1
             return
-        self.motion.add(
-            stamp_s,
-            message.displacement * METRE_IN_MM,
-            message.force_measured,
-            message.configuration_revision,
-        )
+        depth_mm, revision = message.displacement * METRE_IN_MM, message.configuration_revision
+        self.motion.add(stamp_s, depth_mm, message.force_measured, revision)
         self.changes += message.change_detected
         self.mismatch += message.model_mismatch
         if message.contact:
+            self.touch.add(depth_mm, revision)
             if math.isnan(self._first_contact_s):
                 self._first_contact_s = stamp_s
             error = one_step_error(message.force_measured, message.force_predicted)

@@ -11,6 +11,7 @@ from hc_bringup.live import SYMBOLS
 from hc_bringup.plain_json import finite
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
+from hc_bringup.zero_effect import ZeroEffect
 from hc_estimator.stream.readings import MEANINGS, Check
 
 _UNUSABLE = {
@@ -55,6 +56,7 @@ def run_summary(
     """
     statistics = state.statistics
     latency = statistics.latency
+    effect = statistics.touch.effect(statistics.latest)
     samples, lost = state.samples, statistics.lost if statistics.counts else None
     if samples is None or samples < statistics.estimates:
         # The source did not say its last count: all that is known are the sequence numbers.
@@ -81,6 +83,8 @@ def run_summary(
         "identifiability": statistics.identifiability(),
         "channel_delay": statistics.channel_delay[0],
         "channel_delay_std": statistics.channel_delay[1],
+        "stiffness_if_position_off": effect.by_position,
+        "stiffness_if_force_zero_off": effect.by_force_zero,
         "force_rmse_n": statistics.force_rmse_n,
         "force_aligned_rmse_n": statistics.force_aligned_rmse_n,
         "bag": bag,
@@ -155,6 +159,18 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     return [f"the {late} is late by {size}"]
 
 
+def zero_lines(summary: dict[str, Any]) -> list[str]:
+    """Return a line about what zeros that are off would do; none where that is not known."""
+    names = ("stiffness_if_position_off", "stiffness_if_force_zero_off")
+    words = ZeroEffect(*(summary[name] for name in names)).words
+    if not words:
+        return []
+    return [
+        f"{words} (how well you know them: --param contact_position_std=MM "
+        "--param force_zero_std=N)"
+    ]
+
+
 def aligned_lines(one_step_n: float, aligned_n: float) -> list[str]:
     """Return a line where a delay sets the readings of one moment apart from those of one stamp."""
     if not (math.isfinite(aligned_n) and abs(aligned_n - one_step_n) > 0.01 * one_step_n):
@@ -218,7 +234,7 @@ def run_text(summary: dict[str, Any]) -> str:
         lines += parameter_lines(
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
         )
-        lines += delay_lines(summary)
+        lines += delay_lines(summary) + zero_lines(summary)
         lines += [
             "force one step ahead, after the first second of contact: RMS error "
             + millinewton(summary["force_rmse_n"]),

@@ -109,6 +109,7 @@ def status(**fields: Any) -> dict[str, Any]:
         "rejected": 0,
         "latency": [0] * (len(EDGES_S) + 1),
         "viewers": 1,
+        "zero_effect": "",
         "configuration": {"filter": "ukf", "revision": 1},
         "nodes": {},
     }

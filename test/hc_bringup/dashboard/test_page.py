@@ -13,6 +13,7 @@ import pytest
 from hc_bringup.dashboard.columns import INDEX
 from hc_bringup.dashboard.digest import Digest
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
+from hc_bringup.zero_effect import ZeroEffect
 
 Make = Callable[..., Any]
 
@@ -254,6 +255,22 @@ def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
         "status", make_status(silent_s=0.0, nodes={"estimator": node | {"level": 1}})
     )
     page.wait_for("document.getElementById('banner').hidden")  # a warning has its line below
+
+
+def test_what_zeros_that_are_off_would_do_stands_below_the_parameters(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    served = serve()
+    table = make_estimates(100)
+    feed(served, table, make_stamps(table))
+    opened(page, served, make_status)
+    page.wait_for("document.querySelector('#parameters .zeros')?.hidden")
+    said = ZeroEffect(0.123, -0.045).sentence
+    served.server.publish_text("status", make_status(zero_effect=said))
+    page.wait(lambda: page.text("#parameters .zeros") == said, "what zeros would do")
+    served.server.publish_text("status", make_status())
+    page.wait_for("document.querySelector('#parameters .zeros').hidden")
+    assert page.complaints() == []
 
 
 def test_reconnects_and_fills_the_gap(

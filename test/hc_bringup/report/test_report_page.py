@@ -21,6 +21,7 @@ from hc_bringup.report.rows import page_rows
 from hc_bringup.report.run_page import run_page
 from hc_bringup.report.verdict import Level, verdict
 from hc_bringup.run_data import TipPath
+from hc_bringup.zero_effect import effect_in
 
 MakeRun = Callable[..., Any]
 EVIL = "<img src=x onerror=document.title='caught'>.csv"
@@ -52,6 +53,16 @@ def test_words_for_a_good_run(make_run: MakeRun) -> None:
     assert number == pytest.approx(force, rel=0.02)
     assert "The contact law describes what the sensors say." in words
     assert any(text.startswith("The true K lies within 3") for text in words)
+
+
+def test_words_for_zeros_that_are_taken_for_exact(make_run: MakeRun) -> None:
+    data = make_run(seconds=3.0)
+    (one,) = [text for text in said(data) if text.startswith("Contact position and force zero")]
+    effect = effect_in(data.settings, data.estimates)
+    assert effect.by_position == pytest.approx(0.158, rel=0.2)  # 2 mm, n = 1.5
+    assert one == effect.sentence
+    unsure = make_run(seconds=3.0, settings={"contact_position_std": 0.05})
+    assert not any(text.startswith("Contact position and force zero") for text in said(unsure))
 
 
 def test_words_for_doubt(make_run: MakeRun) -> None:

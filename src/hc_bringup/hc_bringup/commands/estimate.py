@@ -211,7 +211,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     import numpy as np
 
     from hc_bringup.force_error import one_step_error, root_mean_square, settled, settling_s
-    from hc_bringup.zero_effect import effect_in
+    from hc_bringup.zero_effect import effect_where_exact
     from hc_estimator import PARAMETER_NAMES, Rejection
     from hc_estimator.stream.together import of_two_readings
 
@@ -226,7 +226,13 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         return dict(zip(PARAMETER_NAMES, map(float, values), strict=True))
 
     nis = of_two_readings(series.nis, series.innovation)
-    by_position, by_zero = effect_in(estimator, recording, series)
+    effect = effect_where_exact(
+        estimator.configuration,
+        float(np.nanmax(series.displacement[touching], initial=0.0)),
+        last.parameters[2],
+        last.parameters_std[2],
+        (last.contact_position, last.force_zero),
+    )
     return {
         "samples": len(series),
         "used": int(np.count_nonzero(used)),
@@ -245,8 +251,8 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "identifiability": named(last.identifiability),
         "channel_delay": float(last.channel_delay),
         "channel_delay_std": float(last.channel_delay_std),
-        "stiffness_if_position_off": by_position,
-        "stiffness_if_force_zero_off": by_zero,
+        "stiffness_if_position_off": effect.by_position,
+        "stiffness_if_force_zero_off": effect.by_force_zero,
         "changes_detected": int(np.count_nonzero(series.change_detected)),
         "model_mismatch_share": float(np.mean(series.model_mismatch)),
         "settling_s": settling_s(recording.time_s, touching),
@@ -284,8 +290,13 @@ def why_no_result(summary: dict[str, Any]) -> str:
 
 
 def _text(summary: dict[str, Any]) -> str:
-    from hc_bringup.summary import aligned_lines, delay_lines, millinewton, parameter_lines
-    from hc_bringup.zero_effect import zero_lines
+    from hc_bringup.summary import (
+        aligned_lines,
+        delay_lines,
+        millinewton,
+        parameter_lines,
+        zero_lines,
+    )
 
     settling = summary["settling_s"]
     left_out = "second" if settling == 1.0 else f"{settling:.2g} s"
@@ -299,9 +310,7 @@ def _text(summary: dict[str, Any]) -> str:
                 summary["parameters"], summary["parameters_std"], summary["identifiability"]
             ),
             *delay_lines(summary),
-            *zero_lines(
-                summary["stiffness_if_position_off"], summary["stiffness_if_force_zero_off"]
-            ),
+            *zero_lines(summary),
             f"after the first {left_out} of contact: force error "
             f"{millinewton(summary['force_predicted_rmse_n'])} one step ahead, "
             f"{millinewton(summary['force_reconstructed_rmse_n'])} after the update; "

@@ -26,6 +26,8 @@ from hc_bringup.dashboard.server import DashboardServer
 from hc_bringup.dashboard.taps import Arrival, Taps
 from hc_bringup.dashboard.taxels import TaxelMap
 from hc_bringup.explanation import BackgroundExplainer, RecentMotion
+from hc_bringup.statistics import estimate_rows
+from hc_bringup.zero_effect import DeepestTouch
 from hc_msgs_py.interface_class import UnknownInterfaceError
 from hc_msgs_py.topics import ESTIMATE, ESTIMATES, SAMPLE, TACTILE_ESTIMATE, TIP, TRUTH
 from hc_msgs_py.units import METRE_IN_MM
@@ -107,6 +109,8 @@ class Feed:
         self._latency = LatencyWindow()
         self._motion = RecentMotion()
         self._explainer = BackgroundExplainer()
+        self._touch = DeepestTouch()
+        self._latest: NDArray[Any] | None = None
         self._mismatch = False
         self._counts = _Counts()
         self._parsers: dict[str, RecordParser | EstimatesParser] = {
@@ -243,6 +247,22 @@ class Feed:
                 depth_mm = float(depth) * METRE_IN_MM
                 self._motion.add(float(stamp) * 1e-9, depth_mm, float(force), int(revision))
             self._take_in(table, stamps, estimates=True)
+            self._touched(table)
+
+    def _touched(self, table: NDArray[Any]) -> None:
+        self._latest = table[-1:]
+        revision = int(table["configuration_revision"][-1])
+        inside = table["contact"].astype(bool) & (table["rejected"] == 0)
+        depths = table["displacement"][inside & (table["configuration_revision"] == revision)]
+        if len(depths):
+            self._touch.add(float(np.nanmax(depths, initial=0.0)) * METRE_IN_MM, revision)
+
+    def _zero_effect(self) -> str:
+        """What zeros that are off would make of the K that is shown, in words."""
+        if self._latest is None:
+            return ""
+        self._touch.configure(self.rare.settings, self.rare.configuration.get("revision", 0))
+        return self._touch.effect(next(estimate_rows(self._latest))).sentence
 
     def _on_samples(self, arrivals: list[Arrival]) -> None:
         table, stamps = self._parsers[SAMPLE].parse(arrivals)
@@ -286,6 +306,7 @@ class Feed:
 
     def _place(self, contact: dict[str, Any]) -> None:
         """Put a contact on the map where the estimator knows its position, if no tip is shown."""
+        self._touch.add(contact["peak_depth"], contact["revision"])
         if TIP in self._acquired:
             return
         x, y = (contact["position"]["xyz".index(axis)] for axis in self._axes)
@@ -316,6 +337,7 @@ class Feed:
             "latency": self._latency.counts(now),
             "viewers": self._viewers,
             "explanation": self._explainer.explain(self._motion, self._mismatch),
+            "zero_effect": self._zero_effect(),
             "configuration": self.rare.configuration,
             "nodes": self.rare.health(now),
             **self.extra_status,

@@ -31,6 +31,7 @@ class RareMessages:
     Attributes:
         diagnostics: the last status of each node by its name, and when it arrived.
         configuration: filter, state space, contact model and revision in force; empty at first.
+        settings: all settings of that revision by name.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class RareMessages:
         self._server, self._on_contact = server, on_contact
         self.diagnostics: dict[str, dict[str, Any]] = {}
         self.configuration: dict[str, Any] = {}
+        self.settings: dict[str, Any] = {}
         self._events: deque[dict[str, Any]] = deque(maxlen=MOST_EVENTS)
         self._contacts: deque[dict[str, Any]] = deque(maxlen=MOST_CONTACTS)
         for topic, type_name, take, local in (
@@ -100,6 +102,7 @@ class RareMessages:
     def _on_configurations(self, arrivals: list[Arrival]) -> None:
         for message in _decoded(arrivals, EstimatorConfiguration):
             configuration = configuration_from_message(message)
+            self.settings = configuration.parameters
             self.configuration = {
                 "filter": configuration.filter,
                 "state_space": configuration.state_space,
@@ -129,6 +132,7 @@ def _contact(message: Any) -> dict[str, Any]:
         "number": message.contact,
         "start": nanoseconds_from_stamp(message.start) * 1e-9,
         "end": nanoseconds_from_stamp(message.header.stamp) * 1e-9,
+        "revision": message.configuration_revision,
         "parameters": [
             message.stiffness,
             message.damping,

@@ -15,6 +15,7 @@ from hc_bringup.report.contacts import Contact
 from hc_bringup.report.palpation_map import StiffnessMap
 from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import engineering, with_spread
+from hc_bringup.zero_effect import effect_in
 from hc_evaluation.metrics import chi_square_band
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ def verdict(
         *_fit(data),
         *_channels(data, channels),
         *_unseen(data, channels),
+        *_zeros(data),
         *_changes(data),
         *_honesty(data),
         *_losses(data),
@@ -180,6 +182,12 @@ def _unseen(data: RunData, channels: Any | None) -> list[Sentence]:
                 f"{damping:.2g} without it"
             )
     return [Sentence(Level.NOTE, f"{text}.") for text in sentences]
+
+
+def _zeros(data: RunData) -> list[Sentence]:
+    """Say what zeros that are off would do, where they are taken for exact."""
+    said = effect_in(data.settings, data.estimates).sentence
+    return [Sentence(Level.NOTE, said)] if said else []
 
 
 def _changes(data: RunData) -> list[Sentence]:

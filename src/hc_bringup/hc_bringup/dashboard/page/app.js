@@ -62,6 +62,7 @@ HC.App = class {
         HC.element("span", { class: "share" })));
       host.append(card);
     }
+    host.append(HC.element("p", { class: "under zeros", hidden: true }));
     const find = (id) => document.getElementById(id);
     this.parameters = HC.PARAMETERS.map((name) =>
       new HC.ParameterPanel(find("parameter-" + name), name));
@@ -109,6 +110,7 @@ HC.App = class {
       this.statusAt = performance.now();
       this.health.show(message);
       this.taxels.show(message.taxels);
+      this.showZeros(message.zero_effect);
       this.showMap();
       this.timeline.setOrigin(message.origin);
       document.getElementById("record").classList.toggle("on",
@@ -124,6 +126,13 @@ HC.App = class {
       this.map.setContacts(message.items);
       this.showMap();
     }
+  }
+
+  /* How much of K hangs on zeros that nobody has called unsure. */
+  showZeros(sentence) {
+    const note = document.querySelector("#parameters .zeros");
+    HC.setText(note, sentence);
+    note.hidden = !sentence;
   }
 
   /* Where no position is known and no contact has ended there is no map: its room is the law's. */
