@@ -42,7 +42,6 @@ LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the othe
 LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
 SMALLEST_DEVIATION = 0.02  # of a delay, in steps of the grid: what smoothing makes of a motion
 FINER = 0.6  # deviation of the delay in use, from which on another one is known better
-DOUBTFUL = 3.0  # deviations from which on it is no longer believed that there is none
 BEGINS = 4.0  # deviations, from which on a delay is one
 # Squares that the delay in use leaves over those of the best: what smoothing leaves of a motion
 # with corners is alike in all points, however many they are.
@@ -116,12 +115,19 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
 
 @compiled
 def _note_none(finder: Any) -> None:
-    """Deviation of no delay: what is not enough to be used may be too much for none."""
+    """Deviation of no delay: what is not enough to be used may be too much for none.
+
+    None at all is as likely beforehand as one of up to `LARGEST`: the odds of one are the Bayes
+    factor, and what the estimate owes is the average of both.
+    """
     finder.doubt = 0.0
     finder.deviation = finder.found_deviation if finder.clear != 0 else math.nan
-    if finder.clear != 0 and abs(finder.found) > DOUBTFUL * finder.deviation:
-        finder.deviation = math.hypot(finder.deviation, finder.found)
-        finder.doubt = finder.deviation**2
+    if finder.clear == 0:
+        return
+    ratio = min(abs(finder.found) / finder.deviation, 30.0)
+    odds = math.sqrt(0.5 * math.pi) * finder.deviation / LARGEST * math.exp(0.5 * ratio * ratio)
+    finder.doubt = odds / (1.0 + odds) * (finder.deviation**2 + finder.found**2)
+    finder.deviation = max(finder.deviation, math.sqrt(finder.doubt))
 
 
 @compiled
