@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import delay, delay_points
@@ -242,6 +243,29 @@ def test_no_delay_is_invented_in_minutes_of_presses(seed):
     series = hc.create_estimator(FILTER, missing_readings=True).run(*minutes(seed))
     assert np.abs(series.channel_delay).max() == 0.0
     assert series.parameters[-1, 0] == pytest.approx(0.9, rel=0.01)
+
+
+@pytest.mark.parametrize("deviations", [0.0, 2.0, 3.0, 5.0])
+def test_what_is_owed_for_a_delay_that_is_not_used_follows_its_odds(deviations, records_of):
+    """Oracle: the likelihoods of no delay and of any up to 62.5 ms, integrated."""
+    finder = records_of(hc.create_estimator(FILTER))[1].delay
+    finder.clear, finder.found_deviation = 1, 2e-3
+    finder.found = deviations * finder.found_deviation
+    delay._note_none(finder)
+    some = np.linspace(-delay.LARGEST, delay.LARGEST, 20001)
+    likelihood = np.mean(norm.pdf(finder.found, some, finder.found_deviation))
+    share = likelihood / (likelihood + norm.pdf(finder.found, 0.0, finder.found_deviation))
+    square = finder.found**2 + finder.found_deviation**2
+    assert finder.doubt == pytest.approx(share * square, rel=1e-3)
+    assert finder.deviation >= finder.found_deviation
+
+
+def test_what_is_not_clear_owes_nothing(records_of):
+    finder = records_of(hc.create_estimator(FILTER))[1].delay
+    finder.clear, finder.found, finder.found_deviation = 0, 0.02, 1e-3
+    delay._note_none(finder)
+    assert finder.doubt == 0.0
+    assert np.isnan(finder.deviation)
 
 
 def multirate_run(pose_hz, delayed, seed):
