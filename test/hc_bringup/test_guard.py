@@ -1,5 +1,6 @@
 """The end of every error: one line, a status, and a file with the traceback where it is a fault."""
 
+import errno
 import os
 import re
 import signal
@@ -70,6 +71,40 @@ def test_a_fault_where_no_file_can_be_written(
     monkeypatch.setattr("tempfile.tempdir", "/proc/nowhere")
     assert fault(ValueError("x")) == 1
     assert "could not be written down: No such file or directory" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("number", "ours"), [(errno.ENOSPC, False), (errno.EBADF, True)])
+def test_what_the_machine_lacks_need_not_be_reported(
+    fault, capsys: pytest.CaptureFixture[str], number: int, ours: bool
+) -> None:
+    assert fault(OSError(number, os.strerror(number))) == 1
+    err = capsys.readouterr().err
+    assert os.strerror(number) in err
+    assert ("please report it" in err) == ours
+
+
+def test_closed_streams_lead_nowhere_and_no_file_takes_their_number(tmp_path: Path) -> None:
+    """Regression: the summary went into a file that was opened as number 1, or nowhere at all."""
+    script = 'exec "$@" >&- 2>&- <&-'
+    command = ["sh", "-c", script, "sh", sys.executable, "-m", "hc_bringup", "simulate"]
+    target = tmp_path / "out.csv"
+    status = subprocess.run(
+        [*command, "multisine", "--duration", "0.1", "-o", str(target)], timeout=120, check=False
+    ).returncode
+    assert status == 0
+    lines = target.read_text().splitlines()
+    assert len(lines) == 101
+    assert all(line.count(",") == lines[0].count(",") for line in lines)
+
+
+def test_a_folder_that_was_deleted_is_one_line(tmp_path: Path) -> None:
+    script = f'mkdir "{tmp_path}/gone"; cd "{tmp_path}/gone"; rmdir "{tmp_path}/gone"; exec "$@"'
+    command = ["sh", "-c", script, "sh", sys.executable, "-m", "hc_bringup", "estimate", "/x.csv"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "hc estimate: the folder where you are was deleted: change to another one\n"
+    )
 
 
 def run(*words: str, **options) -> subprocess.CompletedProcess[str]:

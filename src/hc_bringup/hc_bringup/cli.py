@@ -245,6 +245,10 @@ def _run(words: list[str], tell_waiting: bool) -> int:
         _complete()
     parser = _parser(words[0] if words else None)
     parsed = parser.parse_args(words)
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise UserError("the folder where you are was deleted: change to another one") from None
     module = _module(parsed.command)
     has_heartbeat, compiles = (
         tell_waiting and getattr(module, name, False) for name in ("HEARTBEAT", "COMPILES")

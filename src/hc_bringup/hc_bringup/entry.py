@@ -10,6 +10,19 @@ signal.signal(signal.SIGINT, signal.SIG_DFL)
 signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
 
 
+def _open_what_is_closed() -> None:
+    """Let standard streams that were closed lead nowhere: the next file would take their number."""
+    import os
+    import sys
+
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            os.dup2(nowhere := os.open(os.devnull, os.O_RDWR), number)
+            if nowhere != number:
+                os.close(nowhere)
+            setattr(sys, name, open(number, mode, closefd=False))  # noqa: SIM115
+
+
 def main() -> int:
     """Run the hc command; returns the exit status, or ends with it where a signal asked to end.
 
@@ -23,6 +36,7 @@ def main() -> int:
 
     from hc_bringup import cli, last_resort
 
+    _open_what_is_closed()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
     signals = (signal.SIGINT, signal.SIGTERM)

@@ -6,6 +6,7 @@ a fault of the suite, or the machine's: memory, disk, permissions.
 
 from __future__ import annotations
 
+import errno
 import os
 import platform
 import sys
@@ -16,6 +17,14 @@ from pathlib import Path
 
 from hc_bringup.errors import FAILURE, UserError
 
+_OF_THE_MACHINE = frozenset(
+    {
+        *(errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS),
+        *(errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.EAGAIN),
+    }
+)
+"""What nobody need report."""
+_REPORT = "; please report it"
 LONGEST = 200
 """Characters of an error's own text that are shown."""
 
@@ -32,10 +41,13 @@ def explain(error: BaseException, words: list[str]) -> UserError:
     if isinstance(error, OSError) and error.strerror:
         if error.filename is not None:
             return UserError(f"{_text(error.filename)}: {error.strerror}", FAILURE)
-        return UserError(f"{error.strerror} ({_write_down(error, words)})", FAILURE)
+        written = _write_down(error, words)
+        ask = "" if error.errno in _OF_THE_MACHINE else _REPORT
+        return UserError(f"{error.strerror} ({written}{ask})", FAILURE)
     said = _text(error)
     what = f"{type(error).__name__}: {said}" if said else type(error).__name__
-    return UserError(f"internal error: {what[:LONGEST]} ({_write_down(error, words)})", FAILURE)
+    written = _write_down(error, words)
+    return UserError(f"internal error: {what[:LONGEST]} ({written}{_REPORT})", FAILURE)
 
 
 def _text(value: object) -> str:
@@ -60,4 +72,4 @@ def _write_down(error: BaseException, words: list[str]) -> str:
             file.writelines(lines)
     except OSError as reason:
         return f"where it arose could not be written down: {reason.strerror}"
-    return f"where it arose is in {path}; please report it"
+    return f"where it arose is in {path}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from hc_bringup.batch.campaign import MANIFEST
+from hc_bringup.batch.sources import MANIFEST
 from hc_bringup.batch.tables import CONTACTS, RECORDINGS, table_columns
 from hc_bringup.commands.estimate import COLUMNS as ESTIMATE_COLUMNS
 from hc_bringup.report import contact_file, map_file

@@ -29,6 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from hc_msgs_py import realtime
 from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.middleware import NoSecurityError, set_defaults
+from hc_msgs_py.parameter_requests import answer_impossible_parameters
 from hc_msgs_py.realtime import RealtimeError
 
 SPIN_TIMEOUT_S = 1.0
@@ -74,6 +75,7 @@ class ManagedNode(Protocol):
     """What run_node needs beyond rclpy.node.Node."""
 
     timers: Iterable[Any]
+    services: Iterable[Any]
 
     def finished(self) -> bool:
         """Return True when the node has done its work and wants to end by itself."""
@@ -142,6 +144,7 @@ def run_node(
         except (NodeStartError, ParameterException, ValueError, OSError) as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201 - there is no logger yet
             return 2
+        answer_impossible_parameters(node)
         executor = EventsExecutor()
         executor.add_node(node)
         # At a process's first line rclpy looks for the place that logs among all modules, 60 ms of

@@ -77,6 +77,16 @@ CONFIGURATION_QOS: Final = QoSProfile(
 )
 """Configurations: who comes late still gets those in force."""
 
+SERVICE_QOS: Final = QoSProfile(
+    history=HistoryPolicy.KEEP_LAST,
+    depth=1000,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.VOLATILE,
+)
+"""Services, as rclpy's own for parameters. All clients share the queue of requests: with ROS's
+usual 10, of a hundred asked at once 42 were answered, and who asked the others waited without an
+end. (A client has to keep as many answers; ROS's usual 10 there are its own affair.)"""
+
 FIXED_FRAMES_QOS: Final = CONFIGURATION_QOS
 """To subscribe to /tf_static, as tf2 does: who comes late gets what was told once."""
 

@@ -12,6 +12,8 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from hc_msgs_py.qos import SERVICE_QOS
+
 
 def add_ready_service(node: Node, missing: Callable[[], list[str]]) -> Any:
     """Offer ~/ready (std_srvs/Trigger): success when nothing is missing, else what is.
@@ -27,4 +29,4 @@ def add_ready_service(node: Node, missing: Callable[[], list[str]]) -> Any:
         response.message = "; ".join(lines) if lines else "ready"
         return response
 
-    return node.create_service(Trigger, "~/ready", answer)
+    return node.create_service(Trigger, "~/ready", answer, qos_profile=SERVICE_QOS)

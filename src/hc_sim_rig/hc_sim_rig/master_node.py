@@ -19,7 +19,7 @@ from std_srvs.srv import SetBool
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import NEWEST_QOS, SERVO_QOS
+from hc_msgs_py.qos import NEWEST_QOS, SERVICE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import MASTER_MEASURED_CP, MASTER_MODEL, MASTER_SERVO_CF, NODE_MASTER
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
@@ -119,7 +119,7 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         else:
             self._position = self.create_publisher(PoseStamped, MASTER_MEASURED_CP, SERVO_QOS)
         self._sampler = DeadlineThread(rate_hz, self._act, time.time_ns)
-        self.create_service(SetBool, "~/run", self._run)
+        self.create_service(SetBool, "~/run", self._run, qos_profile=SERVICE_QOS)
         add_ready_service(self, list)
         refusals = RefusalWatch(self._link)
         self._diagnostics = DiagnosticsPublisher(

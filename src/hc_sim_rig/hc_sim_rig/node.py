@@ -22,6 +22,7 @@ from hc_msgs_py.background import STARTING, BackgroundWork
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare, declare_specified
+from hc_msgs_py.qos import SERVICE_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_INDENTER
 from hc_sim_rig.drives import Teleoperation
@@ -83,7 +84,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._begins = not options.start_paused
         self._block: Block | None = None
         self._sampler = self._make_sampler()
-        self.create_service(SetBool, "~/run", self._run)
+        self.create_service(SetBool, "~/run", self._run, qos_profile=SERVICE_QOS)
         add_ready_service(self, self._missing)
         self.add_on_set_parameters_callback(self._check_settings)
         self.add_post_set_parameters_callback(self._apply_settings)

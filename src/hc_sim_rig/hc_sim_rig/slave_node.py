@@ -21,7 +21,7 @@ from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.estimates_reader import EstimatesReader
 from hc_msgs_py.node_main import NodeStartError, run_node
 from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import ESTIMATE_QOS, SERVO_QOS
+from hc_msgs_py.qos import ESTIMATE_QOS, SERVICE_QOS, SERVO_QOS
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import ESTIMATE, ESTIMATES, NODE_SLAVE, SLAVE_SETPOINT_CP
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, set_stamp
@@ -112,7 +112,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             HuntCrossleyEstimates, ESTIMATES, self._on_estimates, ESTIMATE_QOS, raw=True
         )
         self._sampler = DeadlineThread(self._rate_hz, self._act, time.time_ns)
-        self.create_service(SetBool, "~/run", self._run)
+        self.create_service(SetBool, "~/run", self._run, qos_profile=SERVICE_QOS)
         add_ready_service(self, self._outputs.missing)
         refusals = RefusalWatch(self._link)
         self._diagnostics = DiagnosticsPublisher(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import random
 import sys
 from collections.abc import Callable, Iterator
@@ -77,7 +78,9 @@ def test_broken_recordings_are_rows_with_a_reason(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     folder, target = make_recordings(2), tmp_path / "out"
-    broken = break_some(folder)
+    broken = break_some(folder) + 2
+    os.mkfifo(folder / "pipe.csv")
+    (folder / "device.mcap").symlink_to("/dev/zero")
     assert batch(folder, "-o", target, "--json") == 0
     told = summary(capsys)
     assert (told["recordings"], told["without_result"]) == (2 + broken, broken)
@@ -88,6 +91,7 @@ def test_broken_recordings_are_rows_with_a_reason(
     assert found["air.csv"]["samples [1]"] == "99"
     assert all(found[name]["reason"] for name in ("words.csv", "noise.mcap"))
     assert all(str(tmp_path) not in row["reason"] for row in found.values())
+    assert all("no file" in found[name]["reason"] for name in ("pipe.csv", "device.mcap"))
     assert not found["r0000.csv"]["reason"]
     page = (target / "overview.html").read_text()
     assert "no contact in 99 samples" in page
@@ -219,6 +223,9 @@ def test_recordings_are_found_once_and_results_never(
     (folder / "out").mkdir()
     (folder / "out" / "contacts.csv").write_text("no recording either")
     (folder / "old.dat").write_text("")
+    (folder / "other_batch" / "results").mkdir(parents=True)
+    (folder / "other_batch" / "manifest.json").write_text("{}")
+    (folder / "other_batch" / "contacts.csv").write_text("a result of another batch")
     monkeypatch.chdir(folder)
 
     def names(*patterns: str) -> list[str]:

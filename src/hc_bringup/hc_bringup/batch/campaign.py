@@ -19,6 +19,7 @@ from typing import Final
 
 from hc_bringup.batch import tables
 from hc_bringup.batch.software import software_stamp, software_versions
+from hc_bringup.batch.sources import MANIFEST
 from hc_bringup.batch.tables import Done
 from hc_bringup.batch.variants import Variant
 from hc_bringup.batch.work import Answer, ResultError, Task, read_result
@@ -26,7 +27,6 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.plain_json import finite
 from hc_logger.new_file import new_file
 
-MANIFEST: Final = "manifest.json"
 PAGE: Final = "overview.html"
 TASKS_PER_WORKER: Final = 4
 """At least so many, where recordings are few and variants many."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import hashlib
 import os
+import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -14,14 +16,18 @@ from hc_bringup.errors import WRONG_USE, UserError
 BAG_SUFFIX: Final = ".mcap"
 _SUFFIXES: Final = (".csv", ".tsv", BAG_SUFFIX)
 """Of recordings in a folder; other endings must be named, or be in the pattern (*.dat)."""
+MANIFEST: Final = "manifest.json"
+"""What every folder of results has."""
 _BLOCK: Final = 1024 * 1024
+NO_FILE: Final = "a pipe, a socket or a device, and no file"
 
 
 def find_recordings(patterns: Sequence[str], besides: Path) -> list[Path]:
     """Return the recordings that patterns name, absolute, each once, in the order of their paths.
 
     A bag folder is a recording; any other folder stands for all recordings below it. Files of a
-    bag that is taken whole are no recordings of their own, and nothing below `besides` is one.
+    bag that is taken whole are no recordings of their own; nothing below `besides` is one, nor
+    below the results of another batch.
 
     Args:
         patterns: files, folders, and patterns with *, ?, [] and ** for folders.
@@ -77,7 +83,7 @@ def _named_by(pattern: str) -> Iterator[Path]:
     for name in glob.iglob(pattern, recursive=True):
         path = Path(name).absolute()
         if path.is_dir():
-            yield from _below(path)
+            yield from () if _is_batch(path) else _below(path)
         elif any_suffix or path.suffix.lower() in _SUFFIXES:
             yield path
 
@@ -88,7 +94,9 @@ def _below(folder: Path) -> Iterator[Path]:
         return
     for path, folders, files in os.walk(folder):
         for name in list(folders):
-            if _is_bag(Path(path, name)):
+            if _is_batch(Path(path, name)):
+                folders.remove(name)
+            elif _is_bag(Path(path, name)):
                 folders.remove(name)
                 yield Path(path, name)
         yield from (Path(path, name) for name in files if name.lower().endswith(_SUFFIXES))
@@ -98,9 +106,15 @@ def _is_bag(folder: Path) -> bool:
     return (folder / "metadata.yaml").is_file()
 
 
+def _is_batch(folder: Path) -> bool:
+    return (folder / MANIFEST).is_file() and (folder / "results").is_dir()
+
+
 def _add(digest: hashlib._Hash, path: Path) -> int:
     """Add a file's content to a digest; returns its bytes."""
     size = 0
+    if not stat.S_ISREG(path.stat().st_mode):  # nobody may ever write into a pipe
+        raise OSError(errno.EINVAL, NO_FILE)
     with path.open("rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)

@@ -11,6 +11,8 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from hc_msgs_py.qos import SERVICE_QOS
+
 
 class NotPossibleError(Exception):
     """Why a service cannot do what it was asked for, in one line."""
@@ -34,4 +36,4 @@ def add_service(node: Node, name: str, act: Callable[[], str]) -> None:
             response.success = False
         return response
 
-    node.create_service(Trigger, f"~/{name}", answer)
+    node.create_service(Trigger, f"~/{name}", answer, qos_profile=SERVICE_QOS)

@@ -22,6 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from hc_logger.keyboard import Keyboard
 from hc_logger.playback import Playback
 from hc_msgs_py.parameters import declare
+from hc_msgs_py.qos import SERVICE_QOS
 from hc_msgs_py.units import NANOSECONDS, set_stamp
 
 SMALLEST_RATE = 1e-3
@@ -75,7 +76,7 @@ class PlayerControls:
             "space pauses, right plays the next message, up and down change the rate",
             read_only=True,
         )
-        node.create_service(SetBool, "~/run", self._run)
+        node.create_service(SetBool, "~/run", self._run, qos_profile=SERVICE_QOS)
         for name, action in (
             ("pause", self.pause),
             ("resume", self.resume),
@@ -83,7 +84,7 @@ class PlayerControls:
             ("play_next", self.play_next),
             ("burst", self.burst),
         ):
-            node.create_service(Trigger, f"~/{name}", _trigger(action))
+            node.create_service(Trigger, f"~/{name}", _trigger(action), qos_profile=SERVICE_QOS)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
         if clock_rate > 0.0:

@@ -1,0 +1,67 @@
+"""What no node expects of a client, and much at once: all is answered, and the node lives."""
+
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.qos import QoSProfile
+from std_srvs.srv import Trigger
+
+from hc_msgs_py.node_processes import Caller, ros_arguments
+
+pytestmark = pytest.mark.process
+
+NO_TYPE, NOT_SET = 77, 0
+
+
+@pytest.fixture
+def rig(ros_domain, processes):
+    """A rig that runs to the end of the test."""
+    node = processes.start("-m", "hc_sim_rig.node", *ros_arguments({}))
+    yield node
+    assert node.poll() is None
+
+
+@pytest.fixture
+def caller(ros_domain):
+    """Calls its services."""
+    caller = Caller(ros_domain, "asking")
+    yield caller
+    caller.close()
+
+
+@pytest.fixture
+def ask(caller, rig):
+    """Function (kind, name, request) -> the rig's answer."""
+
+    def call(kind, name, request):
+        return caller.call(kind, f"/indenter/{name}", request, 60.0, answer_s=10.0)
+
+    return call
+
+
+def value(kind, **fields):
+    return Parameter(name="speed", value=ParameterValue(type=kind, **fields))
+
+
+def test_a_type_that_does_not_exist_is_refused_and_the_others_are_set(ask):
+    """Regression: one request with a value of type 77 ended any node of the suite."""
+    impossible, right = value(NO_TYPE), value(3, double_value=1.5)
+    request = SetParameters.Request(parameters=[impossible, right, value(NOT_SET)])
+    results = ask(SetParameters, "set_parameters", request).results
+    assert [one.successful for one in results] == [False, True, False]
+    assert results[0].reason == "77 is not a valid Parameter.Type"
+    request = SetParametersAtomically.Request(parameters=[value(3, double_value=3.0), impossible])
+    result = ask(SetParametersAtomically, "set_parameters_atomically", request).result
+    assert (result.successful, result.reason) == (False, "77 is not a valid Parameter.Type")
+    values = ask(GetParameters, "get_parameters", GetParameters.Request(names=["speed"])).values
+    assert values[0].double_value == 1.5
+
+
+def test_a_hundred_calls_at_once_are_all_answered(caller, rig):
+    """Regression: 42 of them were; whoever asked the others waited without an end."""
+    deep = QoSProfile(depth=1000)
+    client = caller.node.create_client(Trigger, "/indenter/ready", qos_profile=deep)
+    assert caller.spin_until(client.service_is_ready, 60.0)
+    caller.spin(1.0)  # the rig has to have found this client, too
+    answers = [client.call_async(Trigger.Request()) for _ in range(100)]
+    assert caller.spin_until(lambda: all(one.done() for one in answers), 30.0)
