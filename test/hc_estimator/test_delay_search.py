@@ -57,7 +57,8 @@ def test_a_delay_is_found_where_the_tissue_varies(seed, records_of):
     estimator, series = run(simulate(scenario, seed))
     finder = records_of(estimator)[1].delay
     assert finder.varies == 1
-    assert finder.found == pytest.approx(scenario.force_delay_s, abs=1e-3)
+    error = finder.found - scenario.force_delay_s
+    assert abs(error) < min(2.0 * finder.found_deviation, 2e-3)
     assert abs(series.channel_delay[-1] - scenario.force_delay_s) < 5e-4
 
 
@@ -245,19 +246,23 @@ def test_no_delay_is_invented_in_minutes_of_presses(seed):
     assert series.parameters[-1, 0] == pytest.approx(0.9, rel=0.01)
 
 
-@pytest.mark.parametrize("deviations", [0.0, 2.0, 3.0, 5.0])
-def test_what_is_owed_for_a_delay_that_is_not_used_follows_its_odds(deviations, records_of):
+@pytest.mark.parametrize("deviation", [2e-4, 2e-3, 8e-3])
+def test_none_is_doubted_where_a_delay_is_likelier(deviation, records_of):
     """Oracle: the likelihoods of no delay and of any up to 62.5 ms, integrated."""
     finder = records_of(hc.create_estimator(FILTER))[1].delay
-    finder.clear, finder.found_deviation = 1, 2e-3
-    finder.found = deviations * finder.found_deviation
-    delay._note_none(finder)
     some = np.linspace(-delay.LARGEST, delay.LARGEST, 20001)
-    likelihood = np.mean(norm.pdf(finder.found, some, finder.found_deviation))
-    share = likelihood / (likelihood + norm.pdf(finder.found, 0.0, finder.found_deviation))
-    square = finder.found**2 + finder.found_deviation**2
-    assert finder.doubt == pytest.approx(share * square, rel=1e-3)
-    assert finder.deviation >= finder.found_deviation
+    doubted = []
+    for deviations in np.arange(0.1, 4.0, 0.3):
+        finder.clear, finder.found_deviation = 1, deviation
+        finder.found = deviations * deviation
+        delay._note_none(finder)
+        likelihood = np.mean(norm.pdf(finder.found, some, deviation))
+        likelier = likelihood > norm.pdf(finder.found, 0.0, deviation)
+        square = finder.found**2 + deviation**2
+        assert finder.doubt == pytest.approx(square if likelier else 0.0)
+        assert finder.deviation == pytest.approx(np.sqrt(square) if likelier else deviation)
+        doubted.append(likelier)
+    assert 0 < np.sum(doubted) < len(doubted)
 
 
 def test_what_is_not_clear_owes_nothing(records_of):

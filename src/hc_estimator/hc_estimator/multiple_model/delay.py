@@ -117,17 +117,18 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
 def _note_none(finder: Any) -> None:
     """Deviation of no delay: what is not enough to be used may be too much for none.
 
-    None at all is as likely beforehand as one of up to `LARGEST`: the odds of one are the Bayes
-    factor, and what the estimate owes is the average of both.
+    None at all is as likely beforehand as one of up to `LARGEST`: it is doubted where the Bayes
+    factor says that one is likelier.
     """
     finder.doubt = 0.0
     finder.deviation = finder.found_deviation if finder.clear != 0 else math.nan
     if finder.clear == 0:
         return
-    ratio = min(abs(finder.found) / finder.deviation, 30.0)
-    odds = math.sqrt(0.5 * math.pi) * finder.deviation / LARGEST * math.exp(0.5 * ratio * ratio)
-    finder.doubt = odds / (1.0 + odds) * (finder.deviation**2 + finder.found**2)
-    finder.deviation = max(finder.deviation, math.sqrt(finder.doubt))
+    square = (finder.found / finder.deviation) ** 2
+    none = math.log(LARGEST / (math.sqrt(0.5 * math.pi) * finder.deviation))
+    if 0.5 * square > none:
+        finder.deviation = math.hypot(finder.deviation, finder.found)
+        finder.doubt = finder.deviation**2
 
 
 @compiled
