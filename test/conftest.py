@@ -5,7 +5,7 @@ import gc
 import os
 import tempfile
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -86,8 +86,8 @@ def middleware_environment() -> Iterator[None]:
             os.environ[name] = value
 
 
-@pytest.fixture
-def ros_domain() -> Iterator[int]:
+@contextmanager
+def _free_domain() -> Iterator[int]:
     """Id of a ROS domain that is this test's own until it ends.
 
     Tests run on several processes, and several people may test on one machine: who holds the lock
@@ -112,6 +112,20 @@ def ros_domain() -> Iterator[int]:
             os.close(descriptor)
         return
     pytest.fail(f"all {HIGHEST_DOMAIN} ROS domains are in use by other tests")
+
+
+@pytest.fixture
+def ros_domain() -> Iterator[int]:
+    """Id of a ROS domain that is this test's own."""
+    with _free_domain() as number:
+        yield number
+
+
+@pytest.fixture
+def other_domain(ros_domain: int) -> Iterator[int]:
+    """A second one."""
+    with _free_domain() as number:
+        yield number
 
 
 @pytest.fixture

@@ -81,6 +81,14 @@ def command_line(ros_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
 
 
 @pytest.fixture
+def other_command_line(other_domain: int, tmp_path: Path) -> Iterator[CommandLine]:
+    """A second one in the same folder, in another domain."""
+    line = CommandLine(other_domain, tmp_path)
+    yield line
+    line.close(signal.SIGKILL)
+
+
+@pytest.fixture
 def set_clock(command_line, tmp_path: Path):
     """Preload a clock into what the command line starts, and return what sets it [s]."""
     compiler = shutil.which("cc")

@@ -205,6 +205,35 @@ def test_a_disk_that_fills_up_is_told_at_once_and_in_the_end(command_line) -> No
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_two_runs_into_one_folder_and_a_recorder_that_stands_still(
+    command_line, other_command_line
+) -> None:
+    """Each run names the bag that it made, and what that is short of."""
+    words = ("run", "--scenario", "multisine", "--json", "--bag", "bag")
+    runs = [line.start(*words) for line in (command_line, other_command_line)]
+    for process in runs:
+        wait_for_start(process)
+    recorder = command_line.node_process("hc_logger.recorder_node")
+    os.kill(recorder, signal.SIGSTOP)
+    time.sleep(12.0)  # publishers keep eight seconds
+    os.kill(recorder, signal.SIGCONT)
+    time.sleep(2.0)
+    summaries = []
+    for process in runs:
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+        assert process.returncode == 0, err
+        summaries.append(json.loads(out))
+    assert {Path(summary["bag"]).name for summary in summaries} == {"bag", "bag_2"}
+    assert [summary["further_bags"] for summary in summaries] == [[], []]
+    stopped, went_on = summaries
+    assert went_on["not_recorded"] == 0
+    assert stopped["not_recorded"] > 1000
+    assert len(read_recording(Path(stopped["bag"])).sequence) < stopped["samples"] - 1000
+    assert len(read_recording(Path(went_on["bag"])).sequence) == went_on["samples"]
+
+
 def test_a_run_without_samples_says_so_and_fails(command_line) -> None:
     path = command_line.folder / "silent.yaml"
     path.write_text(

@@ -2,6 +2,7 @@
 
 import json
 import math
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from hc_bringup import live
+from hc_bringup.conclusion import conclude
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.summary import run_summary, run_text, to_json
@@ -143,6 +145,21 @@ def state_after(sequences: list[int], samples: int | None) -> RunState:
 def test_summary_counts_what_was_lost_at_the_end() -> None:
     summary = run_summary(state_after([0, 1, 2], samples=5), "bag")
     assert (summary["samples"], summary["estimates"], summary["lost"]) == (5, 3, 2)
+
+
+def test_what_the_recorder_missed_is_told_with_the_bags_that_it_made(capsys) -> None:
+    """Regression: 19,215 messages short, and not a word; each of two runs named both bags."""
+    state = state_after([0, 1, 2], samples=3)
+    state.dropped |= {"/a/bag_2": 19_000, "/a/bag_3": 215}
+    assert conclude(state, ["recorder"], Path("/a/bag"), as_json=False, with_latency=False) == Path(
+        "/a/bag_2"
+    )
+    said = capsys.readouterr().out
+    assert "not in the bag: 19215 messages" in said
+    assert "bags: /a/bag_2, /a/bag_3" in said
+    state.dropped.clear()
+    assert conclude(state, [], Path("/a/bag"), as_json=False, with_latency=False) == Path("/a/bag")
+    assert "not in the bag" not in capsys.readouterr().out
 
 
 def test_summary_has_the_keys_of_the_design() -> None:

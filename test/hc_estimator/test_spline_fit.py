@@ -184,6 +184,47 @@ def test_its_evidence_is_laplaces(kind, filled):
     assert spline_prior.log_evidence(fit, squares) == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize(("kind", "which"), [(VARIES, 0), (MOVES, 1)])
+def test_its_rates_wander_as_is_likeliest(kind, which, filled):
+    """About the fit, in numpy, the evidence is largest at the wandering that it has learned."""
+    settings, history, fit, _ = filled(kind, with_zeros=False)
+    history.points[:COUNT, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
+    spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    usual = (spline_prior.OWN_WALKS[spline_prior.TREND_ROW, 0], spline_prior.SURFACE_WALK)[which]
+    learned = float(fit.wandering[which])
+    assert usual / spline_prior.CALMER < learned < usual * spline_prior.WILDER
+    spline_fit.gather(settings, history, fit, fit.values)
+    count = fit.unknowns
+    free = [i for i in range(count) if i >= SPLINE_FIRST or fit.fixed[i] == 0]
+    lower = np.tril(np.array(fit.seen)[:count, :count])
+    seen = (lower + np.tril(lower, -1).T)[np.ix_(free, free)]
+    pull = np.array(fit.pull)[free]
+    away = (np.array(fit.values) - np.array(fit.guess))[free]
+
+    def evidence(wandering):
+        spline_prior.take_prior(settings, fit)
+        spline_prior.add_wandering(fit, which, -1.0)
+        fit.wandering[which] = wandering
+        spline_prior.add_wandering(fit, which, 1.0)
+        prior = np.zeros((count, count))
+        for i in range(count):
+            for k in range(min(BAND, i + 1)):
+                prior[i, i - k] = prior[i - k, i] = fit.prior[i, k]
+        prior = prior[np.ix_(free, free)]
+        change = np.linalg.solve(seen + prior, pull - prior @ away)
+        squares = change @ seen @ change - 2.0 * pull @ change
+        cost = squares + (away + change) @ prior @ (away + change)
+        return (
+            -0.5 * cost
+            - 0.5 * np.linalg.slogdet(seen + prior)[1]
+            + (0.5 * np.linalg.slogdet(prior)[1])
+        )
+
+    here = evidence(learned)
+    assert here > evidence(4.0 * learned)
+    assert here > evidence(learned / 4.0)
+
+
 def test_another_solver_comes_to_the_same(filled):
     """Scipy's least squares on the same cost, with prior and roughness, in numpy."""
     settings, history, fit, _ = filled(VARIES)
@@ -193,7 +234,7 @@ def test_another_solver_comes_to_the_same(filled):
     free = [i for i in range(count) if i >= SPLINE_FIRST or fit.held[i] == 0]
     points = np.array(history.points[:COUNT])
     knots, guess = knots_of(fit), np.log(settings.initial_damping / settings.initial_stiffness)
-    roughness = spline_prior.SECOND_DIFFERENCE * 2e-2 * fit.knot[0] ** 3
+    roughness = spline_prior.SECOND_DIFFERENCE * fit.wandering[0] * fit.knot[0] ** 3
     first_guess = (
         guess,
         settings.initial_displacement_exponent,

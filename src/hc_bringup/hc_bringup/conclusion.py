@@ -16,13 +16,13 @@ LONGEST_WITHOUT_ESTIMATE_S = 1.0
 
 def conclude(
     state: RunState, node_names: list[str], bag: Path | None, *, as_json: bool, with_latency: bool
-) -> None:
-    """Print the summary of a run.
+) -> Path | None:
+    """Print the summary of a run; returns the folder of its first bag.
 
     Args:
         state: the run at its end.
         node_names: the nodes of its plan.
-        bag: folder of the recorded bag, or None.
+        bag: folder that the recorder was given, or None; another run may have had it first.
         as_json: whether to print JSON.
         with_latency: False where the stamps are not of the time of publication (a replay).
 
@@ -38,14 +38,18 @@ def conclude(
         wrong = why_unusable((name.partition(" of ")[0] for name in state.suspicions), misfit)
         if wrong:
             state.failures.append(f"{wrong}: do what stands above them, or see hc doctor")
-    bags = [str(folder) for folder in numbered_bags(bag)] if bag else []
-    summary = run_summary(state, str(bag) if bag else None, bags[1:], with_latency=with_latency)
+    bags = []
+    if bag is not None:
+        bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
+    first = bags[0] if bags else None
+    summary = run_summary(state, first, bags[1:], with_latency=with_latency)
     if as_json:
         print(to_json(summary))
     else:
         say(run_text(summary))
     if state.failures:
         raise UserError("; ".join(state.failures), FAILURE)
+    return None if first is None else Path(first)
 
 
 def _why_no_estimate(state: RunState) -> str:

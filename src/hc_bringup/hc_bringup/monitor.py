@@ -36,6 +36,7 @@ from hc_msgs_py.topics import (
     EVENTS,
     NODE_DASHBOARD,
     NODE_ESTIMATOR,
+    NODE_RECORDER,
     TRUTH,
 )
 
@@ -66,13 +67,20 @@ class _MonitorNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
 
 class Monitor:
-    """Watches a run over ROS. Use as a context manager; everything happens inside spin()."""
+    """Watches a run over ROS. Use as a context manager; everything happens inside spin().
+
+    Attributes:
+        statistics: of the estimates.
+        diagnostics: what each node said last of itself, by name.
+        dropped: messages that the recorder did not get, by the bag that it said it made.
+    """
 
     def __init__(self, *, with_estimates: bool = True, with_truth: bool = False) -> None:
         self._with_estimates = with_estimates
         self._with_truth = with_truth
         self.statistics = EstimateStatistics()
         self.diagnostics: dict[str, dict[str, str]] = {}
+        self.dropped: dict[str, int] = {}
         self.last_estimate_at = self._estimate_at = 0.0  # the second: of hc/estimate
         self.answer = ""
         self._truth: list[float] | None = None
@@ -275,3 +283,5 @@ class Monitor:
             values["level"] = str(int.from_bytes(status.level, "little"))
             values["message"] = status.message
             self.diagnostics[status.name] = values
+            if status.name == NODE_RECORDER and "bag" in values:
+                self.dropped[values["bag"]] = int(values["dropped"])

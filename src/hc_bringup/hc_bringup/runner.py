@@ -58,6 +58,7 @@ class RunState:
         problems: what nodes call an error in their diagnostics now, by name.
         failures: what makes the run a failure although it went on to its end.
         diagnostics: what each node said last of itself, by name.
+        dropped: messages that the recorder did not get, by the bag that it said it made.
         truth: the rig's true K, B, n, p; None where nobody tells, or nobody asked for it.
         page: address of the live page with its token, once it is served.
         requests: what was asked for by keys; the runner takes them out.
@@ -76,6 +77,7 @@ class RunState:
     problems: dict[str, str] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
+    dropped: dict[str, int] = field(default_factory=dict)
     truth: list[float] | None = None
     page: str = ""
     requests: list[str] = field(default_factory=list)
@@ -174,6 +176,7 @@ class Runner:
                     monitor.statistics,
                     self._plan.duration_s,
                     diagnostics=monitor.diagnostics,
+                    dropped=monitor.dropped,
                 )
                 try:
                     self._start(folder, monitor, state)

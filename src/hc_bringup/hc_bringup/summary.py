@@ -45,8 +45,9 @@ def run_summary(
     that were published and for which no estimate came; None where that cannot be told. left_out
     counts what the estimator had a reason to leave out: "skipped" when it was behind, "alone" of a
     sensor without the other; not_seen counts estimates that were made and did not come here: no
-    figure counts them. failures says why the run counts as failed although it went on to its
-    end.
+    figure counts them. not_recorded counts messages that never reached the recorder: it stood
+    still, or was behind, for longer than publishers keep them. failures says why the run counts as
+    failed although it went on to its end.
 
     Args:
         state: the run at its end.
@@ -89,6 +90,7 @@ def run_summary(
         "force_aligned_rmse_n": statistics.force_aligned_rmse_n,
         "bag": bag,
         "further_bags": list(further_bags),
+        "not_recorded": sum(state.dropped.values()),
         "failures": list(state.failures),
     }
     if with_latency:
@@ -242,6 +244,11 @@ def run_text(summary: dict[str, Any]) -> str:
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
         ]
+    if summary["not_recorded"]:
+        lines.append(
+            f"not in the bag: {summary['not_recorded']} messages; the recorder stood still, or the "
+            "computer was too busy"
+        )
     if summary["bag"]:
         bags = [summary["bag"], *summary["further_bags"]]
         lines.append(f"bag{'s' * (len(bags) > 1)}: {', '.join(bags)}")

@@ -124,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
         state = Runner(plan, display.show, with_truth=display.shows_truth).run()
     heartbeat.doing("summing up")
     names = [node.name for node in plan.nodes]
-    conclude(state, names, bag, as_json=arguments.json, with_latency=True)
+    bag = conclude(state, names, bag, as_json=arguments.json, with_latency=True)
     if bag is not None and not arguments.json and state.elapsed_s <= LONGEST_PICTURED_S:
         show_ending(bag)
     return 0

@@ -5,12 +5,13 @@ begin with tangents that are wrong, keep what those taught, and on a horizon of 
 second a rate of the stiffness, a surface that sinks and one that breathes predict alike. Over ten
 seconds they do not. So, once a second, least squares over the points ask which of them it is
 (`spline_fit`): the calmest of those that are likely by their evidence, if it explains all but the
-noise. A spline of ln K explains a surface that sinks as well, with forty unknowns: so one that
-sinks is asked first, beside a stiffness that drifts with as few as it. Where it is a surface that
-moves, the row that says the same begins with the fit, and is chosen for a while unless another
-predicts better. Where it is tissue that relaxes, which no row says, the fit of one law to all that
-was felt is kept, and its model error told. (Ours; `hc bench accuracy together`: lumps on a surface
-that breathes; `misfit`: press_relaxing; `troubles`: sinking.)
+noise. A spline of ln K, with forty unknowns, explains a surface that sinks or breathes as well: so
+those are asked before, beside a stiffness that drifts with as few as it. The row that says what is
+found begins with the fit, and is chosen for a while unless another predicts better; one whose
+surface stays only where the fit contradicts it, for it remembers more than the fit has seen. Where
+it is tissue that relaxes, which no row says, the fit of one law to all that was felt is kept, and
+its model error told. (Ours; `hc bench accuracy together`: lumps on a surface that breathes;
+`misfit`: press_relaxing; `troubles`: sinking, breathing and lumps.)
 """
 
 from __future__ import annotations
@@ -26,7 +27,6 @@ from hc_estimator.multiple_model import delay_sensitivity, spline
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.choice import trusted_motion
-from hc_estimator.multiple_model.follows_tool import follows_tool
 from hc_estimator.multiple_model.hypotheses import (
     BREATHES,
     COUNTS,
@@ -35,6 +35,8 @@ from hc_estimator.multiple_model.hypotheses import (
     OWN,
     ROWS,
     STATES,
+    SURFACE,
+    TREND_ROW,
     is_tried,
 )
 from hc_estimator.multiple_model.levenberg_marquardt import solve
@@ -84,9 +86,9 @@ ORDER = np.array(
         RELAXES,
         VARIES + STEADY,
         SINKS,
+        MOVES,
         VARIES,
         VARIES + BENDS,
-        MOVES,
         VARIES + SINKS,
         VARIES + MOVES,
     ]
@@ -94,23 +96,33 @@ ORDER = np.array(
 RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
 # Log evidence by which a freer one is believed instead. A spline between its knots is off by more
 # than the noise on the flank of a narrow lump, and a surface that moves would make up for it. A
-# stiffness that drifts has as few unknowns as a surface that sinks, and is no calmer.
-LIKELIER = np.array([150.0, 10.0, 3.0, 10.0, 150.0, 10.0, 10.0, 10.0, 0.0])
+# stiffness that drifts has as few unknowns as a surface that sinks, and is no calmer; nor is a
+# surface that breathes calmer than a stiffness that varies.
+LIKELIER = np.array([150.0, 10.0, 3.0, 10.0, 3.0, 150.0, 10.0, 10.0, 0.0])
 OUTCOME = 7  # ln K, ln B, n, p; position and speed of the surface; rate of ln K
 
 
 def _kind_of(m: int) -> int:
-    """Which kind of fit says what a row says; -1 for a row whose surface stays."""
+    """Which kind of fit says what a row says; -1 for a row that none begins."""
     row = ROWS[m]
     if not row.surface:
-        return -1
+        return VARIES if m == TREND_ROW else -1
     kind = MOVES if BREATHES[m] else SINKS
     return kind + (VARIES if any(drives[0] > 0.0 for drives in row.drives) else STAYS)
 
 
 KINDS_OF = np.array([_kind_of(m) for m in range(len(ROWS))])
-# Where the outcome of a fit goes in the state of such a row.
-TARGETS = np.array([*range(LOG_STIFFNESS, LOG_STIFFNESS + 4), OWN, OWN + 1, OWN + 2])
+# Where the outcome of a fit goes in the state of such a row; STATES: nowhere.
+TARGETS = np.array(
+    [
+        [
+            *range(LOG_STIFFNESS, LOG_STIFFNESS + 4),
+            *((OWN, OWN + 1, OWN + 2) if row.surface else (STATES, STATES, OWN)),
+        ]
+        for row in ROWS
+    ]
+)
+CONTRADICTS = 3.0  # deviations between a row and the fit from which it begins anew
 
 
 @compiled
@@ -260,11 +272,25 @@ def _begin_found(
         else:
             spline.begin(fit, bank.rows[judge.chosen])
         left = solve_least_squares(settings, history, fit, noise, scatter)
-        if left < CONSISTENT * fit.expected and not follows_tool(history, fit):
+        if not left < CONSISTENT * fit.expected:
+            continue
+        _note_outcome(fit, moving, bank.clock.state_time)
+        if SURFACE[m] or (left < fit.expected and _contradicts(moving, bank.rows[m])):
             judge.found = m
             judge.found_at = bank.tool.contact_clock
-            _note_outcome(fit, moving, bank.clock.state_time)
             _take(settings, bank, bank.rows[m], bank.tool.contact_clock)
+
+
+@compiled
+def _contradicts(moving: Any, row: Any) -> bool:
+    """True if K or n of the fit is not what a row says that follows the stiffness."""
+    for i in range(0, 3, 2):
+        place = TARGETS[row.index, i]
+        off = moving.outcome[i] - row.state[place]
+        variance = moving.covariance[i, i] + row.covariance[place, place]
+        if off * off > CONTRADICTS * CONTRADICTS * variance:
+            return True
+    return False
 
 
 @compiled
@@ -337,17 +363,17 @@ def _take(settings: Any, bank: Any, row: Any, clock: float) -> None:
     row.log_likelihood = likelihood
     delay_sensitivity.clear(row, LOG_STIFFNESS, LOG_STIFFNESS + 4)
     delay_sensitivity.clear(row, OWN, STATES)
-    used = COUNTS[row.index]
+    used, targets = COUNTS[row.index], TARGETS[row.index]
     for i in range(OUTCOME):
-        if TARGETS[i] < used:
+        if targets[i] < used:
             for j in range(STATES):
-                row.covariance[TARGETS[i], j] = 0.0
-                row.covariance[j, TARGETS[i]] = 0.0
+                row.covariance[targets[i], j] = 0.0
+                row.covariance[j, targets[i]] = 0.0
     for i in range(OUTCOME):
-        if TARGETS[i] >= used:
+        if targets[i] >= used:
             continue
-        row.state[TARGETS[i]] = moving.outcome[i]
+        row.state[targets[i]] = moving.outcome[i]
         for j in range(OUTCOME):
-            if TARGETS[j] < used:
-                row.covariance[TARGETS[i], TARGETS[j]] = moving.covariance[i, j]
+            if targets[j] < used:
+                row.covariance[targets[i], targets[j]] = moving.covariance[i, j]
     limit(settings, row)

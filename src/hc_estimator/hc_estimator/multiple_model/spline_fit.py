@@ -51,7 +51,12 @@ from hc_estimator.multiple_model.spline import (
     relaxed,
     second,
 )
-from hc_estimator.multiple_model.spline_prior import add_prior, prior_cost, take_prior
+from hc_estimator.multiple_model.spline_prior import (
+    add_prior,
+    learn_wandering,
+    prior_cost,
+    take_prior,
+)
 from hc_estimator.multiple_model.spline_records import MEMORIES, SPLINE_FIRST
 
 PASSES = 3  # with other weights
@@ -240,12 +245,24 @@ def solve_least_squares(
         squares = _improve(settings, history, fit)
         if not math.isfinite(squares):
             return math.nan
-        if abs(before - squares) < SETTLED * squares or squares > HOPELESS * fit.expected:
+        hopeless = squares > HOPELESS * fit.expected
+        squares = _factorise(settings, history, fit)
+        if not math.isfinite(squares):
+            return math.nan
+        settled = abs(before - squares) < SETTLED * squares
+        if hopeless or (learn_wandering(fit) and settled):
             break
         before = squares
-    squares = gather(settings, history, fit, fit.values)
-    add_prior(fit, fit.values)
-    if not (leading_cholesky(fit.information, fit.factor, fit.unknowns) and math.isfinite(squares)):
-        return math.nan
+    squares = _factorise(settings, history, fit)
     fit.weight = 1.0 / max(squares / max(fit.count, 1), 1.0)
     return squares
+
+
+@compiled
+def _factorise(settings: Any, history: Any, fit: Any) -> float:
+    """Factor of the information at fit.values, and the squares there; NaN if there is none."""
+    squares = gather(settings, history, fit, fit.values)
+    add_prior(fit, fit.values)
+    if not leading_cholesky(fit.information, fit.factor, fit.unknowns):
+        return math.nan
+    return float(squares)

@@ -37,6 +37,12 @@ SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [m
 # Variance that the speed of such a surface gains per second [mm^2/s^3]: 1 mm at 0.25 Hz.
 SURFACE_WALK = 1.0
 STEADY_WALK = 1e-4  # the same of a rate of ln K that hardly changes [1/s^3]
+# By how much less and more a rate may wander than that, where the fit says so, which it can from
+# some intervals on. (MacKay, Neural Computation 4, 1992, equation 4.9.)
+CALMER, WILDER = 100.0, 10.0
+LEARNED_FROM = 6
+LEAST_KNOWN = 0.5  # coefficients that the points determine, at least
+SETTLED_WANDERING = 0.7  # change of its logarithm
 # Variance of a second difference of the coefficients by that of the rate's wandering and the third
 # power of the time between knots.
 SECOND_DIFFERENCE = 2.0 / 3.0
@@ -81,8 +87,8 @@ def _guess(settings: Any, fit: Any, i: int) -> float:
 
 
 @compiled
-def _wandering(fit: Any, is_second: bool) -> float:
-    """Variance that a rate gains per second."""
+def _usual_wandering(fit: Any, is_second: bool) -> float:
+    """Variance that a rate gains per second, before anything is known."""
     if not is_second:
         if has(fit, STEADY):
             return STEADY_WALK
@@ -107,17 +113,89 @@ def take_prior(settings: Any, fit: Any) -> None:
             fit.fixed[i] = 1 if deviation == 0.0 else 0
         prior[i, 0] = 0.0 if deviation == 0.0 else 1.0 / (deviation * deviation)
         fit.guess[i] = _guess(settings, fit, i)
+    for which in range(2):
+        fit.wandering[which] = _usual_wandering(fit, which == 1)
+        add_wandering(fit, which, 1.0)
+
+
+@compiled
+def _second_differences(fit: Any, which: int) -> tuple[int, int]:
+    """First coefficient of the first second difference of a spline, and of that after the last."""
     between = SPLINE_FIRST + stiffness_count(fit)
-    for i in range(SPLINE_FIRST, size - 2):
-        if i < between <= i + 2 or (has(fit, RELAXES) and i >= between):
-            continue
-        wandering, knot = _wandering(fit, i >= between), fit.knot[0 if i < between else 1]
-        precision = 1.0 / (SECOND_DIFFERENCE * wandering * knot**3)
+    if which == 0:
+        return SPLINE_FIRST, between - 2
+    return between, between if has(fit, RELAXES) else fit.unknowns - 2
+
+
+@compiled
+def _precision(fit: Any, which: int) -> float:
+    """Precision of a second difference of a spline's coefficients."""
+    return 1.0 / (SECOND_DIFFERENCE * fit.wandering[which] * fit.knot[which] ** 3)  # type: ignore[no-any-return]
+
+
+@compiled
+def add_wandering(fit: Any, which: int, sign: float) -> None:
+    """Add what a rate that wanders makes likely of a spline to the prior, or take it away.
+
+    Args:
+        fit: its prior is changed.
+        which: 0: spline of the stiffness, 1: the second one.
+        sign: 1 to add, -1 to take away.
+    """
+    prior = fit.prior
+    first, end = _second_differences(fit, which)
+    for i in range(first, end):
+        precision = sign * _precision(fit, which)
         for a in range(3):
             by_a = -2.0 if a == 1 else 1.0
             for b in range(a + 1):
                 by_b = -2.0 if b == 1 else 1.0
                 prior[i + a, a - b] += by_a * by_b * precision
+
+
+@compiled
+def learn_wandering(fit: Any) -> bool:
+    """Let rates wander as makes the splines likeliest; True if that has hardly changed.
+
+    Args:
+        fit: its values are those of a fit, and `factor` that of its information.
+    """
+    settled = True
+    for which in range(2):
+        usual = _usual_wandering(fit, which == 1)
+        if fit.intervals[which] < LEARNED_FROM:
+            continue
+        first, end = _second_differences(fit, which)
+        precision, bend, known = _precision(fit, which), 0.0, float(end - first)
+        for i in range(first, end):
+            values = fit.values
+            difference = values[i] - 2.0 * values[i + 1] + values[i + 2]
+            bend += precision * difference * difference
+            known -= precision * _squared_solution(fit, i)
+        before = fit.wandering[which]
+        wanted = before * bend / max(known, LEAST_KNOWN)
+        after = min(max(wanted, usual / CALMER), usual * WILDER)
+        settled = settled and abs(math.log(after / before)) < SETTLED_WANDERING
+        add_wandering(fit, which, -1.0)
+        fit.wandering[which] = after
+        add_wandering(fit, which, 1.0)
+    return settled
+
+
+@compiled
+def _squared_solution(fit: Any, first: int) -> float:
+    """Squared norm of L^-1 d of the factor L and the second difference d at a coefficient."""
+    factor, solution = fit.factor, fit.next
+    total = 0.0
+    for i in range(first, fit.unknowns):
+        here = 0.0
+        if i <= first + 2:
+            here = -2.0 if i == first + 1 else 1.0
+        for j in range(first, i):
+            here -= factor[i, j] * solution[j]
+        solution[i] = here / factor[i, i]
+        total += solution[i] * solution[i]
+    return total
 
 
 @compiled

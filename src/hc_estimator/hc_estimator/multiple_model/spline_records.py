@@ -31,6 +31,7 @@ SPLINE_FIT = record_type(
         # intervals between them (0: no spline).
         Field("knot", np.float64, (2,)),
         Field("intervals", np.int64, (2,), 0, SPLINE - 3),
+        Field("wandering", np.float64, (2,), 0.0),  # variance that their rates gain per second
         Field("unknowns", np.int64, (), 0, UNKNOWNS),  # unknowns in use
         Field("count", np.int64, (), 0),  # points that were used
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
