@@ -220,24 +220,18 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     """Let the finder take the full window; begin anew with a delay that it has found."""
     finder, rows, noise = bank.delay, bank.rows, bank.sensor_noise
     before = finder.delay
-    constant = bank.judge.chosen <= FITTED
     # What the innovations say is of the filter's own row, not of the fit beside it.
-    row = rows[0 if constant else bank.judge.chosen]
-    misses = row.model_error > noise[1] or settings.delay_by_innovations == 0
-    changes = delays.learn_window(settings, finder, noise, constant, misses)
-    # Damping that goes its own way looks like a small delay, where none is known yet.
-    asked = not changes and (constant or finder.delay != 0.0)
-    asked = asked and settings.delay_by_innovations != 0
-    asked = asked and not (misses and finder.agreed != 0)
-    found = delay_evidence.learn(finder, rows, row, asked)
-    if not (changes or found):
+    row = rows[0 if bank.judge.chosen <= FITTED else bank.judge.chosen]
+    refined = settings.delay_by_innovations != 0 and delay_evidence.learn(finder, rows, row)
+    changes = delays.learn_window(settings, finder, noise)
+    if not (changes or refined):
         return
     bank.held.first = bank.held.count
     anew = abs(finder.delay - before) > BEGIN_ANEW
-    if found or not anew:
+    if refined or not anew:
         delay_sensitivity.correct(rows, finder.delay - before)
     if anew:
         delay_evidence.reset(finder)
-        if found:
+        if not changes:
             delay_evidence.note_fit(finder, row)
         beginning.begin_aligned(settings, bank)

@@ -129,7 +129,7 @@ def _look_for_zeros(settings: Any, bank: Any, noise: tuple[float, float], scatte
     if onset.doubted != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay of many milliseconds must have been found before, or ruled out.
-    looked = finder.windows >= FEWEST_WINDOWS or finder.exponent_chosen != 0
+    looked = finder.windows >= FEWEST_WINDOWS
     if math.isnan(settings.channel_delay) and not looked:
         return False
     return zero_fit.look(settings, bank, noise, scatter)

@@ -120,7 +120,7 @@ def begin_at_onset(settings: Any, bank: Any) -> None:
     contact_onset.move_zeros(bank)
     zero_fit.reset(bank.zeros)
     _forget_tissue(settings, bank)
-    delays.forget_zeros(bank.delay)
+    delays.forget(bank.delay)
 
 
 @compiled
@@ -144,7 +144,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     bank.history.unfitted = bank.history.count
     bank.rows[FITTED].active = 0
     _go_on_moving(settings, bank)
-    delays.forget_zeros(bank.delay)
+    delays.forget(bank.delay)
     _choose_anew(bank)
 
 

@@ -1,20 +1,15 @@
-"""By how much is the force late? Short windows, each with parameters of its own, say it together.
+"""By how much is the force late? One fit to the points of many half seconds says it.
 
 Sensors filter and networks delay, and a delay of the force looks like damping (a negative one like
 damping that is not there). The delay cannot be a state: the likelihood has two optima, one false.
-Instead the readings of every half second are fitted, for each candidate delay, by the law F = d^n
-(K + B v^p), B >= 0 (ours). Windows of their own are what makes this immune to tissue that varies.
-The logarithm of what a fit leaves is a log likelihood with an unknown noise per window; the
-windows' sum chooses, and their scatter says whether the answer is clear. A Gauss-Newton fit gives
-the fine value. One window says too little of p, and with another p it would say another delay: each
-keeps its information on both, and both are found from the sum, with the prior of p. (The p of the
-filters would not do: next to a wrong delay they find the p that goes with it.) Where p is so wrong
-that no window has a fine value near the likeliest candidate, as a quick tool's may be, a few others
-are tried.
+Instead points of every half second in contact are kept as they would be with each candidate delay
+(`delay_points`), and the law is fitted to all of them, for each candidate (`delay_fit`). What that
+leaves says which candidate it is, the zero of the score beside it the delay, the information its
+deviation. Where one K leaves far more than noise does, each half second has a K and a surface of
+its own.
 
-Where the tissue stays, one fit to all windows says which candidate it is (`delay_joint`), and near
-it the innovations of the filter say the value (`delay_evidence`); the windows remain for tissue
-that varies and for a law that misses.
+Along one way a delay is nothing but another depth: the tool must have gone both ways. Near the
+delay in use the innovations of the filter say the value more finely (`delay_evidence`).
 """
 
 from __future__ import annotations
@@ -23,54 +18,37 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import delay_evidence, delay_joint, smoothing
+from hc_estimator.multiple_model import delay_evidence, delay_fit, delay_points, smoothing
 from hc_estimator.multiple_model import grid as grids
-from hc_estimator.multiple_model.delay_exponent import FEWEST_WINDOWS, find_exponent
-from hc_estimator.multiple_model.delay_rules import (
-    APART,
-    CORRECTED,
-    CORRECTION,
-    LEAD,
-    RIVAL,
-    SMALLEST,
-    student_quantile,
-)
-from hc_estimator.multiple_model.records import (
-    CANDIDATES,
-    WINDOWS,
-)
-from hc_estimator.multiple_model.rows import (
-    LARGEST_VELOCITY_EXPONENT,
-    SMALLEST_VELOCITY_EXPONENT,
-    prior_deviation,
-)
-from hc_estimator.multiple_model.window_fit import (
-    EXPONENTS,
-    NEAR,
-    SMALLEST_DEVIATION,
-    find_contact,
-    fine_delay,
-    gather,
-    linear_fit,
-    noise_left,
-    refine_exponent,
-    take_profile,
-)
+from hc_estimator.multiple_model.delay_points import count_of
+from hc_estimator.multiple_model.delay_rules import APART, CORRECTION, FAR, LEAD, RIVAL
+from hc_estimator.multiple_model.records import CANDIDATES
 
-LEAST_SHARE = 0.3  # of a window that must be in contact
-FEWEST_POINTS = 12  # of a window: three for each unknown
-# When the answer is clear:
-FEWEST_DECISIVE = 2  # windows that are enough where each decides by itself
-DECISIVE = 4.0  # log likelihood ratio of a window that does
-LEAST_NEAR = 0.4  # share of the windows that must have a fine value near the candidate
-CONSISTENT = 4.0  # mean over standard error of the windows' ratios
-CONTRADICTED = 0.75  # of a step, between the fine value and the likeliest candidate
-INFLUENCE = 4.0  # of a window's log likelihood ratio in that mean, at most
-SIGNIFICANT = 4.5  # standard deviations
-DOUBTFUL = 3.0  # the same, from which on it is no longer believed that there is none
-LESS_CONSISTENT = 3.0  # the same, where the fine values are clear as well
-AGREEING = 0.7  # share of the windows with a fine value that must be near the candidate then
-FEWEST_AGREEING = 8  # windows of which that is so, at least
+LEAST_CONTACT = 0.3  # share of a window that must be in contact
+FEWEST_IN_CONTACT = 12  # points of a window that must be
+INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
+ALIKE = 0.2  # the same of what noise does not explain: a quarter of a second apart
+VARIED = 0.35  # the same where each half second has a K and a surface of its own
+ONE = 4.0  # squares that are left, over those of the noise, up to which one K is enough
+VARYING = 8.0  # the same, from which on half seconds with their own are tried
+FEWEST = 24  # points
+NEW = 1.0 / 8.0  # share of the points that must be new for another fit
+FIRST_EXPONENTS = (1.0, 1.5, 2.0, 2.5)
+FIRST_STEPS = 6  # of a fit that begins anew
+STEPS = 3  # of one that goes on
+LARGEST = 0.0625  # delay that is looked for [s]
+LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
+LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
+LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
+SMALLEST_DEVIATION = 0.02  # of a delay, in steps of the grid: what smoothing makes of a motion
+FINER = 0.6  # deviation of the delay in use, from which on another one is known better
+BEGINS = 4.0  # deviations, from which on a delay is one
+# Squares that the delay in use leaves over those of the best: what smoothing leaves of a motion
+# with corners is alike in all points, however many they are.
+LEAST_RATIO = 1.5
+BETWEEN = 3  # delays between two candidates that are tried
+SMALL_STEP = 0.003  # from one to the next, in candidates, that is the last
+LEAST_GAIN = 0.25  # of what one K leaves, that must be left by one for each half second
 
 
 @compiled
@@ -79,307 +57,334 @@ def reset(finder: Any) -> None:
     finder.delay = 0.0
     finder.deviation = math.nan
     finder.doubt = 0.0
-    finder.windows = 0
-    finder.velocity_exponent = 1.0
-    finder.exponent_windows = 0
-    finder.exponent_chosen = 0
-    finder.agreed = 0
-    delay_joint.reset(finder)
-    delay_evidence.reset(finder)
+    forget(finder)
     grids.restart(finder)
 
 
 @compiled
 def forget_tissue(finder: Any) -> None:
-    """It is another tissue: what was fitted to all windows together is none of it."""
-    delay_joint.reset(finder)
+    """It is another tissue: the points that are kept are none of it."""
+    delay_points.forget(finder)
+    finder.fitted = 0
+    finder.clear = 0
+    finder.fits = 0
 
 
 @compiled
-def forget_zeros(finder: Any) -> None:
-    """The zeros are others: what was said of the delay rests on the old ones."""
+def forget(finder: Any) -> None:
+    """What was said of the delay no longer holds: the zeros are others."""
     finder.windows = 0
-    delay_joint.reset(finder)
+    forget_tissue(finder)
     delay_evidence.reset(finder)
 
 
 @compiled
-def learn_window(
-    settings: Any, finder: Any, sensor_noise: Any, constant: bool, misses: bool
-) -> bool:
+def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
-    The new delay is then finder.delay, and the window's K, B and n at it are finder.fit.
+    The new delay is then finder.delay, and K, B and n at it are finder.fit.
 
     Args:
         settings: settings record.
         finder: changed.
         sensor_noise: variances of displacement and force [mm^2], [N^2].
-        constant: False where tissue or surface seem to vary: that looks like a small delay.
-        misses: True if the law of the filter misses more than the noise; else the filter's own
-            innovations (`delay_evidence`) say the delay more finely than the windows.
     """
-    noise = sensor_noise[0]
-    if finder.neighbours > 0:
-        readings = grids.readings_of(finder)
-        finder.velocity_variance = smoothing.velocity_variance(finder, noise, readings)
-    else:
-        finder.velocity_variance = grids.velocity_variance(finder, noise)
-    if finder.windows == 0 and finder.exponent_chosen == 0:
-        finder.velocity_exponent = settings.initial_velocity_exponent
-    if find_contact(finder) < max(LEAST_SHARE * finder.points, FEWEST_POINTS):
+    if delay_points.find_contact(finder) < max(LEAST_CONTACT * finder.points, FEWEST_IN_CONTACT):
         return False
+    finder.windows += 1
     smoothing.smooth(finder)
-    slot = finder.windows % WINDOWS
+    _take_points(finder, sensor_noise)
+    count = count_of(finder)
+    if count >= FEWEST and finder.kept - finder.fitted >= NEW * count:
+        clear = _goes_both_ways(finder, count)
+        if clear:
+            _fit(settings, finder, count)
+            clear = _is_clear(finder, count)
+        finder.fitted = finder.kept
+        finder.clear = 1 if clear else 0
+    if finder.clear != 0 and (_leads(finder) or _is_finer(finder)):
+        finder.delay = finder.found
+        finder.deviation = finder.found_deviation
+        finder.doubt = finder.deviation**2
+        _note_fit(finder)
+        return True
+    if finder.delay == 0.0:
+        _note_none(finder)
+    return False
+
+
+@compiled
+def _note_none(finder: Any) -> None:
+    """Deviation of no delay: what is not enough to be used may be too much for none.
+
+    None at all is as likely beforehand as one of up to `LARGEST`: it is doubted where the Bayes
+    factor says that one is likelier.
+    """
+    finder.doubt = 0.0
+    finder.deviation = finder.found_deviation if finder.clear != 0 else math.nan
+    if finder.clear == 0:
+        return
+    square = (finder.found / finder.deviation) ** 2
+    none = math.log(LARGEST / (math.sqrt(0.5 * math.pi) * finder.deviation))
+    if 0.5 * square > none:
+        finder.deviation = math.hypot(finder.deviation, finder.found)
+        finder.doubt = finder.deviation**2
+
+
+@compiled
+def _take_points(finder: Any, sensor_noise: Any) -> None:
+    """Keep some points of the window, and note the variances of what they hold."""
+    noise, few = sensor_noise[0], grids.readings_of(finder)
+    widths = (finder.grid_width + 2.0 * finder.neighbours * finder.grid_step, finder.grid_width)
+    for i in range(2):
+        finder.depth_noise[i] = _value_variance(finder, 0, widths[i], noise)
+        finder.force_noise[i] = _value_variance(finder, 1, widths[i], sensor_noise[1])
+    velocities = finder.velocity_noise
+    velocities[2] = grids.velocity_variance(finder, noise)
+    velocities[0] = velocities[1] = velocities[2]
+    if finder.neighbours > 0:
+        velocities[0] = smoothing.velocity_variance(finder, noise, few)
+    if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
+        velocities[1] = smoothing.wide_variance(finder, noise * smoothing.VALUE_VARIANCE / few)
+    delay_points.take(finder)
+
+
+@compiled
+def _value_variance(finder: Any, channel: int, width: float, noise: float) -> float:
+    """Variance of a parabola's value, by its width [s] and the variance of a reading."""
+    readings = max(width / max(grids.period(finder, channel), 1e-9), 1.0)
+    return smoothing.VALUE_VARIANCE * noise / readings
+
+
+@compiled
+def _fit(settings: Any, finder: Any, count: int) -> None:
+    """Fit the law at every candidate: with one K, or where that leaves too much with many.
+
+    Args:
+        settings: settings record.
+        finder: law and left of the candidates, what the slot CANDIDATES holds, and varies are set.
+        count: number of points.
+    """
+    if finder.fits == 0:
+        finder.varies = 0
+        finder.chosen = CANDIDATES // 2
+        _begin(settings, finder)
+        _improve(settings, finder, FIRST_STEPS, True)
+    varied, finder.varies = finder.varies, 0
+    if varied != 0:  # has it one K by now?
+        delay_points.shift(finder, 0.0)
+        delay_fit.weigh(finder, finder.chosen)
+        _improve_one(settings, finder, finder.chosen, STEPS)
+        _find_zero(settings, finder)
+        varied = 1 if finder.left[CANDIDATES] > ONE * count else 0
+    if varied == 0:
+        _improve(settings, finder, STEPS, False)
+        varied = 1 if finder.left[CANDIDATES] > VARYING * count else 0
+    if varied != 0:
+        alike = finder.left[CANDIDATES]
+        finder.varies = 1
+        delay_points.shift(finder, 0.0)
+        _improve_one(settings, finder, finder.chosen, FIRST_STEPS)
+        _find_zero(settings, finder)
+        if not finder.left[CANDIDATES] < LEAST_GAIN * alike:
+            finder.varies = 0
+        _improve(settings, finder, STEPS, False)
+    fits = finder.varies != 0 or finder.left[CANDIDATES] < VARYING * count
+    finder.fits = 1 if fits else 0
+
+
+@compiled
+def _begin(settings: Any, finder: Any) -> None:
+    """First law of no delay: with the usual damping and p, and the n that leaves least."""
     centre = CANDIDATES // 2
-    count = gather(finder, 0.0)
-    best = math.inf
-    finder.noise_left = 0.0
-    for exponent in EXPONENTS:
-        left = linear_fit(finder, count, exponent)
+    law, trial, best = finder.law[centre], finder.trial, math.inf
+    law[0], law[1] = 1.0, delay_fit.FIRST_DAMPING
+    law[2], law[3] = settings.initial_displacement_exponent, settings.initial_velocity_exponent
+    delay_points.shift(finder, 0.0)
+    delay_fit.weigh(finder, centre)
+    trial[1], trial[3] = law[1], law[3]
+    for exponent in FIRST_EXPONENTS:
+        trial[2] = exponent
+        left = delay_fit.add_up(settings, finder, centre, trial)
         if left < best:
             best = left
-            finder.guess[2] = exponent
-            finder.noise_left = noise_left(finder, count)
-    take_profile(finder, finder.profile[slot])
-    common = False
-    if settings.delay_by_common_fit != 0:
-        delay_joint.take(finder)
-        common = delay_joint.decide(settings, finder, sensor_noise[1])
-    finder.windows += 1
-    chosen = _choose(finder)
-    start = (chosen - centre) * finder.grid_step
-    count = gather(finder, start)
-    finder.fit[2] = finder.guess[2]
-    refine_exponent(finder, count)
-    finder.fine_valid[slot] = 1 if fine_delay(finder, start, slot) else 0
-    windows = min(finder.windows, WINDOWS)
-    lost = _used_windows(finder, chosen, windows) <= LEAST_NEAR * windows
-    if not lost or finder.delay != 0.0 or finder.exponent_chosen != 0:
-        finder.exponent_windows = 0
-    elif windows >= FEWEST_WINDOWS and find_exponent(settings, finder, finder.profile[slot]):
-        finder.windows = 0
-        return False
-    if common and delay_joint.is_far(finder, finder.delay):
-        _take_joint(finder)
-        return True
-    return _decide(settings, finder, chosen, constant, misses, common)
+            law[2] = exponent
 
 
 @compiled
-def _take_joint(finder: Any) -> None:
-    """Take the delay of the common fit, which is then in finder.fit."""
-    finder.delay = finder.joint_delay
-    finder.deviation = finder.joint_deviation
-    finder.doubt = finder.deviation**2
-    delay_joint.note_fit(finder)
+def _improve_one(settings: Any, finder: Any, j: int, steps: int) -> None:
+    """Improve the law of one candidate."""
+    delay_fit.improve(settings, finder, j, j, j, steps)
 
 
 @compiled
-def _choose(finder: Any) -> int:
-    """Candidate with the largest likelihood over the remembered windows."""
-    chosen, best = CANDIDATES // 2, math.inf
-    for j in range(CANDIDATES):
-        total = 0.0
-        for w in range(min(finder.windows, WINDOWS)):
-            total += finder.profile[w, j]
-        finder.total[j] = total
-        if total < best:
-            best = total
-            chosen = j
-    return chosen
+def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
+    """Improve the law of every candidate, outwards from the one that left least so far.
 
-
-@compiled
-def _is_used(finder: Any, w: int, chosen: int) -> bool:
-    """True if a window has a fine value, and that is near the chosen candidate."""
-    away = finder.fine_delay[w] - (chosen - CANDIDATES // 2) * finder.grid_step
-    return bool(finder.fine_valid[w] != 0 and abs(away) < NEAR * finder.grid_step)
-
-
-@compiled
-def _join(settings: Any, finder: Any, chosen: int) -> bool:
-    """Delay and its deviation from all windows, in finder.fine; False if too few say something.
-
-    Windows in separation or over an edge are off by more than their own deviation. How much the
-    windows differ beyond that is found by the method of moments and counts for each of them
-    (random effects; DerSimonian and Laird 1986): else the one window that claims to know the delay
-    best would decide. The p that goes with it is that of the next window.
+    Args:
+        settings: settings record.
+        finder: changed; chosen becomes the one that leaves least, and place is found beside it.
+        steps: of each, at most.
+        anew: True if a candidate begins with the law of the one next to it; else with that only
+            where it leaves less than its own.
     """
-    windows = min(finder.windows, WINDOWS)
-    if _used_windows(finder, chosen, windows) < FEWEST_DECISIVE:
+    centre, first = CANDIDATES // 2, finder.chosen
+    delay_points.shift(finder, 0.0)
+    delay_fit.weigh(finder, first)
+    if finder.varies != 0:
+        delay_fit.temper(settings, finder, first)
+    _improve_one(settings, finder, first, steps)
+    finder.chosen = first
+    for side in (1, -1):
+        for away in range(1, 2 * finder.reach + 1):
+            j = first + side * away
+            if abs(j - centre) > finder.reach:
+                break
+            if anew:
+                for i in range(4):
+                    finder.law[j, i] = finder.law[j - side, i]
+            delay_fit.improve(settings, finder, j, j, j if anew else j - side, steps)
+            if _least_near(finder, j) < _least_near(finder, finder.chosen):
+                finder.chosen = j
+    _find_zero(settings, finder)
+
+
+@compiled
+def _candidate_in_use(finder: Any) -> int:
+    """Candidate nearest to the delay in use."""
+    centre = CANDIDATES // 2
+    near = centre + round(finder.delay / finder.grid_step)
+    return min(max(near, centre - finder.reach), centre + finder.reach)  # type: ignore[no-any-return]
+
+
+@compiled
+def _is_clear(finder: Any, count: int) -> bool:
+    """True if the fits say one delay; it and its deviation are then set.
+
+    Args:
+        finder: with the fits; found and found_deviation are set.
+        count: number of points.
+    """
+    centre, step, chosen = CANDIDATES // 2, finder.grid_step, finder.chosen
+    low, high = centre - finder.reach, centre + finder.reach
+    if chosen in (low, high) or not _explains(finder, count):
         return False
-    _weigh(finder, chosen, windows, 0.0)
-    if not _solve(settings, finder, windows):
+    best = finder.left[CANDIDATES]
+    weight = _weight(finder)
+    for j in range(low, high + 1):
+        rival = abs(j - chosen) * step > APART
+        if rival and weight * math.log(finder.left[j] / best) < RIVAL:
+            return False
+    finder.found = (finder.place - centre) * step
+    if abs(finder.found) > LARGEST:
         return False
-    between = _variance_between(finder, windows)
-    if between > 0.0:
-        _weigh(finder, chosen, windows, between)
-        return _solve(settings, finder, windows)
+    known = 2.0 * weight / count * finder.information[CANDIDATES] * step * step
+    variance = SMALLEST_DEVIATION**2 + max(best / count, 1.0) / known if known > 0.0 else math.inf
+    finder.found_deviation = min(math.sqrt(variance), float(finder.reach)) * step
     return True
 
 
 @compiled
-def _weigh(finder: Any, chosen: int, windows: int, between: float) -> None:
-    """Share of each window's information that counts, for a variance between them [s^2]."""
-    for w in range(windows):
-        used = _is_used(finder, w, chosen)
-        own = finder.fine_information[w, 0]
-        finder.weight[w] = 1.0 / (1.0 + own * between) if used and own > 0.0 else 0.0
-
-
-@compiled
-def _solve(settings: Any, finder: Any, windows: int) -> bool:
-    """Delay, its deviation and the p that goes with it, from the windows' information."""
-    of_p = 1.0 / max(prior_deviation(settings, 3), SMALLEST_DEVIATION) ** 2
-    vector_p = of_p * settings.initial_velocity_exponent
-    of_delay, both, vector = 0.0, 0.0, 0.0
-    for w in range(windows):
-        weight = finder.weight[w]
-        if weight > 0.0:
-            information = finder.fine_information[w]
-            of_delay += weight * information[0]
-            both += weight * information[1]
-            of_p += weight * information[2]
-            vector += weight * finder.fine_vector[w, 0]
-            vector_p += weight * finder.fine_vector[w, 1]
-    known = of_delay - both * both / of_p
-    if not known > 0.0:
+def _leads(finder: Any) -> bool:
+    """True if the delay that was found, which is clear, is far likelier than the one in use."""
+    away, none = abs(finder.found - finder.delay), finder.delay == 0.0
+    small, varies = away < finder.grid_step, finder.varies != 0 or finder.fits == 0
+    if none and small and varies:  # damping that goes its own way looks like a small delay
         return False
-    mean = (vector - both * vector_p / of_p) / known
-    p = (vector_p - both * mean) / of_p
-    finder.fine[0] = mean
-    finder.fine[1] = math.sqrt(1.0 / known + SMALLEST_DEVIATION**2)
-    finder.velocity_exponent = min(max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
-    return True
-
-
-@compiled
-def _variance_between(finder: Any, windows: int) -> float:
-    """Variance of the windows' delays beyond their own [s^2], by the method of moments."""
-    square, total, squares, used = 0.0, 0.0, 0.0, 0
-    for w in range(windows):
-        if finder.weight[w] > 0.0:
-            information = finder.fine_information[w]
-            of_p = information[1] * finder.velocity_exponent
-            own = (finder.fine_vector[w, 0] - of_p) / information[0]
-            square += information[0] * (own - finder.fine[0]) ** 2
-            total += information[0]
-            squares += information[0] ** 2
-            used += 1
-    freedom = total - squares / total if total > 0.0 else 0.0
-    return max((square - (used - 1)) / freedom, 0.0) if freedom > 0.0 else 0.0
-
-
-@compiled
-def _decide(
-    settings: Any, finder: Any, chosen: int, constant: bool, misses: bool, common: bool
-) -> bool:
-    """Value and deviation of the delay; True if the one in use is to change."""
-    windows = min(finder.windows, WINDOWS)
-    step = finder.grid_step
-    finder.agreed = 0
-    for j in range(CANDIDATES):
-        apart = abs(j - chosen) * step > APART
-        if apart and finder.total[j] - finder.total[chosen] < RIVAL:
-            finder.deviation = math.nan if finder.delay == 0.0 else finder.deviation
-            return False
-    if not _join(settings, finder, chosen):
+    if not away > (BEGINS if none else FAR) * finder.found_deviation:
         return False
-    mean, deviation = finder.fine[0], finder.fine[1]
-    distance = abs(mean - finder.delay)
-    if common and delay_joint.is_far(finder, mean):  # it agrees with the delay in use
-        return False
-    near = _used_windows(finder, chosen, windows)
-    few = near < FEWEST_WINDOWS
-    finder.agreed = 1 if not few and near > LEAST_NEAR * windows else 0
-    if few and (finder.delay != 0.0 or not _each_decides(finder, chosen, windows)):
-        return False
-    if finder.delay == 0.0:
-        # Not enough to be used, too much for none.
-        doubtful = distance > DOUBTFUL * deviation
-        finder.deviation = math.hypot(deviation, mean) if doubtful else deviation
-        finder.doubt = finder.deviation**2 if doubtful else 0.0
-        significant = SIGNIFICANT
-        if distance < step:  # the scatter of the fine values alone decides
-            significant = student_quantile(near - 1)
-        changes = distance > max(significant * deviation, SMALLEST)
-        changes = changes and (constant or distance > step)
-        changes = changes and (few or _is_clear(finder, chosen, windows))
-        # Windows of a tissue that lets go may prefer a delay, but find none near it.
-        changes = changes and near > LEAST_NEAR * windows
-    else:
-        changes = distance > max(CORRECTED * deviation, CORRECTION)
-        changes = changes and (misses or distance > step)
-        if changes and distance > step:
-            # Back towards none it takes less: the first windows may have been wrong.
-            used = min(max(CANDIDATES // 2 + round(finder.delay / step), 0), CANDIDATES - 1)
-            doubted = finder.total[used] - finder.total[chosen] > RIVAL
-            back = abs(mean) < 0.5 * abs(finder.delay) and doubted
-            changes = back or _is_clear(finder, chosen, windows)
-    if changes:
-        finder.delay = mean
-    if changes or (finder.delay != 0.0 and misses):
-        finder.deviation = math.hypot(deviation, mean - finder.delay)
-        finder.doubt = finder.deviation**2
-    return bool(changes)
-
-
-@compiled
-def _used_windows(finder: Any, chosen: int, windows: int) -> int:
-    """Number of windows with a fine value near the chosen candidate."""
-    near = 0
-    for w in range(windows):
-        near += 1 if _is_used(finder, w, chosen) else 0
-    return near
-
-
-@compiled
-def _valid_windows(finder: Any, windows: int) -> int:
-    """Number of windows that have a fine value at all."""
-    valid = 0
-    for w in range(windows):
-        valid += finder.fine_valid[w]
-    return valid
-
-
-@compiled
-def _each_decides(finder: Any, chosen: int, windows: int) -> bool:
-    """True if each window near the chosen candidate is enough against none, and most are near."""
-    total = 0.0
-    for w in range(windows):
-        lead = finder.profile[w, CANDIDATES // 2] - finder.profile[w, chosen]
-        if lead < (DECISIVE if _is_used(finder, w, chosen) else 0.0):
-            return False
-        total += lead
-    return bool(total > LEAD and 2 * _used_windows(finder, chosen, windows) > windows)
-
-
-@compiled
-def _is_clear(finder: Any, chosen: int, windows: int) -> bool:
-    """True if the windows agree that the chosen candidate is better than the delay in use.
-
-    By their likelihoods, or by their fine values, whose scatter is in the deviation.
-    """
-    step, centre = finder.grid_step, CANDIDATES // 2
-    used = centre + round(finder.delay / step)
-    near = _used_windows(finder, chosen, windows)
-    if used == chosen:  # between two candidates: by the fine values alone
-        away = abs(finder.fine[0] - (chosen - centre) * step)
-        return bool(near >= FEWEST_AGREEING and away < CONTRADICTED * step)
-    distance = abs(finder.fine[0] - finder.delay)
-    agreeing = near > AGREEING * _valid_windows(finder, windows) and 2 * near > windows
-    agreeing = agreeing and near > AGREEING * FEWEST_AGREEING
-    agreeing = agreeing and abs(chosen - centre) < finder.reach
-    agreeing = agreeing and distance > SIGNIFICANT * finder.fine[1]
-    if agreeing and distance < step:  # one of the two candidates is as wrong as the other
+    used = _candidate_in_use(finder)
+    if used == finder.chosen and not none:
         return True
-    mean, square = 0.0, 0.0
-    for w in range(windows):
-        lead = finder.profile[w, used] - finder.profile[w, chosen]
-        lead = min(max(lead, -INFLUENCE), INFLUENCE)  # else the clearest make the mean unclear
-        mean += lead / windows
-        square += lead * lead / windows
-    error = math.sqrt(max(square - mean * mean, 0.0) / max(windows - 1, 1))
-    consistent = mean > (LESS_CONSISTENT if agreeing else CONSISTENT) * error
-    return bool(mean * windows > LEAD and consistent)
+    ratio = finder.left[used] / finder.left[CANDIDATES]
+    return bool(ratio > LEAST_RATIO and _weight(finder) * math.log(ratio) > LEAD)
+
+
+@compiled
+def _is_finer(finder: Any) -> bool:
+    """True if the delay in use is known far less well than the one that was found."""
+    away, deviation = abs(finder.found - finder.delay), finder.found_deviation
+    known = deviation < FINER * finder.deviation
+    known = known and finder.delay != 0.0
+    return bool(known and away > max(deviation, CORRECTION))
+
+
+@compiled
+def _find_zero(settings: Any, finder: Any) -> None:
+    """Find where the score vanishes beside the chosen candidate, by Gauss-Newton steps.
+
+    Args:
+        settings: settings record.
+        finder: place, and what the slot CANDIDATES holds, are set.
+    """
+    chosen, fine, centre = finder.chosen, CANDIDATES, CANDIDATES // 2
+    finder.place = chosen + _step(finder, chosen)
+    for i in range(4):
+        finder.law[fine, i] = finder.law[chosen, i]
+    for _ in range(BETWEEN):
+        base = min(max(math.floor(finder.place), centre - finder.reach), centre + finder.reach)
+        delay_points.shift(finder, finder.place - base)
+        delay_fit.improve(settings, finder, base, fine, fine, STEPS)
+        step = _step(finder, fine)
+        finder.place = min(max(finder.place + step, chosen - 1.0), chosen + 1.0)
+        if abs(step) < SMALL_STEP:
+            break
+
+
+@compiled
+def _least_near(finder: Any, j: int) -> float:
+    """Squares that are left within half a step of a candidate, by its score."""
+    away = _step(finder, j) * finder.grid_step
+    return float(finder.left[j] - away * (2.0 * finder.score[j] - away * finder.bend[j]))
+
+
+@compiled
+def _step(finder: Any, slot: int) -> float:
+    """Step of Gauss and Newton towards the zero of the score [candidates], at most half of one."""
+    bend = finder.bend[slot] * finder.grid_step
+    return min(max(finder.score[slot] / bend, -0.5), 0.5) if bend > 0.0 else 0.0
+
+
+@compiled
+def _explains(finder: Any, count: int) -> bool:
+    """True if the likeliest fit leaves little of the force, and its damping is not of noise."""
+    law, total, squared = finder.law[CANDIDATES], 0.0, 0.0
+    for k in range(count):
+        force = finder.point_force[k]
+        total += force[0] * force[0]
+        squared += force[1]
+    # The weights differ: what is left of the force is of the usual weight.
+    left = finder.left[CANDIDATES] / max(squared / count, 1e-300)
+    noisy = finder.noise_share[CANDIDATES] > LARGEST_NOISE
+    return bool(left < LARGEST_MISFIT**2 * total and law[0] > 0.0 and not noisy)
+
+
+@compiled
+def _note_fit(finder: Any) -> None:
+    """K, B and n of the fit at its delay, in finder.fit."""
+    law = finder.law[CANDIDATES]
+    finder.fit[0], finder.fit[1], finder.fit[2] = law[0], law[0] * law[1], law[2]
+
+
+@compiled
+def _weight(finder: Any) -> float:
+    """Log likelihood by the logarithm of the squares: half the number of independent points.
+
+    What noise does not explain is alike for as long as the tool goes one way.
+    """
+    count = count_of(finder)
+    if finder.varies != 0:
+        return 0.5 * VARIED * count
+    ratio = max(finder.left[CANDIDATES] / count, 1.0)
+    return 0.5 * count * ratio / (1.0 / INDEPENDENT + (ratio - 1.0) / ALIKE)  # type: ignore[no-any-return]
+
+
+@compiled
+def _goes_both_ways(finder: Any, count: int) -> bool:
+    """True if the tool has gone deeper and back, neither five times as far as the other."""
+    deeper, back = 0.0, 0.0
+    for k in range(count):
+        velocity = finder.point[k, CANDIDATES // 2, 2]
+        deeper += max(velocity, 0.0)
+        back += max(-velocity, 0.0)
+    return bool(min(deeper, back) > LEAST_BACK * max(deeper, back))

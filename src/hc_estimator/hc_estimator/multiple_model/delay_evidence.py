@@ -25,12 +25,11 @@ from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_rules import (
     CORRECTED,
     CORRECTION,
-    SMALLEST,
-    student_quantile,
+    FAR,
+    SMALLEST_DEVIATION,
 )
 from hc_estimator.multiple_model.hypotheses import EXPONENT, LOG_DAMPING, LOG_STIFFNESS
 from hc_estimator.multiple_model.records import WINDOWS
-from hc_estimator.multiple_model.window_fit import SMALLEST_DEVIATION
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -45,7 +44,8 @@ SPECIFICATIONS = (
 FARTHEST = 0.02  # error of which a half second still says something [s]
 LINEAR = 0.01  # error that is believed [s]
 BENT = 0.1  # share of an error by which it may be off, for what is not linear
-LAG = 0.25  # of the slower sensor's period, up to which a delay may be the motion model's lag
+ALIKE = 0.5  # of a step of the grid: by what smoothing may put the fit of all points off
+LAG = 0.02  # of the slower sensor's period: error of a delay by the motion model's lag
 FEWEST = 3  # half seconds
 FEWEST_ALIKE = 2.0  # the same, if all of them said equally much
 
@@ -57,7 +57,7 @@ def reset(finder: Any) -> None:
 
 
 @compiled
-def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
+def learn(finder: Any, rows: Any, row: Any) -> bool:
     """Take what the innovations since the last time have said; True if the delay is to change.
 
     The new delay is then finder.delay.
@@ -66,7 +66,6 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
         finder: changed.
         rows: all of them; each begins to add up anew.
         row: the one that is believed.
-        asked: False if others decide on the delay now.
     """
     score, information = row.delay_score, row.delay_information
     for m in range(rows.shape[0]):
@@ -78,27 +77,33 @@ def learn(finder: Any, rows: Any, row: Any, asked: bool) -> bool:
     half[0] = finder.delay + error
     half[1] = 1.0 / information + (BENT * error) ** 2
     finder.evidence_count += 1
-    if not asked or finder.evidence_count < FEWEST:
+    if finder.delay == 0.0 or finder.evidence_count < FEWEST:
         return False
     alike = join(finder)
     if not alike > FEWEST_ALIKE:
         return False
     freedom = alike - 1.0
     mean, deviation = finder.fine[0], finder.fine[1] * math.sqrt(1.0 + 2.0 / freedom)
-    distance = abs(mean - finder.delay)
-    if not distance < LINEAR:
+    if not abs(mean - finder.delay) < LINEAR or contradicted(finder, mean):
         return False
-    if finder.delay == 0.0:
-        # Between two readings the motion model lags behind, which looks like a delay.
-        least = max(SMALLEST, LAG * grids.slowest_period(finder))
-        if not distance > max(student_quantile(freedom) * finder.fine[1], least):
-            return False
-    elif not distance > max(CORRECTED * deviation, CORRECTION):
-        _tell(finder, mean, deviation)
-        return False
-    finder.delay = mean
+    if finder.clear != 0:
+        # Both come of the same readings: weighed by what they know, they do not know more.
+        deviation = math.hypot(deviation, LAG * grids.slowest_period(finder))
+        share = deviation**2 / (deviation**2 + finder.found_deviation**2)
+        mean += share * (finder.found - mean)
+        deviation = min(deviation, finder.found_deviation)
+    changes = abs(mean - finder.delay) > max(CORRECTED * deviation, CORRECTION)
+    if changes:
+        finder.delay = mean
     _tell(finder, mean, deviation)
-    return True
+    return bool(changes)
+
+
+@compiled
+def contradicted(finder: Any, delay: float) -> bool:
+    """True if the fit to the points that are kept clearly says another delay."""
+    largest = max(FAR * finder.found_deviation, ALIKE * finder.grid_step)
+    return bool(finder.clear != 0 and abs(finder.found - delay) > largest)
 
 
 @compiled

@@ -23,7 +23,7 @@ EDGE = 1.0 + SLACK
 WIDER = 2.0  # times as wide where readings were lost
 FEWEST_READINGS = 7  # in it
 LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
-LARGEST = 0.064  # delay that is looked for [s]
+LARGEST = 0.074  # delay that is tried; 60 ms are looked for [s]
 WINDOW = 0.5  # [s]
 
 
@@ -109,7 +109,7 @@ def _parabola(finder: Any, channel: int, centre: float, half: float) -> bool:
 
 
 @compiled
-def _period(finder: Any, channel: int) -> float:
+def period(finder: Any, channel: int) -> float:
     """Usual time between two readings of a channel [s]."""
     count = finder.raw_count[channel]
     few = min(count, 16)
@@ -121,14 +121,14 @@ def _period(finder: Any, channel: int) -> float:
 @compiled
 def slowest_period(finder: Any) -> float:
     """Usual time between two readings of the slower channel [s]."""
-    return max(_period(finder, 0), _period(finder, 1))
+    return max(period(finder, 0), period(finder, 1))
 
 
 @compiled
 def readings_of(finder: Any) -> float:
     """Displacements in one parabola."""
     width = max(finder.grid_width, 1e-9)
-    return max(width / max(_period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
+    return max(width / max(period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
 
 
 @compiled

@@ -18,7 +18,6 @@ from hc_estimator.screening import CLOCK_FIELDS
 
 ROW_COUNT = len(ROWS)
 ALARM_DELAY = 8  # samples by which the cumulative sum of `model_error` lags
-OTHER_EXPONENTS = 3  # p besides the prior's that `delay` tries
 
 # One hypothesis.
 ROW = record_type(
@@ -225,9 +224,10 @@ HELD_READINGS = record_type(
 RAW = 256  # readings of each channel, for the local parabolas
 GRID = 80  # points of the grid: a window of half a second at 100 a second, and its margins
 NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made of, at most
-CANDIDATES = 13  # delays at steps of the grid, about zero
-WINDOWS = 24  # that are remembered
-JOINT_POINTS = 240  # of the fit that is common to the windows
+CANDIDATES = 15  # delays at steps of the grid, about zero
+WINDOWS = 24  # half seconds of innovations that are remembered
+DELAY_POINTS = 240  # that are kept to fit the delay
+TEMPERED = 128  # half seconds that they may be of
 
 # By how much is the force late?
 DELAY = record_type(
@@ -248,50 +248,60 @@ DELAY = record_type(
         Field("neighbours", np.int64, (), 0, NEIGHBOURS),  # points that smooth one, either side
         Field("points", np.int64, (), 0, GRID),  # of a window
         Field("first", np.int64, (), 0),  # grid_count at its first point
-        Field("windows", np.int64, (), 0),
-        # Negative log likelihoods; infinite for candidates out of reach.
-        Field("profile", np.float64, (WINDOWS, CANDIDATES), finite=False),
-        Field("fine_valid", np.int64, (WINDOWS,), 0, 1),
-        Field("fine_delay", np.float64, (WINDOWS,)),  # [s]
-        # Information on delay, both and p; and the vector that goes with it.
-        Field("fine_information", np.float64, (WINDOWS, 3)),
-        Field("fine_vector", np.float64, (WINDOWS, 2)),
-        Field("weight", np.float64, (WINDOWS,), 0.0, 1.0),  # share of it that counts
-        Field("fit", np.float64, (3,)),  # K, B, n of the last window
+        Field("windows", np.int64, (), 0),  # so far
+        Field("fit", np.float64, (3,)),  # K, B, n that go with the delay
         # Within one window:
-        Field("smooth", np.float64, (GRID, 4)),  # its points smoothed, slots as in `grid`
-        Field("sums", np.float64, (6,)),
+        # Its points smoothed, slots as in `grid`; the last is the velocity by a cubic.
+        Field("smooth", np.float64, (GRID, 5)),
+        Field("sums", np.float64, (7,)),
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
-        Field("velocity_exponent", np.float64, (), 0.1),  # p of the fits
-        # Other p, where no window has a fine value: half squares by the candidates, and windows.
-        Field("by_exponent", np.float64, (OTHER_EXPONENTS + 1, CANDIDATES), finite=False),
-        Field("exponent_windows", np.int64, (), 0),
-        Field("exponent_chosen", np.int64, (), 0, 1),  # 1 if one of them is in use
-        Field("velocity_variance", np.float64, (), 0.0),  # noise of its points [mm^2/s^2]
-        Field("noise_left", np.float64, (), 0.0),  # squares that it leaves [N^2]
-        Field("points_of", np.float64, (GRID, 6)),  # see `delay`
         Field("parabola", np.float64, (5,)),  # the last: mean square left
-        Field("guess", np.float64, (3,)),
-        Field("total", np.float64, (CANDIDATES,), finite=False),  # of the profiles
-        Field("other", np.float64, (CANDIDATES,), finite=False),
-        Field("normal", np.float64, (5, 5)),
-        Field("slope", np.float64, (5,)),
-        Field("column", np.float64, (5,)),
+        # Points that are kept, a ring; see `delay_points`. By the candidate: ln d, ln |v|, v, 1/d.
+        Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 4)),
+        # [N]; from a step of the grid before to two after.
+        Field("point_forces", np.float64, (DELAY_POINTS, 4)),
+        # Force [N] and its weight [1/N^2]; variances of the velocity's noise and of the force.
+        Field("point_force", np.float64, (DELAY_POINTS, 4)),
+        Field("point_window", np.int64, (DELAY_POINTS,), 0),  # that it is of
+        # Variances of depth and force, smoothed and as in `grid`; of the velocity by a parabola, by
+        # a cubic, and as in `grid`.
+        Field("depth_noise", np.float64, (2,), 0.0),
+        Field("force_noise", np.float64, (2,), 0.0),
+        Field("velocity_noise", np.float64, (3,), 0.0),
+        Field("kept", np.int64, (), 0),  # points so far
+        Field("kept_from", np.int64, (), 0),  # grid_count from which on it is this tissue
+        # The fit to them; see `delay_fit`.
+        Field("fitted", np.int64, (), 0),  # points at the last fit
+        Field("clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
+        Field("fits", np.int64, (), 0, 1),  # 1 if the best of it leaves no more than noise
+        Field("varies", np.int64, (), 0, 1),  # 1 if each window has a K of its own
+        Field("chosen", np.int64, (), 0, CANDIDATES - 1),  # candidate that leaves least
+        Field("found", np.float64),  # delay [s]
+        Field("found_deviation", np.float64, (), 0.0),  # of it [s]
+        Field("law", np.float64, (CANDIDATES + 1, 4)),  # K, B / K, n, p; the last at the delay
+        Field("left", np.float64, (CANDIDATES + 1,), finite=False),  # weighted squares left
+        Field("score", np.float64, (CANDIDATES + 1,)),  # derivative of half of them [1/s]
+        Field("information", np.float64, (CANDIDATES + 1,), 0.0),  # on the delay [1/s^2]
+        Field("bend", np.float64, (CANDIDATES + 1,), 0.0),  # of the squares, by the delay [1/s^2]
+        Field("noise_share", np.float64, (CANDIDATES + 1,), 0.0),  # of what shows B
+        Field("place", np.float64),  # of the delay, in candidates
+        Field("least", np.float64, (), 0.0, finite=False),  # squares left at the delay
+        # Within one fit:
+        Field("squares", np.float64),  # of the last law tried
+        Field("noise_taken", np.float64, (3,), 0.0),  # of the velocity, from what is known of B
+        Field("trial", np.float64, (4,)),
+        Field("direction", np.float64, (3,)),
+        Field("normal", np.float64, (4, 4)),
+        Field("slope", np.float64, (4,)),
+        Field("column", np.float64, (4,)),
+        Field("sums_of_k", np.float64, (9,)),  # of the points with one K
+        Field("moments", np.float64, (7, 4)),
+        Field("window_left", np.float64, (TEMPERED,), finite=False),  # weighted squares of each
+        Field("window_points", np.int64, (TEMPERED,), 0),
+        Field("window_added", np.int64, (), 0),  # the one that is being added up
+        Field("window_before", np.float64),  # squares of those before
         Field("fine", np.float64, (2,)),  # delay and its deviation [s]
-        Field("agreed", np.int64, (), 0, 1),  # 1 if most windows have a fine value near it
-        # The fit that is common to the windows; see `delay_joint`. Ring of points: by the candidate
-        # ln d, ln |v|, and the sign of v times the deviation of |v| over |v|; force [N].
-        Field("joint", np.float64, (JOINT_POINTS, CANDIDATES, 3)),
-        Field("joint_force", np.float64, (JOINT_POINTS,)),
-        Field("joint_count", np.int64, (), 0),  # points so far
-        Field("joint_fitted", np.int64, (), 0),  # points at the last fit
-        Field("joint_clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
-        Field("joint_from", np.int64, (), 0),  # grid_count from which on it is this tissue
-        Field("joint_exponent", np.float64, (CANDIDATES,)),  # n of the fits; 0: none yet
-        Field("joint_left", np.float64, (CANDIDATES,), finite=False),  # squares left [N^2]
-        Field("joint_delay", np.float64),  # of it [s]
-        Field("joint_deviation", np.float64, (), 0.0),  # [s]
         # Delay [s] and its variance [s^2] by the filter's innovations of each half second.
         Field("evidence", np.float64, (WINDOWS, 2)),
         Field("evidence_count", np.int64, (), 0),

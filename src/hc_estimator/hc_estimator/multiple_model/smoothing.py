@@ -38,17 +38,17 @@ def neighbours(step: float, width: float) -> int:
 
 @compiled
 def smooth(finder: Any) -> None:
-    """Displacement, velocity, acceleration and force of a full window's points, smoothed.
+    """Displacement, velocity, acceleration, force of a full window's points, smoothed.
+
+    And the velocity by a cubic, which flattens a quick motion less and is noisier.
 
     In finder.smooth, ring slots as in finder.grid. From finder.first - reach to the window's end
     + reach; the margin of the grid holds the neighbours of these.
     """
     m, step = finder.neighbours, finder.grid_step
     grid, sums = finder.grid, finder.sums
-    count, squares, fourths = 2 * m + 1, 0.0, 0.0
-    for j in range(-m, m + 1):
-        squares += j**2
-        fourths += j**4
+    squares, fourths, sixths = _even_sums(m)
+    count, odd = 2 * m + 1, squares * sixths - fourths * fourths
     determinant = count * fourths - squares * squares
     for k in range(-finder.reach - 1, finder.points + finder.reach + 1):
         here = finder.first + k
@@ -57,8 +57,9 @@ def smooth(finder: Any) -> None:
         if m == 0:
             for i in range(4):
                 finder.smooth[slot, i] = point[i]
+            finder.smooth[slot, 4] = point[1]
             continue
-        for i in range(6):
+        for i in range(7):
             sums[i] = 0.0
         for j in range(-m, m + 1):
             near = grid[(here + j) % GRID]
@@ -67,8 +68,12 @@ def smooth(finder: Any) -> None:
                 sums[3 * i] += value
                 sums[3 * i + 1] += j * value
                 sums[3 * i + 2] += j * j * value
+            sums[6] += j**3 * (near[0] - point[0])
         finder.smooth[slot, 0] = point[0] + (fourths * sums[0] - squares * sums[2]) / determinant
         finder.smooth[slot, 1] = sums[1] / (squares * step)
+        finder.smooth[slot, 4] = finder.smooth[slot, 1]
+        if m >= FEWEST_NEIGHBOURS:
+            finder.smooth[slot, 4] = (sixths * sums[1] - fourths * sums[6]) / (odd * step)
         finder.smooth[slot, 2] = (
             2.0 * (count * sums[2] - squares * sums[0]) / (determinant * step * step)
         )

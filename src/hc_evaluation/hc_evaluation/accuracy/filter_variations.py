@@ -38,7 +38,6 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
     ("delay of the channels", {"channel_delay": 0.0}),
-    ("delay by one fit to all windows", {"delay_by_common_fit": False}),
     ("delay by the innovations", {"delay_by_innovations": False}),
     ("zeros that are off", {"find_zeros": False}),
     ("least squares for what moves", {"fit_movement": False}),

@@ -1,12 +1,16 @@
-"""The fit that is common to all windows of the delay: when it decides, and when it must not."""
+"""The fit that looks for the delay: when it decides, and when it must not."""
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import delay_joint
-from hc_evaluation.accuracy import corners, possible, rates, together
+from hc_estimator.multiple_model import delay, delay_points
+from hc_estimator.multiple_model.records import CANDIDATES
+from hc_evaluation.accuracy import corners, multirate, possible, rates, together
+from hc_evaluation.accuracy import delay as delay_experiment
 from hc_evaluation.accuracy.scenarios import simulate
+from hc_evaluation.accuracy.separation import random_separation
 
 FILTER = "self_tuning_ukf"
 
@@ -32,12 +36,30 @@ def test_it_is_the_fit_that_decides(records_of):
     scenario = together.contact_of("presses, out of step", 1010)
     estimator, _ = run(simulate(scenario, 1010))
     finder = records_of(estimator)[1].delay
-    left = np.array(finder.joint_left)
-    candidates = (np.arange(left.size) - left.size // 2) * finder.grid_step
+    left = np.array(finder.left)[:CANDIDATES]
+    candidates = (np.arange(CANDIDATES) - CANDIDATES // 2) * finder.grid_step
     assert abs(candidates[np.argmin(left)] - scenario.force_delay_s) < 0.6 * finder.grid_step
-    assert left[left.size // 2] > delay_joint.LEAST_RATIO * left.min()
-    n = finder.joint_exponent[np.argmin(left)]
-    assert n == pytest.approx(scenario.tissue.displacement_exponent, abs=0.03)
+    assert left[CANDIDATES // 2] > delay.LEAST_RATIO * left.min()
+    assert finder.found == pytest.approx(scenario.force_delay_s, abs=1e-3)
+    assert finder.varies == 0
+    stiffness, ratio, n, p = finder.law[CANDIDATES]
+    tissue = scenario.tissue
+    assert n == pytest.approx(tissue.displacement_exponent, abs=0.03)
+    assert p == pytest.approx(tissue.velocity_exponent, abs=0.1)
+    assert stiffness == pytest.approx(tissue.stiffness, rel=0.05)
+    assert ratio * stiffness == pytest.approx(tissue.damping, rel=0.3)
+
+
+@pytest.mark.parametrize("seed", [1000, 1003, 1009])
+def test_a_delay_is_found_where_the_tissue_varies(seed, records_of):
+    """Lumps: each half second has a K of its own."""
+    scenario = together.contact_of("lumps, out of step", seed)
+    estimator, series = run(simulate(scenario, seed))
+    finder = records_of(estimator)[1].delay
+    assert finder.varies == 1
+    error = finder.found - scenario.force_delay_s
+    assert abs(error) < min(2.0 * finder.found_deviation, 2e-3)
+    assert abs(series.channel_delay[-1] - scenario.force_delay_s) < 5e-4
 
 
 @pytest.mark.parametrize(("kind", "seed"), [(0, 1000), (0, 1001), (1, 1000)])
@@ -63,9 +85,9 @@ def test_one_way_is_not_enough(plant, records_of):
     estimator = hc.create_estimator(FILTER)
     series = estimator.run(time[late:], d, readings)
     options, bank = records_of(estimator)
-    assert bank.delay.joint_count > delay_joint.FEWEST
-    assert bank.delay.joint_fitted > 0  # it was asked
-    assert bank.delay.joint_clear == 0
+    assert bank.delay.kept > delay.FEWEST
+    assert bank.delay.fitted > 0  # it was asked
+    assert bank.delay.clear == 0
     assert np.all(series.channel_delay == 0.0)
     assert options.channel_delay != options.channel_delay  # auto
 
@@ -91,30 +113,34 @@ def test_another_tissue_begins_another_fit(plant, records_of):
     assert np.any(series.change_detected)
     called = time[np.flatnonzero(series.change_detected)[-1]]
     finder = records_of(estimator)[1].delay
-    possible = (time[-1] - called) / (delay_joint.EVERY * finder.grid_step) + 1.0
-    assert 0 < finder.joint_count <= possible
+    windows = (time[-1] - called) / (finder.points * finder.grid_step)
+    assert (
+        0 < finder.kept <= windows * np.ceil(finder.points * finder.grid_step / delay_points.APART)
+    )
     assert np.all(series.channel_delay == 0.0)
 
 
-@pytest.mark.parametrize(
-    ("off", "seeds", "worse"),
-    [
-        ("delay_by_common_fit", (1000, 1002, 1007), 1e-2),
-        ("delay_by_innovations", (1001, 1003, 1004), 1e-3),
-    ],
-)
-def test_each_part_can_be_switched_off_and_is_missed(off, seeds, worse):
-    """Presses: without the common fit the delay is not found, without the innovations coarsely."""
+def test_the_innovations_can_be_switched_off_and_are_missed():
+    """Small delays of contacts that are drawn: without the innovations they are found coarsely."""
     errors = {False: [], True: []}
-    for seed in seeds:
-        scenario = together.contact_of("presses, out of step", seed)
+    for seed in range(1000, 1008):
+        scenario = delay_experiment.random_delayed((-5.0, 5.0), seed)
         contact = simulate(scenario, seed)
         for on in errors:
-            estimator = hc.create_estimator(FILTER, **{off: on})
+            estimator = hc.create_estimator(FILTER, delay_by_innovations=on)
             found = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
             errors[on].append(abs(found.channel_delay[-1] - scenario.force_delay_s))
     assert np.median(errors[True]) < 4e-4
-    assert np.median(errors[False]) > worse
+    assert np.median(errors[False]) > 1.3 * np.median(errors[True])
+
+
+def test_a_delay_that_most_half_seconds_do_not_find_is_none():
+    """Regression of 2026-11-24: -53 ms where the tool taps, by 4 windows of 13; K 9 % off."""
+    scenario = random_separation(100043)
+    contact = simulate(scenario, 100000)
+    _, series = run(contact)
+    assert np.all(series.channel_delay == 0.0)
+    assert series.parameters[-1] == pytest.approx(contact.parameters[-1], rel=0.02)
 
 
 @pytest.mark.parametrize("seed", [2005, 2041])
@@ -185,7 +211,7 @@ def minutes(seed):
     return presses(seed, 120.0, (0.001, 0.01, 0.009), 3.0, (-3.0, 3.5), tissue, (0.03, 0.02))
 
 
-@pytest.mark.parametrize("seed", [0, 3, 4, 7])
+@pytest.mark.parametrize("seed", [0, 3, 4, 7, 8])
 def test_a_velocity_exponent_that_is_off_is_no_delay(seed):
     """Regression of 2026-11-25: 11 to 35 ms, with the p of windows near a delay that was not."""
     series = hc.create_estimator(FILTER, missing_readings=True).run(*apart(seed))
@@ -195,8 +221,10 @@ def test_a_velocity_exponent_that_is_off_is_no_delay(seed):
 
 def test_what_is_not_known_of_the_delay_is_not_known_of_the_parameters():
     """Regression: 0.00 ± 21.7 ms, and all four "100 % known from the data" beside it."""
-    estimator = hc.create_estimator(FILTER, missing_readings=True)
-    series = estimator.run(*apart(4))
+    (pair,) = (pair for pair in multirate.RATES if pair.pose == 125)
+    contact = multirate.readings(pair, True, 1012)
+    estimator = hc.create_estimator(FILTER, **rates.DECLARED)
+    series = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
     doubtful = int(np.nanargmax(series.channel_delay_std))
     assert series.channel_delay_std[doubtful] > 0.01
     assert series.identifiability[doubtful, 3] < 0.1
@@ -216,3 +244,59 @@ def test_no_delay_is_invented_in_minutes_of_presses(seed):
     series = hc.create_estimator(FILTER, missing_readings=True).run(*minutes(seed))
     assert np.abs(series.channel_delay).max() == 0.0
     assert series.parameters[-1, 0] == pytest.approx(0.9, rel=0.01)
+
+
+@pytest.mark.parametrize("deviation", [2e-4, 2e-3, 8e-3])
+def test_none_is_doubted_where_a_delay_is_likelier(deviation, records_of):
+    """Oracle: the likelihoods of no delay and of any up to 62.5 ms, integrated."""
+    finder = records_of(hc.create_estimator(FILTER))[1].delay
+    some = np.linspace(-delay.LARGEST, delay.LARGEST, 20001)
+    doubted = []
+    for deviations in np.arange(0.1, 4.0, 0.3):
+        finder.clear, finder.found_deviation = 1, deviation
+        finder.found = deviations * deviation
+        delay._note_none(finder)
+        likelihood = np.mean(norm.pdf(finder.found, some, deviation))
+        likelier = likelihood > norm.pdf(finder.found, 0.0, deviation)
+        square = finder.found**2 + deviation**2
+        assert finder.doubt == pytest.approx(square if likelier else 0.0)
+        assert finder.deviation == pytest.approx(np.sqrt(square) if likelier else deviation)
+        doubted.append(likelier)
+    assert 0 < np.sum(doubted) < len(doubted)
+
+
+def test_what_is_not_clear_owes_nothing(records_of):
+    finder = records_of(hc.create_estimator(FILTER))[1].delay
+    finder.clear, finder.found, finder.found_deviation = 0, 0.02, 1e-3
+    delay._note_none(finder)
+    assert finder.doubt == 0.0
+    assert np.isnan(finder.deviation)
+
+
+def multirate_run(pose_hz, delayed, seed):
+    """A drawn contact of the experiment, its stamps, and the default filter's series on it."""
+    (pair,) = (pair for pair in multirate.RATES if pair.pose == pose_hz)
+    scenario = multirate.multirate_scenario(pair, delayed, seed)
+    contact = multirate.readings(pair, delayed, seed)
+    estimator = hc.create_estimator(FILTER, **rates.DECLARED)
+    series = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
+    return scenario, contact.time_s, series
+
+
+@pytest.mark.parametrize(("pose_hz", "seed"), [(125, 1006), (100, 1005), (100, 1027), (250, 1027)])
+def test_no_delay_is_invented_where_the_pose_is_slower(pose_hz, seed):
+    """Regression of 2026-11-26: 17, 17 and 4 ms, and 11 by another fit.
+
+    p was taken from elsewhere, and noise of the velocity had made B too small.
+    """
+    _, time, series = multirate_run(pose_hz, False, seed)
+    assert np.all(np.abs(series.channel_delay[time > multirate.SETTLED_S]) < 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("pose_hz", "seed"), [(250, 1024), (500, 1010), (500, 1016), (500, 1017), (500, 1021)]
+)
+def test_a_delay_is_found_where_the_pose_is_slower(pose_hz, seed):
+    """Regression of 2026-11-26: 3 to 21 ms off, for what velocities at rest leave hid it."""
+    scenario, _, series = multirate_run(pose_hz, True, seed)
+    assert abs(series.channel_delay[-1] - scenario.force_delay_s) < 2e-3

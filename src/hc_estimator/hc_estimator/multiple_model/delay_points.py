@@ -1,0 +1,141 @@
+"""Points in contact as they would be with each candidate delay: what the delay is fitted to.
+
+Points 50 ms apart are kept. Displacement and velocity at a candidate are those of a
+smoothed point some steps earlier or later: candidates stand on the grid. For a delay between two of
+them the force is interpolated, which is smooth over many steps.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import smoothing
+from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, GRID
+
+LEAST_DEPTH = 0.05  # [mm]
+SLOWEST = 1e-3  # speed that is kept at least [mm/s]
+LEAST_FORCE = 0.02  # of the window's largest
+QUICK = 2.0  # squares between what is smoothed more and less, over those of their noise
+SURELY = 4.0  # variances of a force, beyond which a square is of more than the noise
+APART = 0.05  # time between two points that are kept [s]
+
+
+@compiled
+def find_contact(finder: Any) -> int:
+    """Mark the points that are in contact for every candidate delay; their number."""
+    largest = 0.0
+    for k in range(finder.points):
+        largest = max(largest, finder.grid[(finder.first + k) % GRID, 3])
+    count = 0
+    # The candidate beyond 60 ms only bounds what is between.
+    margin = min(finder.reach, CANDIDATES // 2 - 1) + finder.neighbours
+    for k in range(finder.points):
+        here = finder.first + k
+        inside = True
+        for j in range(-finder.neighbours, finder.neighbours + 1):
+            if not finder.grid[(here + j) % GRID, 3] > LEAST_FORCE * largest:
+                inside = False
+        for j in range(-margin, margin + 1):
+            if finder.grid[(here - j) % GRID, 0] < LEAST_DEPTH:
+                inside = False
+        finder.in_contact[k] = 1 if inside else 0
+        count += finder.in_contact[k]
+    return count
+
+
+@compiled
+def forget(finder: Any) -> None:
+    """No point is kept, and none of those that are in the grid by now will be."""
+    finder.kept = 0
+    finder.kept_from = finder.grid_count
+
+
+@compiled
+def take(finder: Any) -> None:
+    """Keep some points of a smoothed window whose contact is marked.
+
+    Smoothing may flatten the force beyond its noise. Where it does not flatten the motion, it is
+    the law that bends (damping, where the tool turns): the force of the grid is kept. Where it
+    does, it flattens both alike, but not quite, and such points count less.
+    """
+    finder.kept_from = min(finder.kept_from, finder.grid_count)  # the grid has begun anew
+    if finder.first < finder.kept_from:
+        return  # what was before is in this window
+    centre, grid, smooths = CANDIDATES // 2, finder.grid, finder.smooth
+    velocities, forces = finder.velocity_noise, finder.force_noise
+    every = max(round(APART / finder.grid_step), 1)
+    # Taps come back to the same phases: with another first point in each window these differ.
+    contact = finder.windows % every
+    column = 1
+    if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
+        column = 4 if _differ(finder, smooths, 1, smooths, 4, velocities[0] + velocities[1]) else 1
+    quick = 1 if column == 4 else 0
+    bends = _differ(finder, smooths, 0, grid, 0, finder.depth_noise[0] + finder.depth_noise[1])
+    bends = bends or _differ(finder, smooths, column, grid, 1, velocities[quick] + velocities[2])
+    sharp = not bends and _differ(finder, smooths, 3, grid, 3, forces[0] + forces[1])
+    for k in range(finder.points):
+        if finder.in_contact[k] == 0:
+            continue
+        contact += 1
+        if contact % every != 0:
+            continue
+        here = finder.first + k
+        slot = finder.kept % DELAY_POINTS
+        for j in range(centre - finder.reach, centre + finder.reach + 1):
+            smooth, point = smooths[(here - j + centre) % GRID], finder.point[slot, j]
+            depth, velocity = max(smooth[0], 0.2 * LEAST_DEPTH), smooth[column]
+            speed = max(abs(velocity), SLOWEST)
+            point[0] = math.log(depth)
+            point[1] = math.log(speed)
+            point[2] = math.copysign(speed, velocity)
+            point[3] = 1.0 / depth
+        for i in range(4):
+            near = (here + i - 1) % GRID
+            finder.point_forces[slot, i] = grid[near, 3] if sharp else smooths[near, 3]
+        flattened = (smooths[here % GRID, 3] - grid[here % GRID, 3]) ** 2
+        flattened = max(flattened - SURELY * forces[1], 0.0)
+        finder.point_force[slot, 2] = velocities[quick]
+        finder.point_force[slot, 3] = forces[1] if sharp else forces[0] + flattened
+        finder.point_window[slot] = finder.windows
+        finder.kept += 1
+
+
+@compiled
+def _differ(finder: Any, some: Any, i: int, others: Any, j: int, noise: float) -> bool:
+    """True if smoothing has flattened what a window holds by more than the noise.
+
+    Args:
+        finder: with the points that are in contact.
+        some: smoothed more, ring slots as in `grid`.
+        i: its column.
+        others: smoothed less.
+        j: its column.
+        noise: variances of both.
+    """
+    total, count = 0.0, 0
+    for k in range(finder.points):
+        if finder.in_contact[k] != 0:
+            slot = (finder.first + k) % GRID
+            total += (some[slot, i] - others[slot, j]) ** 2
+            count += 1
+    return bool(total > QUICK * noise * count)
+
+
+@compiled
+def count_of(finder: Any) -> int:
+    """Number of points that are kept."""
+    return min(finder.kept, DELAY_POINTS)  # type: ignore[no-any-return]
+
+
+@compiled
+def shift(finder: Any, share: float) -> None:
+    """Let the forces be those of a candidate, or of a delay a share of a step above it (cubic)."""
+    x = share
+    before, here = -x * (x - 1.0) * (x - 2.0) / 6.0, (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
+    after, last = -(x + 1.0) * x * (x - 2.0) / 2.0, (x + 1.0) * x * (x - 1.0) / 6.0
+    for k in range(count_of(finder)):
+        forces = finder.point_forces[k]
+        total = before * forces[0] + here * forces[1] + after * forces[2] + last * forces[3]
+        finder.point_force[k, 0] = total
