@@ -95,6 +95,7 @@ OWNERS = {
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/sample",),
     "onset": ("multiple_model/contact_onset",),
+    "search": ("multiple_model/surface_search",),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
 }
@@ -155,6 +156,7 @@ GUESTS = {
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/reserve": {"row": "active state"},
+    "multiple_model/surface_search": {"row": "covariance model_error position_deviation state"},
     "multiple_model/fit_covariance": {"history": "covariance damped"},
     "adaptation/change_detection": {
         "memory": "change_filled change_position change_quiet change_sum change_values"

@@ -21,6 +21,7 @@ from hc_estimator.multiple_model import (
     moving_fit,
     plausible,
     sample,
+    surface_search,
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
@@ -201,6 +202,8 @@ def _take_point(settings: Any, bank: Any) -> None:
     if bank.change.detected != 0:
         delays.forget_tissue(finder)
     full = grids.advance(finder)
+    if finder.grid_count > before and bank.calibrated != 0:
+        surface_search.look(settings, bank, finder.grid_step)
     if finder.grid_count > before and is_tried(settings, FITTED) and bank.calibrated != 0:
         clock = bank.tool.contact_clock
         if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):

@@ -14,6 +14,7 @@ from hc_estimator.multiple_model import (
     levels,
     moving_fit,
     plausible,
+    surface_search,
     tempering,
     zero_fit,
 )
@@ -78,6 +79,7 @@ def _choose_anew(bank: Any) -> None:
     judging.reset(bank.judge)
     changes.reset(bank.change, bank.rows)
     maneuvers.reset(bank.maneuver)
+    surface_search.reset(bank.search)
     moving_fit.reset(bank.moving)
 
 

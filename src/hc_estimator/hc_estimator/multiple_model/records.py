@@ -355,6 +355,20 @@ ONSET = record_type(
     )
 )
 
+# Where the surface is, if no row explains the force.
+SEARCH = record_type(
+    (
+        Field("unexplained_time", np.float64, (), 0.0),  # since a row last explained the force [s]
+        Field("waited", np.float64, (), 0.0),  # since the last search [s]
+        # Of one search:
+        Field("points", np.float64, (GRID, 4)),  # displacement, velocity, force, time from now
+        Field("count", np.int64, (), 0, GRID),
+        Field("touching_force", np.float64, (), 0.0),  # from which on there is a contact [N]
+        Field("tried", np.float64, (2,)),  # K and B
+        Field("best", np.float64, (4,)),  # position [mm], speed [mm/s], K, B
+    )
+)
+
 # What is given out of a sample, by the row that was chosen before it.
 GIVEN = record_type(
     (
@@ -391,4 +405,5 @@ BANK: tuple[Field, ...] = (
     Field("held", HELD_READINGS),
     Field("given", GIVEN),
     Field("onset", ONSET),
+    Field("search", SEARCH),
 )

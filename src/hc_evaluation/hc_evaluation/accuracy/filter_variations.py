@@ -34,6 +34,7 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("surface at a steady speed", {"without_hypotheses": 2**STEADY_SURFACE_ROW}),
     ("two things at once", {"without_hypotheses": sum(2**m for m in _IN_RESERVE)}),
     ("a lump in an organ that breathes", {"without_hypotheses": 2 ** _IN_RESERVE[-1]}),
+    ("search for the surface", {"search_surface": False}),
     ("no force beyond what was felt", {"possible_forces": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
     ("turns of the tool", {"find_maneuvers": False}),
