@@ -38,23 +38,6 @@ def test_a_surface_millimetres_off_is_found(position, plant):
     assert np.sqrt(np.mean(error**2)) < 2.0 * np.sqrt(np.mean(np.diff(f[late]) ** 2))
 
 
-def test_rows_that_felt_nothing_in_depth_for_long_come_back_by_the_search(plant):
-    """Without it K stays at 3e-5 N/mm^n for good, with a misfit told, after a force that was lost."""
-    time = np.arange(10_000) / 500.0
-    depth = 3.0 + 1.5 * np.sin(2.0 * np.pi * 0.7 * time) + 0.6 * np.sin(2.0 * np.pi * 2.3 * time)
-    force = plant.force(depth, np.gradient(depth, time), *TISSUE)
-    rng = np.random.default_rng(5)
-    force[time < 10.0] = 0.0
-    force += 0.01 * rng.standard_normal(time.size)
-    displacement = depth + 0.002 * rng.standard_normal(time.size)
-    found = {}
-    for search in (True, False):
-        estimator = hc.create_estimator("self_tuning_ukf", search_surface=search)
-        found[search] = estimator.run(time, displacement, force).parameters[-1, 0]
-    assert found[True] == pytest.approx(TISSUE[0], rel=0.02)
-    assert not found[False] == pytest.approx(TISSUE[0], rel=0.5)
-
-
 def test_the_best_position_and_stiffness_of_a_steady_surface_are_found(parts):
     _, bank = parts
     search = bank.search
