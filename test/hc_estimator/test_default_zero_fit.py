@@ -175,7 +175,6 @@ def test_one_zero_and_both_are_averaged():
     assert np.median(claimed) < 0.03
 
 
-@pytest.mark.xfail(reason="since one fit finds the delay no zero is found here", strict=False)
 def test_a_zero_is_kept_where_the_motion_shows_it_no_more():
     """Regression of 2026-11-26: it was given up, and K said to be known, 8 % off, to 0.2 %."""
     time = np.arange(round(26.0 * RATE_HZ)) / RATE_HZ

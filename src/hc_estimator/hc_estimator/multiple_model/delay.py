@@ -8,8 +8,9 @@ leaves says which candidate it is, the zero of the score beside it the delay, th
 deviation. Where one K leaves far more than noise does, each half second has a K and a surface of
 its own.
 
-Along one way a delay is nothing but another depth: the tool must have gone both ways. Near the
-delay in use the innovations of the filter say the value more finely (`delay_evidence`).
+Along one way a delay is nothing but another depth: the tool must have gone both ways, and where
+each half second has a surface of its own, within those. Near the delay in use the innovations of
+the filter say the value more finely (`delay_evidence`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from hc_estimator.multiple_model import delay_evidence, delay_fit, delay_points,
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_points import count_of
 from hc_estimator.multiple_model.delay_rules import APART, CORRECTION, FAR, LEAD, RIVAL
-from hc_estimator.multiple_model.records import CANDIDATES
+from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS
 
 LEAST_CONTACT = 0.3  # share of a window that must be in contact
 FEWEST_IN_CONTACT = 12  # points of a window that must be
@@ -96,10 +97,11 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
     _take_points(finder, sensor_noise)
     count = count_of(finder)
     if count >= FEWEST and finder.kept - finder.fitted >= NEW * count:
-        clear = _goes_both_ways(finder, count)
+        clear = _goes_both_ways(finder, count, False)
         if clear:
             _fit(settings, finder, count)
-            clear = _is_clear(finder, count)
+            clear = finder.varies == 0 or _goes_both_ways(finder, count, True)
+            clear = clear and _is_clear(finder, count)
         finder.fitted = finder.kept
         finder.clear = 1 if clear else 0
     if finder.clear != 0 and (_leads(finder) or _is_finer(finder)):
@@ -380,11 +382,24 @@ def _weight(finder: Any) -> float:
 
 
 @compiled
-def _goes_both_ways(finder: Any, count: int) -> bool:
-    """True if the tool has gone deeper and back, neither five times as far as the other."""
-    deeper, back = 0.0, 0.0
-    for k in range(count):
+def _goes_both_ways(finder: Any, count: int, each: bool) -> bool:
+    """True if the tool has gone deeper and back, neither five times as far as the other.
+
+    Args:
+        finder: with the points.
+        count: number of points.
+        each: True if it must have done so within the half seconds, which then have a surface each.
+    """
+    deeper, back, least, most = 0.0, 0.0, 0.0, 0.0
+    window = -1
+    for age in range(count):
+        k = (finder.kept - count + age) % DELAY_POINTS
+        if each and finder.point_window[k] != window:
+            least, most = least + min(deeper, back), most + max(deeper, back)
+            deeper, back = 0.0, 0.0
+            window = finder.point_window[k]
         velocity = finder.point[k, CANDIDATES // 2, 2]
         deeper += max(velocity, 0.0)
         back += max(-velocity, 0.0)
-    return bool(min(deeper, back) > LEAST_BACK * max(deeper, back))
+    least, most = least + min(deeper, back), most + max(deeper, back)
+    return bool(least > LEAST_BACK * most)
