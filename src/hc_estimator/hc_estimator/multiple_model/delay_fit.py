@@ -22,7 +22,9 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import leading_cholesky
 from hc_estimator.multiple_model.delay_points import count_of
+from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, TEMPERED
 from hc_estimator.multiple_model.rows import (
     LARGEST_VELOCITY_EXPONENT,
@@ -36,6 +38,7 @@ HALVINGS = 3  # of a step that makes it worse
 FIRST_DAMPING = 0.02  # b of a fit that has none
 SMALLEST_VARIANCE = 1e-12  # of a residual [N^2]
 SMALLEST_PRIOR = 1e-4  # deviation of an exponent
+SMALLEST_PIVOT = 1e-12  # share of the diagonal
 LEAST_GAIN = 1e-4  # of the squares, below which a fit is done
 LEAST_MOTION = 0.3  # share of the squares of the velocities that is no noise, at least
 LEAST_ELASTIC = 0.3  # share of the force that K d^n is taken for, where damping takes it away
@@ -244,28 +247,15 @@ def _solve(normal: Any, slope: Any, held: bool) -> bool:
             normal[m, 0] = 0.0
         normal[0, 0] = 1.0
         slope[0] = 0.0
+    if not leading_cholesky(normal, normal, UNKNOWNS):
+        return False
     for m in range(UNKNOWNS):
-        pivot = normal[m, m]
-        size = pivot
-        for k in range(m):
-            pivot -= normal[m, k] * normal[m, k]
-        if not pivot > 1e-12 * size:
+        size = 0.0  # of the diagonal before
+        for k in range(m + 1):
+            size += normal[m, k] * normal[m, k]
+        if not normal[m, m] * normal[m, m] > SMALLEST_PIVOT * size:
             return False
-        root = math.sqrt(pivot)
-        normal[m, m] = root
-        for i in range(m + 1, UNKNOWNS):
-            total = normal[i, m]
-            for k in range(m):
-                total -= normal[i, k] * normal[m, k]
-            normal[i, m] = total / root
-    for i in range(UNKNOWNS):
-        for k in range(i):
-            slope[i] -= normal[i, k] * slope[k]
-        slope[i] /= normal[i, i]
-    for i in range(UNKNOWNS - 1, -1, -1):
-        for k in range(i + 1, UNKNOWNS):
-            slope[i] -= normal[k, i] * slope[k]
-        slope[i] /= normal[i, i]
+    solve(normal, slope, UNKNOWNS)
     return True
 
 

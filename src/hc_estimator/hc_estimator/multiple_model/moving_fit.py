@@ -284,7 +284,7 @@ def _begin_found(
 @compiled
 def _contradicts(moving: Any, row: Any) -> bool:
     """True if K or n of the fit is not what a row says that follows the stiffness."""
-    for i in range(0, 3, 2):
+    for i in (0, 2):
         place = TARGETS[row.index, i]
         off = moving.outcome[i] - row.state[place]
         variance = moving.covariance[i, i] + row.covariance[place, place]

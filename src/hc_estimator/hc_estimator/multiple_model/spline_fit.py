@@ -245,24 +245,23 @@ def solve_least_squares(
         squares = _improve(settings, history, fit)
         if not math.isfinite(squares):
             return math.nan
-        hopeless = squares > HOPELESS * fit.expected
-        squares = _factorise(settings, history, fit)
-        if not math.isfinite(squares):
+        gather(settings, history, fit, fit.values)
+        if not _factorise(fit):
             return math.nan
-        settled = abs(before - squares) < SETTLED * squares
-        if hopeless or (learn_wandering(fit) and settled):
+        if squares > HOPELESS * fit.expected:
+            break
+        settled = learn_wandering(fit) and abs(before - squares) < SETTLED * squares
+        if not _factorise(fit):
+            return math.nan
+        if settled:
             break
         before = squares
-    squares = _factorise(settings, history, fit)
     fit.weight = 1.0 / max(squares / max(fit.count, 1), 1.0)
     return squares
 
 
 @compiled
-def _factorise(settings: Any, history: Any, fit: Any) -> float:
-    """Factor of the information at fit.values, and the squares there; NaN if there is none."""
-    squares = gather(settings, history, fit, fit.values)
+def _factorise(fit: Any) -> bool:
+    """Factor of the information that was gathered at fit.values; False if it has none."""
     add_prior(fit, fit.values)
-    if not leading_cholesky(fit.information, fit.factor, fit.unknowns):
-        return math.nan
-    return float(squares)
+    return bool(leading_cholesky(fit.information, fit.factor, fit.unknowns))

@@ -87,9 +87,9 @@ def _guess(settings: Any, fit: Any, i: int) -> float:
 
 
 @compiled
-def _usual_wandering(fit: Any, is_second: bool) -> float:
+def _usual_wandering(fit: Any, which: int) -> float:
     """Variance that a rate gains per second, before anything is known."""
-    if not is_second:
+    if which == 0:
         if has(fit, STEADY):
             return STEADY_WALK
         return OWN_WALKS[TREND_ROW, 0]  # type: ignore[no-any-return]
@@ -114,7 +114,7 @@ def take_prior(settings: Any, fit: Any) -> None:
         prior[i, 0] = 0.0 if deviation == 0.0 else 1.0 / (deviation * deviation)
         fit.guess[i] = _guess(settings, fit, i)
     for which in range(2):
-        fit.wandering[which] = _usual_wandering(fit, which == 1)
+        fit.wandering[which] = _usual_wandering(fit, which)
         add_wandering(fit, which, 1.0)
 
 
@@ -160,15 +160,14 @@ def learn_wandering(fit: Any) -> bool:
     Args:
         fit: its values are those of a fit, and `factor` that of its information.
     """
-    settled = True
+    values, settled = fit.values, True
     for which in range(2):
-        usual = _usual_wandering(fit, which == 1)
+        usual = _usual_wandering(fit, which)
         if fit.intervals[which] < LEARNED_FROM:
             continue
         first, end = _second_differences(fit, which)
         precision, bend, known = _precision(fit, which), 0.0, float(end - first)
         for i in range(first, end):
-            values = fit.values
             difference = values[i] - 2.0 * values[i + 1] + values[i + 2]
             bend += precision * difference * difference
             known -= precision * _squared_solution(fit, i)
