@@ -266,3 +266,72 @@ def test_a_filter_with_memory_beginning_and_handover_of_its_own(
     # One that can neither tell nor take gets and gives its means as a first guess.
     np.testing.assert_allclose(found["to mute"][0], found["mean"][0], rtol=1e-9)
     np.testing.assert_allclose(found["back from mute"][0], found["mean"][0], rtol=1e-9)
+
+
+FAULTY = """
+import dataclasses
+import numpy as np
+from outside import ENTRY, run
+
+def raising(settings, memory, particles, samples, rows):
+    run(settings, memory, particles, samples, rows)
+    if samples.shape[0] and samples[-1, 0] > 0.2:
+        raise ZeroDivisionError("no force")
+
+def without_numbers(settings, memory, particles, samples, rows):
+    run(settings, memory, particles, samples, rows)
+    rows[:] = np.nan
+
+def too_sure(settings, memory, particles, samples, rows):
+    run(settings, memory, particles, samples, rows)
+    rows[:, 4] = -1.0
+
+RAISING = dataclasses.replace(ENTRY, run=raising)
+WITHOUT_NUMBERS = dataclasses.replace(ENTRY, run=without_numbers)
+TOO_SURE = dataclasses.replace(ENTRY, run=too_sure)
+"""
+
+
+def test_a_filter_that_fails_is_named_and_the_suite_is_not_blamed(
+    tmp_path: Path, install: Installer
+) -> None:
+    """Regression of 2026-11-26: "internal error: ZeroDivisionError: ...; please report it"."""
+    (tmp_path / "outside.py").write_text(OWN_MEMORY)
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    names = ("RAISING", "WITHOUT_NUMBERS", "TOO_SURE")
+    points = "\n".join(f"{name.lower()} = faulty:{name}" for name in names)
+    install(tmp_path, "faulty", f"[hc.filters]\n{points}\n")
+    rows = "".join(f"{0.01 * k:.2f},{1 + 0.5 * np.sin(k):.4f},1\n" for k in range(100))
+    (tmp_path / "presses.csv").write_text(f"time_s,displacement_mm,force_N\n{rows}")
+
+    path = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))
+
+    def told(*words: str) -> tuple[int, str]:
+        done = subprocess.run(
+            [sys.executable, "-m", "hc_bringup", *words],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            timeout=110,
+            check=False,
+        )
+        return done.returncode, done.stderr
+
+    expected = {
+        "raising": "filter raising of faulty failed: ZeroDivisionError: no force",
+        "without_numbers": "filter without_numbers of faulty gave no code of a rejection",
+        "too_sure": "filter too_sure of faulty gave a negative variance",
+    }
+    for name, line in expected.items():
+        status, error = told("estimate", "presses.csv", "--filter", name)
+        assert status == 1
+        assert line in error.splitlines()[-1]
+        assert "ask whoever made the filter" in error
+        assert "internal error" not in error
+        assert "report it" not in error
+        assert "Traceback" not in error
+    told("batch", "presses.csv", "-o", "out", "--filter", "raising")
+    table = (tmp_path / "out" / "recordings.csv").read_text()
+    assert expected["raising"] in table
+    assert "report it" not in table

@@ -8,8 +8,17 @@ from scipy.optimize import least_squares
 import hc_estimator as hc
 from hc_estimator.multiple_model import spline, spline_fit, spline_prior
 from hc_estimator.multiple_model.history import MEMORY, WIDE
-from hc_estimator.multiple_model.spline import BENDS, MOVES, RELAXES, SINKS, STAYS, STEADY, VARIES
-from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
+from hc_estimator.multiple_model.spline_records import (
+    BAND,
+    BENDS,
+    MOVES,
+    RELAXES,
+    SINKS,
+    SPLINE_FIRST,
+    STAYS,
+    STEADY,
+    VARIES,
+)
 
 KINDS = [STAYS, RELAXES, STEADY + VARIES, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
 SHARES = np.array([0.0, 0.1, 0.15, 0.05, 0.1])  # of the force that memories take away

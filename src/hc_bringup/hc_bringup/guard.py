@@ -1,7 +1,7 @@
 """What the command line does with errors that nobody expected: one line, and a file with the rest.
 
 Everything that a user can cause is to be told where it is found, as a UserError. What gets here is
-a fault of the suite, or the machine's: memory, disk, permissions.
+a fault of the suite, of what another package brought, or the machine's: memory, disk, permissions.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from datetime import datetime
 from pathlib import Path
 
 from hc_bringup.errors import FAILURE, UserError
+from hc_msgs_py.entry_points import FaultOfAnotherError
 
 _OF_THE_MACHINE = frozenset(
     {
@@ -45,6 +46,8 @@ def explain(error: BaseException, words: list[str]) -> UserError:
         ask = "" if error.errno in _OF_THE_MACHINE else _REPORT
         return UserError(f"{error.strerror} ({written}{ask})", FAILURE)
     said = _text(error)
+    if isinstance(error, FaultOfAnotherError):
+        return UserError(f"{said} ({_write_down(error, words)})", FAILURE)
     what = f"{type(error).__name__}: {said}" if said else type(error).__name__
     written = _write_down(error, words)
     return UserError(f"internal error: {what[:LONGEST]} ({written}{_REPORT})", FAILURE)

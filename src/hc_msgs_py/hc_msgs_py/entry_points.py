@@ -16,6 +16,10 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
+class FaultOfAnotherError(Exception):
+    """What another package brought does not work: a line for the user, who is to ask its maker."""
+
+
 @functools.cache
 def points_of(group: str) -> tuple[importlib.metadata.EntryPoint, ...]:
     """Return the entry points of a group, in an order that does not depend on the path."""

@@ -28,6 +28,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hc_msgs_py import realtime
 from hc_msgs_py.clock_watch import ClockWatch
+from hc_msgs_py.entry_points import FaultOfAnotherError
 from hc_msgs_py.middleware import NoSecurityError, set_defaults
 from hc_msgs_py.parameter_requests import answer_impossible_parameters
 from hc_msgs_py.realtime import RealtimeError
@@ -189,6 +190,8 @@ def _without_source_lines(message: str) -> str:
 def _failure(error: Exception) -> str:
     """Write the traceback of a failure to a file; return a line that says what and where."""
     line = f"the node failed: {type(error).__name__}: {_one_line(error)}"
+    if isinstance(error, FaultOfAnotherError):
+        line = _one_line(error)
     try:
         file = Path(rclpy.logging.get_logging_directory()) / f"failure_{os.getpid()}.txt"
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -42,6 +42,7 @@ from hc_estimator import PARAMETER_NAMES
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.sanity import check_samples
 from hc_logger.new_file import new_file
+from hc_msgs_py.entry_points import FaultOfAnotherError
 
 FORMAT: Final = 1
 """Of results; raised when their meaning changes."""
@@ -352,4 +353,6 @@ def _about(task: Task, text: str) -> str:
 
 def _internal(error: Exception) -> str:
     said = " ".join(str(error).split())[:200]
+    if isinstance(error, FaultOfAnotherError):
+        return said
     return f"internal error, please report it: {type(error).__name__}: {said}".removesuffix(": ")

@@ -21,6 +21,7 @@ from hc_estimator.filters import (
     ekf,
     mixture_particle,
     motion_proposal,
+    of_others,
     rbpf,
     rls,
     rwstukf,
@@ -281,5 +282,10 @@ HIDDEN_SPECIFICATIONS = (covariance_matching.WINDOW_ONLY,)
 SCRATCH: tuple[Field, ...] = SCRATCH_FIELDS + rls.SCRATCH + mixture_particle.SCRATCH
 
 ENTRY_POINTS = "hc.filters"
+_OWN = frozenset(FILTERS)
 PROBLEMS = add_those_of_others(FILTERS, ENTRY_POINTS, FilterEntry, "a filter")
 """Filters of other packages that cannot be used, and why."""
+
+for _name in FILTERS.keys() - _OWN:
+    _entry = FILTERS[_name]
+    FILTERS[_name] = dataclasses.replace(_entry, run=of_others.watched(_name, _entry.run))

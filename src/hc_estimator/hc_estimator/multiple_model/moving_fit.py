@@ -42,19 +42,19 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import limit, prior_deviation, seed
-from hc_estimator.multiple_model.spline import (
+from hc_estimator.multiple_model.spline import has
+from hc_estimator.multiple_model.spline_fit import solve_least_squares
+from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.spline_records import (
     BENDS,
     MOVES,
     RELAXES,
     SINKS,
+    SPLINE_FIRST,
     STAYS,
     STEADY,
     VARIES,
-    has,
 )
-from hc_estimator.multiple_model.spline_fit import solve_least_squares
-from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
-from hc_estimator.multiple_model.spline_records import SPLINE_FIRST
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (

@@ -21,18 +21,20 @@ from hc_estimator.multiple_model.history import MEMORY
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import (
+    BENDS,
     MEMORIES,
+    MOVES,
+    RELAXES,
     SECOND_SPLINE,
+    SINKS,
     SPLINE,
     SPLINE_FIRST,
+    STEADY,
+    VARIES,
 )
 
 # Of the unknowns; the coefficients of ln K come after them, and then those of surface or exponent.
 LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
-# A kind is the sum of what does not stay.
-# Stiffness; surface, surface; exponent; force under a depth that stays; STEADY: the stiffness, at
-# a rate that hardly changes.
-STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES, STEADY = 0, 1, 2, 4, 8, 16, 32
 KNOT = 0.25  # time between two knots of the stiffness [s]
 SECOND_KNOT = 0.5  # of surface or exponent [s]
 STRETCHED = 1.5  # factor on both up to which the points may lie apart

@@ -34,16 +34,12 @@ from hc_estimator.multiple_model.rows import (
     SMALLEST_VELOCITY_EXPONENT,
 )
 from hc_estimator.multiple_model.spline import (
-    BENDS,
     DELAY,
     EXPONENT,
     FORCE_ZERO,
     LOG_RATIO,
-    MOVES,
     POSITION,
-    RELAXES,
     SPEED,
-    VARIES,
     VELOCITY_EXPONENT,
     has,
     locate,
@@ -57,7 +53,14 @@ from hc_estimator.multiple_model.spline_prior import (
     prior_cost,
     take_prior,
 )
-from hc_estimator.multiple_model.spline_records import MEMORIES, SPLINE_FIRST
+from hc_estimator.multiple_model.spline_records import (
+    BENDS,
+    MEMORIES,
+    MOVES,
+    RELAXES,
+    SPLINE_FIRST,
+    VARIES,
+)
 
 PASSES = 3  # with other weights
 SETTLED = 0.01  # relative change of the squares with which the weights hold

@@ -15,19 +15,16 @@ from hc_estimator.linear_algebra import leading_cholesky
 from hc_estimator.multiple_model.hypotheses import EXPONENT_ROW, OWN_WALKS, TREND_ROW
 from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.multiple_model.spline import (
-    BENDS,
     DELAY,
     EXPONENT,
     LOG_RATIO,
     POSITION,
-    RELAXES,
     SPEED,
-    STEADY,
     VELOCITY_EXPONENT,
     has,
     stiffness_count,
 )
-from hc_estimator.multiple_model.spline_records import BAND, SPLINE_FIRST
+from hc_estimator.multiple_model.spline_records import BAND, BENDS, RELAXES, SPLINE_FIRST, STEADY
 
 DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
 SPEED_DEVIATION = 0.1  # of a surface that sinks [mm/s]

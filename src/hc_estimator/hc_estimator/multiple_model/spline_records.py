@@ -12,6 +12,9 @@ SPLINE_FIRST = 7  # of the unknowns that is one
 BAND = 3  # coefficients next to one another that the prior ties
 UNKNOWNS = SPLINE_FIRST + SPLINE + SECOND_SPLINE
 MEMORIES = 5  # of a tissue that relaxes
+# A kind is the sum of what does not stay: stiffness; surface at a steady speed, or anyhow;
+# exponent; force under a depth that stays; STEADY: the stiffness, at a rate that hardly changes.
+STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES, STEADY = 0, 1, 2, 4, 8, 16, 32
 KINDS = 9  # of what tissue and surface do
 LOCAL = SPLINE_FIRST + 2 * 4  # of which the force depends at one time
 
@@ -20,7 +23,7 @@ SPLINE_FIT = record_type(
         Field("values", np.float64, (UNKNOWNS,)),
         Field("held", np.int64, (SPLINE_FIRST,), 0, 1),
         Field("fixed", np.int64, (SPLINE_FIRST,), 0, 1),  # held, or without a deviation
-        Field("kind", np.int64, (), 0, 31),  # what does not stay; see `spline`
+        Field("kind", np.int64, (), 0, 2 * STEADY - 1),
         Field("position_deviation", np.float64, (), 0.0, finite=False),  # of the prior [mm]
         Field("level", np.float64),  # ln K to begin with
         Field("begin", np.float64),  # time of the first point [s]

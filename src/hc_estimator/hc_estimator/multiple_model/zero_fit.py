@@ -32,8 +32,8 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline, zero_sensitivity
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.spline import SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
+from hc_estimator.multiple_model.spline_records import SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.zero_choice import (
     PENALTY,
     SIGNIFICANT,
