@@ -1,9 +1,12 @@
 """Frames that hang on each other, against scipy."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from hc_estimator.stream.frame_poses import FramePoses
 from hc_estimator.stream.frames import FrameTree
 
 ROBOT = (("base", "shoulder"), ("shoulder", "wrist"), ("wrist", "tool"), ("base", "camera"))
@@ -49,3 +52,27 @@ def test_frames_that_nothing_connects_have_no_pose():
     tree.add("arm", "base", here)  # they hang on themselves: no end, but no hanging either
     assert tree.pose("base", "tool") is None
     assert tree.pose("base", "arm")[0] == pytest.approx((0.0, 0.0, 0.0))
+
+
+def moved(child, parent, x, stamp_s, turn=(0.0, 0.0, 0.0, 1.0)):
+    """A geometry_msgs/TransformStamped as far as is read of it."""
+    rotation = SimpleNamespace(**dict(zip("xyzw", turn, strict=True)))
+    return SimpleNamespace(
+        header=SimpleNamespace(frame_id=parent, stamp=SimpleNamespace(sec=stamp_s, nanosec=0)),
+        child_frame_id=child,
+        transform=SimpleNamespace(
+            translation=SimpleNamespace(x=x, y=0.0, z=0.0), rotation=rotation
+        ),
+    )
+
+
+def test_a_transform_that_is_none_does_not_give_an_old_pose_a_new_stamp():
+    """Regression of 2026-11-26: its stamp was taken although it was not."""
+    told = []
+    poses = FramePoses(lambda stamp_ns, _base, place, _turn: told.append((stamp_ns, place[0])))
+    poses.follow("tool", "base")
+    for stamp_s, turn in ((1, (0.0, 0.0, 0.0, 1.0)), (2, (0.0, 0.0, 0.0, 0.0)), (3, (0, 0, 0, 1))):
+        arm = moved("tool", "base", 0.1 * stamp_s, stamp_s, turn)
+        poses.take_moving(SimpleNamespace(transforms=[arm]))
+    assert poses.unusable == 1
+    assert told == [(1_000_000_000, pytest.approx(0.1)), (3_000_000_000, pytest.approx(0.3))]

@@ -114,6 +114,15 @@ def test_a_gap_that_was_announced_is_no_loss(guard):
     assert guard.lost == 0
 
 
+def test_a_source_that_does_not_count_may_have_a_gap_announced_too(guard):
+    """Regression of 2026-11-26: it was told to number anew, and five samples waited for that."""
+    feed(guard, [sample(i, 0) for i in range(10)])
+    guard.expect_gap(30)
+    samples = [sample(i, 0) for i in range(40, 50)]
+    assert feed(guard, samples) == (samples, [])
+    assert guard.lost == guard.strays == 0
+
+
 def test_forget_takes_the_next_sample_wherever_it_is(guard):
     feed(guard, [sample(i, i) for i in range(10)])
     guard.forget()

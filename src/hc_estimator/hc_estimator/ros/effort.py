@@ -22,6 +22,7 @@ from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
 from hc_estimator.stream.effort_filters import EffortSettings, make_force_filter
 from hc_estimator.stream.force_filter import ForceFilter
+from hc_estimator.stream.merger import JUMP_NS
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
@@ -41,7 +42,7 @@ class EffortInput:
         self.problems: tuple[str, ...] = ()
         self._receiver = receiver
         self._missing_joint = self._unused = self._sequence = 0
-        self._origin_ns = 0
+        self._origin_ns = self._newest_ns = 0
         self._frame_id = ""
         self._joints = Channel(
             node,
@@ -100,6 +101,10 @@ class EffortInput:
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._offset_ns
         position_mm = self._mapping.of_scalar(message.position[index] * METRE_IN_MM)
         effort_n = self._effort_factor * message.effort[index]
+        if stamp_ns < self._newest_ns - JUMP_NS:  # or nothing would be used until it is as late
+            self._filter.reset()
+            self._origin_ns = self._newest_ns = 0
+        self._newest_ns = max(self._newest_ns, stamp_ns)
         # Seconds since the first message: those since 1970 would lose the step's last digits.
         self._origin_ns = self._origin_ns or stamp_ns
         time_s = (stamp_ns - self._origin_ns) * 1e-9

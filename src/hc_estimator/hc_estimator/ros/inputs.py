@@ -28,7 +28,7 @@ class Receiver(Protocol):
         """Take in samples that wait together."""
 
     def fewest_together(self) -> int:
-        """Return how many samples it likes better as a batch than one by one, 2 at least."""
+        """Return how many samples it likes better as a batch than one by one now, 2 at least."""
 
     def on_skip(self, number: int) -> None:
         """Hear that samples were left out, and their numbers with them."""
@@ -152,9 +152,15 @@ class SampleInput:
 
     def _hand_on(self, samples: Samples) -> None:
         stamps, sequences, displacements, forces = samples
-        self._receiver.on_samples(
-            Batch(stamps, sequences, displacements - self._position_zero, forces - self._force_zero)
-        )
+        if len(stamps) >= self._receiver.fewest_together():
+            places, pushes = displacements - self._position_zero, forces - self._force_zero
+            self._receiver.on_samples(Batch(stamps, sequences, places, pushes))
+            return
+        columns = (column.tolist() for column in samples)
+        for stamp_ns, sequence, displacement_mm, force_n in zip(*columns, strict=True):
+            # Zeros that one of them sets hold from the next one on.
+            place_mm, push_n = displacement_mm - self._position_zero, force_n - self._force_zero
+            self._receiver.on_sample(stamp_ns, sequence, place_mm, push_n)
 
 
 class ArrayInput(SampleInput):

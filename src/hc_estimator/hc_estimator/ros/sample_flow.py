@@ -23,6 +23,8 @@ from hc_msgs_py.diagnostics import DiagnosticsPublisher
 FEWEST_TOGETHER = 12
 """Fewer samples are cheaper one by one (28 us each) than by calls for whole arrays: 2 together took
 68 us each, 6 took 35, 12 took 27."""
+NEVER_TOGETHER = 2**31
+"""More samples than ever wait."""
 
 
 class SampleFlow:
@@ -60,25 +62,13 @@ class SampleFlow:
         self._use_pause()
 
     def on_samples(self, batch: Batch) -> None:
-        """Hand samples that wait together to the session.
-
-        One by one where the next may be read otherwise than the one before: while zeros are
-        looked for, and after a restart until it is seen that the samples go on. And where they
-        are so few that calls made for many cost more.
-        """
-        one_by_one = self._zeros.active or self._keeper.on_trial
-        one_by_one |= len(batch.stamps_ns) < self.fewest_together()
-        if not one_by_one:
-            self._configured().process_many(batch)
-        for sample in zip(*(column.tolist() for column in batch), strict=True):
-            if one_by_one:
-                self.on_sample(*sample)
-                continue
-            stamp_ns, _sequence, displacement_mm, force_n = sample
+        """Hand samples that wait together to the session."""
+        self._configured().process_many(batch)
+        columns = (column.tolist() for column in batch)
+        for stamp_ns, _sequence, displacement_mm, force_n in zip(*columns, strict=True):
             self._suspicions.add(stamp_ns, displacement_mm, force_n)
             self._zeros.add(stamp_ns, displacement_mm, force_n)
-        if not one_by_one:
-            self._use_pause()
+        self._use_pause()
 
     def _use_pause(self) -> None:
         """Do a part of what is due now and then: the next sample is a period away, if none waits.
@@ -95,7 +85,13 @@ class SampleFlow:
             self._suspicions.go_on()
 
     def fewest_together(self) -> int:
-        """Return how many samples are better taken as a batch; what goes out so comes so."""
+        """Return how many samples are better taken as a batch; what goes out so comes so.
+
+        They come one by one where the next may be read otherwise than the one before: while zeros
+        are looked for, and after a restart until it is seen that the samples go on.
+        """
+        if self._zeros.active or self._keeper.on_trial:
+            return NEVER_TOGETHER
         return FEWEST_TOGETHER if self._outputs.form == EACH else 2
 
     def on_skip(self, number: int) -> None:

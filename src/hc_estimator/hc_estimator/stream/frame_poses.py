@@ -7,11 +7,20 @@ moved; a message of other frames says nothing of the tool.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
-from hc_estimator.stream.frames import FrameTree
+from hc_estimator.stream.frames import FrameTree, Pose
 from hc_msgs_py.units import nanoseconds_from_stamp
+
+
+class _Transform(NamedTuple):
+    """Where a frame is in another one, and the stamp of that [ns]."""
+
+    parent: str
+    child: str
+    pose: Pose
+    stamp_ns: int
 
 
 class FramePoses:
@@ -46,14 +55,13 @@ class FramePoses:
         Where frames between base and tool come in messages of their own, the pose waits for those
         of the same stamp: until the first later one.
         """
-        stamps = {
-            plain_name(t.child_frame_id): nanoseconds_from_stamp(t.header.stamp)
-            for t in message.transforms
-        }
+        usable = self._usable(message)
+        stamps = {moved.child: moved.stamp_ns for moved in usable}
         waiting_ns = self._waiting_ns
         if waiting_ns is not None and self._newest(stamps) > waiting_ns:
             self._tell(waiting_ns)
-        self._moved |= self._add(message)
+        self._add(usable)
+        self._moved |= stamps
         chain = self._chain()
         if chain is None:
             self.missing += 1
@@ -68,7 +76,7 @@ class FramePoses:
 
     def take_fixed(self, message: Any) -> None:
         """Take in frames that do not move (/tf_static)."""
-        self._add(message)
+        self._add(self._usable(message))
 
     def moving(self) -> dict[str, str]:
         """Return the frames that move, those that hang on one that does as well, with their root.
@@ -110,9 +118,14 @@ class FramePoses:
         if base is not None and pose is not None:
             self._take(stamp_ns, base, *pose)
 
-    def _add(self, message: Any) -> dict[str, int]:
-        """Take in the transforms of a message; return their stamps [ns] by frame."""
-        stamps = {}
+    def _add(self, transforms: list[_Transform]) -> None:
+        """Take in where frames are."""
+        for one in transforms:
+            self._frames.add(one.parent, one.child, one.pose)
+
+    def _usable(self, message: Any) -> list[_Transform]:
+        """Return the transforms of a message, counting those whose quaternion has no length."""
+        result = []
         for transform in message.transforms:
             place, turn = transform.transform.translation, transform.transform.rotation
             try:
@@ -120,11 +133,15 @@ class FramePoses:
             except ValueError:
                 self.unusable += 1
                 continue
-            child = plain_name(transform.child_frame_id)
-            pose = ((place.x, place.y, place.z), turned)
-            self._frames.add(plain_name(transform.header.frame_id), child, pose)
-            stamps[child] = nanoseconds_from_stamp(transform.header.stamp)
-        return stamps
+            result.append(
+                _Transform(
+                    plain_name(transform.header.frame_id),
+                    plain_name(transform.child_frame_id),
+                    ((place.x, place.y, place.z), turned),
+                    nanoseconds_from_stamp(transform.header.stamp),
+                )
+            )
+        return result
 
 
 def plain_name(frame: str) -> str:

@@ -109,8 +109,11 @@ class StreamGuard:
         self._period_ns = 0.0
 
     def expect_gap(self, samples: int) -> None:
-        """Hear that samples were left out on purpose: they are not lost."""
-        if self.last_stamp_ns is not None:
+        """Hear that samples were left out on purpose: they are not lost.
+
+        Where the last number was 0 the source may not count, and then its next one is 0 again.
+        """
+        if self.last_sequence != 0:
             self.last_sequence += samples
 
     def is_next(self, stamp_ns: int, sequence: int) -> bool:
