@@ -80,6 +80,7 @@ OWNERS = {
     ),
     "moving": ("multiple_model/moving_fit",),
     "zeros": (
+        "multiple_model/zero_average",
         "multiple_model/zero_choice",
         "multiple_model/zero_fit",
         "multiple_model/zero_sensitivity",

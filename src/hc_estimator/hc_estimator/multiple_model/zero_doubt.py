@@ -4,7 +4,8 @@ A zero that is off is no noise of a sample: it is the same for all, and a covari
 would claim too much. Rows that take a zero for exact do not consider it, so it is added to what is
 given out, by what it does to a power law at the largest depth and at half of it (ours; the law's
 logarithm ln K + n ln x there is what the force determines best). How well a zero is known is the
-user's to say (a service that found it, `hc setup`), or follows where the filter found it itself.
+user's to say (a service that found it, `hc setup`), or follows where the filter found it itself
+(`zero_fit`), or is about to (`zero_average`).
 """
 
 from __future__ import annotations
@@ -67,6 +68,8 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     if bank.zeros.unknown != NONE:
         _add_joint(bank.zeros.doubt, out)
         return
+    if settings.contact_position_std <= 0.0 and settings.force_zero_std <= 0.0:
+        _add_joint(bank.zeros.doubt, out)
     exponent = row.state[EXPONENT]
     if not SURFACE[row.index]:
         variance = _position_variance(settings, bank)

@@ -11,7 +11,8 @@ off).
 One fit has all three unknown, and `zero_choice` says which of them the points ask for; where
 nothing shows which of two zeros it is, both are taken from the fit that has both. They move if that
 fit leaves less than one without. The choice is among zeros as they were given, so that more points
-can take back what fewer seemed to show; points that show less of them take back nothing. Where the
+can take back what fewer seemed to show; points that show less of them take back nothing. Until they
+move, what they may be is in the covariance that is given out (`zero_average`). Where the
 tool was seen in the air the force's zero is known from there. What is left open of the zeros in use
 goes with the estimate, by how much the K, B, n and p of the fit depend on them (Schmidt 1966;
 `zero_doubt` gives it out).
@@ -29,7 +30,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline, zero_sensitivity
+from hc_estimator.multiple_model import spline, zero_average, zero_sensitivity
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
@@ -123,6 +124,9 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     zeros.refuted_since = math.inf
     zero_sensitivity.note_covariance(zeros, fit)
     sinks = fit.kind == SINKS
+    if zeros.unknown == NONE:
+        asked = possible & OF_FORCE if sinks else possible
+        zero_average.doubt(zeros, asked, _largest(history, first))
     unknown = choose(settings, zeros, possible, sinks)
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
@@ -266,10 +270,7 @@ def _is_worth_it(zeros: Any, unknown: int, sinks: bool) -> bool:
 @compiled
 def _is_possible(history: Any, zeros: Any, first: int) -> bool:
     """False for zeros that are too far off, or too little, to be moved."""
-    deepest, largest = 0.0, 0.0
-    for k in range(first, history.count):
-        point = history.points[k % POINTS]
-        deepest, largest = max(deepest, point[0]), max(largest, point[2])
+    deepest, largest = _largest(history, first)
     if abs(zeros.delay) > LARGEST_DELAY:
         return False
     if (
@@ -280,6 +281,16 @@ def _is_possible(history: Any, zeros: Any, first: int) -> bool:
     if zeros.unknown != NONE:
         return True
     return bool(abs(zeros.position) > LEAST_POSITION or abs(zeros.force) > LEAST_ZERO * largest)
+
+
+@compiled
+def _largest(history: Any, first: int) -> tuple[float, float]:
+    """Largest depth [mm] and force [N] of the points from `first` on."""
+    deepest, largest = 0.0, 0.0
+    for k in range(first, history.count):
+        point = history.points[k % POINTS]
+        deepest, largest = max(deepest, point[0]), max(largest, point[2])
+    return deepest, largest
 
 
 @compiled

@@ -39,6 +39,7 @@ ZEROS = record_type(
         Field("columns", np.float64, (4, 3)),  # of ln K, ln B, n and p with them
         Field("slopes_by", np.float64, (4, 2)),  # derivatives by contact position and force zero
         Field("change", np.float64, (4,)),
+        Field("square", np.float64, (2, 2)),  # mean squares of zeros that may be off
         Field("cost", np.float64, (8,), finite=False),  # of each choice of unknowns
         Field("squares", np.float64, (), 0.0),  # least squares that the last fit left
         Field("misfit", np.float64, (), finite=False),  # least squares left over the noise's

@@ -45,14 +45,8 @@ def note_covariance(zeros: Any, fit: Any) -> None:
 
 
 @compiled
-def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
-    """What zeros that are unknown leave open of ln K, ln B, n and p.
-
-    Args:
-        zeros: fitted with these unknown; the parameters' derivatives by them are set.
-        unknown: which zeros; the others are as they were given.
-        doubt: takes the covariance, shape (4, 4).
-    """
+def note_slopes(zeros: Any, unknown: int) -> None:
+    """Derivatives of ln K, ln B, n and p by the zeros with which they were fitted."""
     a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
     for i in range(4):
         by_position, by_force = zeros.columns[i, 0], zeros.columns[i, 1]
@@ -66,6 +60,19 @@ def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
             second = by_force / c
         zeros.slopes_by[i, 0] = first
         zeros.slopes_by[i, 1] = second
+
+
+@compiled
+def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
+    """What zeros that are unknown leave open of ln K, ln B, n and p.
+
+    Args:
+        zeros: fitted with these unknown; the parameters' derivatives by them are set.
+        unknown: which zeros; the others are as they were given.
+        doubt: takes the covariance, shape (4, 4).
+    """
+    note_slopes(zeros, unknown)
+    a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
     for i in range(4):
         for j in range(4):
             first, second = zeros.slopes_by[i, 0], zeros.slopes_by[i, 1]
