@@ -315,7 +315,7 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
 
 @compiled
 def _review(bank: Any, clock: float) -> bool:
-    """Zeros that explain nothing for long any more go back to those given, for good."""
+    """Zeros that explain nothing for long any more go back to those given."""
     zeros, onset = bank.zeros, bank.onset
     if zeros.unknown == NONE or not zeros.misfit > REFUTED:
         zeros.refuted_since = math.inf
@@ -331,6 +331,5 @@ def _review(bank: Any, clock: float) -> bool:
     onset.position_deviation = 0.0
     if onset.in_air == 0:
         onset.force_deviation = math.nan
-    onset.doubted = 1
     reset(zeros)
     return True
