@@ -21,6 +21,7 @@ from hc_estimator.multiple_model import (
     plausible,
 )
 from hc_estimator.multiple_model.hypotheses import FRESH, OWN, STEADY_SURFACE_ROW
+from hc_estimator.multiple_model.model_error import LARGEST_MODEL_ERROR
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import let_surface_move
 from hc_evaluation.accuracy.drawn_contact import drawn_contact
@@ -223,3 +224,14 @@ def test_what_was_expected_of_a_refused_displacement_is_told(recording):
     assert series.innovation[2500, 0] == pytest.approx(5.0, abs=0.02)
     assert np.isnan(series.innovation[2500, 1])
     assert series.nis[2500] > 12.0**2
+
+
+def test_a_model_error_does_not_grow_beyond_all_numbers():
+    """It follows both channels: where no motion explains the displacement it became 1e190 N^2."""
+    contact = drawn_contact(("lumps", "delay"), 103)
+    estimator = hc.create_estimator(
+        FILTER, jerk_density=1e-6, motion_adaptation=False, noise_adaptation="fixed"
+    )
+    channels = contact.time_s, contact.displacement_mm, contact.force_n
+    estimator.run(*(channel[:5000] for channel in channels))  # 1e44 by then
+    assert estimator._memory["rows"]["model_error"].max() <= LARGEST_MODEL_ERROR

@@ -97,6 +97,20 @@ def test_the_contacts_lead_through_what_may_leave_its_range(looked_at):
     assert largest["change.testing"] == largest["zeros.waiting"] == largest["delay.clear"] == 1
 
 
+def test_a_force_that_stands_leaves_no_fit_without_numbers():
+    """An unknown that no point shows has a pivot of 0; what was divided by it was none."""
+    contact = drawn_contact(("coloured noise", "change", "gaps"), 10)
+    estimator = hc.create_estimator(
+        FILTER, jerk_density=1e-6, motion_adaptation=False, noise_adaptation="fixed"
+    )
+    force = np.full(contact.time_s.size, contact.force_n[contact.time_s.size // 3])
+    for k in range(0, contact.time_s.size, 100):
+        estimator.run(
+            contact.time_s[k : k + 100], contact.displacement_mm[k : k + 100], force[k : k + 100]
+        )
+        assert out_of_range(estimator._memory, estimator._fields, {}) == []
+
+
 def test_a_number_out_of_its_range_is_seen_here():
     estimator = hc.create_estimator(FILTER)
     assert out_of_range(estimator._memory, estimator._fields, {}) == []
