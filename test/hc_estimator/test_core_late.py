@@ -77,3 +77,67 @@ def test_a_late_reading_that_is_nonsense_is_refused_in_its_place(plant):
     assert dirty.step(time[799] - 0.0101, 5000.0, None).rejected is hc.Rejection.OUT_OF_RANGE
     dirty.run(time[800:], d[800:], force[800:])
     assert dirty.state()["memory"]["rows"] == clean.state()["memory"]["rows"]
+
+
+def pose_at(at, time, d):
+    """Where the tool was, by the poses around a time."""
+    known = ~np.isnan(d)
+    return float(np.interp(at, time[known], d[known]))
+
+
+@pytest.mark.parametrize("filter_name", ["self_tuning_ukf", "ukf"])
+def test_what_was_reconfigured_holds_after_a_late_reading(filter_name, plant):
+    """Regression of 2026-11-26: the memory gone back to brought the noise of before with it."""
+    time, d, force = two_channels(plant)
+    estimator = hc.create_estimator(filter_name, noise_adaptation="fixed", **LATE)
+    estimator.run(time[:1000], d[:1000], force[:1000])
+    estimator.reconfigure(force_noise_std=0.5, displacement_noise_std=0.1)
+    at = time[999] - 0.0101
+    late = estimator.step(at, pose_at(at, time, d), None)
+    assert late.rejected is hc.Rejection.ACCEPTED
+    series = estimator.run(time[1000:], d[1000:], force[1000:])
+    np.testing.assert_allclose(series.displacement_noise_std, 0.1)
+    assert (series.force_noise_std >= 0.5 * (1.0 - 1e-12)).all()
+
+
+def test_a_delay_that_is_given_holds_after_a_late_reading(plant):
+    time, d, force = two_channels(plant)
+    estimator = hc.create_estimator("self_tuning_ukf", **LATE)
+    estimator.run(time[:1000], d[:1000], force[:1000])
+    estimator.reconfigure(channel_delay=0.01)
+    at = time[999] - 0.0101
+    assert estimator.step(at, pose_at(at, time, d), None).rejected is hc.Rejection.ACCEPTED
+    assert estimator.run(time[1000:], d[1000:], force[1000:]).channel_delay[-1] == 0.01
+
+
+def test_channels_keep_what_was_reconfigured_as_well(plant):
+    time, d, force = two_channels(plant)
+    array = hc.EstimatorArray("ukf", 2, noise_adaptation="fixed", **LATE)
+    array.run(time[:1000], np.tile(d[:1000], (2, 1)), np.tile(force[:1000], (2, 1)))
+    array.reconfigure(force_noise_std=0.5)
+    at = time[999] - 0.0101
+    array.step([at, time[1000]], [pose_at(at, time, d), np.nan], [np.nan, force[1000]])
+    after = array.step(time[1001], [d[1001]] * 2, [force[1001]] * 2)
+    np.testing.assert_allclose(after.force_noise_std, 0.5)
+
+
+def test_a_restored_estimator_goes_back_as_far_as_its_configuration_says(plant):
+    """Regression of 2026-11-26: it kept to the window of before, whatever was restored."""
+    time, d, force = two_channels(plant)
+    first = hc.create_estimator("self_tuning_ukf", **LATE)
+    first.run(time[:1000], d[:1000], force[:1000])
+    other = hc.create_estimator("self_tuning_ukf")
+    other.restore(first.state())
+    assert other.configuration["reorder_window"] == LATE["reorder_window"]
+    for estimator in (first, other):
+        estimator.restore(first.state())
+        estimator.run(time[1000:1100], d[1000:1100], force[1000:1100])
+    at = time[1099] - 0.0101
+    late = [e.step(at, pose_at(at, time, d), None).rejected for e in (first, other)]
+    assert late == [hc.Rejection.ACCEPTED] * 2
+    strict = hc.create_estimator("self_tuning_ukf", missing_readings=True)
+    strict.run(time[:1000], d[:1000], force[:1000])
+    other.restore(strict.state())
+    other.run(time[1000:1100], d[1000:1100], force[1000:1100])
+    late = other.step(at, pose_at(at, time, d), None)
+    assert late.rejected is hc.Rejection.TIME_BACKWARD

@@ -156,3 +156,28 @@ def test_the_times_at_rest_are_found_in_a_recording():
     assert (
         len(still_readings(wrench_s, wrenches, pose_s[:20], np.array(attitudes[:20])).forces) == 0
     )
+
+
+def test_rests_are_found_in_poses_that_come_once_a_second():
+    """None lay in the middle of a rest of two poses: a mean of no rotations raised."""
+    pose_s = np.arange(0.0, 8.0)
+    turns = Rotation.from_rotvec([[0.3 * (i // 2), 0.0, 0.0] for i in range(8)])
+    wrench_s = np.arange(0.0, 8.0, 0.01)
+    wrenches = np.tile([0.0, 0.0, -9.81, 0.0, 0.0, 0.0], (len(wrench_s), 1))
+    still = still_readings(wrench_s, wrenches, pose_s, turns.as_quat())
+    off = Rotation.from_quat(still.attitudes).inv() * turns[::2]
+    np.testing.assert_allclose(off.magnitude(), 0.0, atol=1e-12)
+
+
+def test_a_pose_without_an_orientation_and_a_wrench_without_a_number_are_no_rest():
+    pose_s = np.arange(0.0, 3.0, 0.01)
+    quaternions = np.tile([0.0, 0.0, 0.0, 1.0], (len(pose_s), 1))
+    quaternions[::3] = 0.0
+    quaternions[1::9] = np.nan
+    wrenches = np.tile([0.0, 0.0, -9.81, 0.0, 0.0, 0.0], (len(pose_s), 1))
+    wrenches[5::7] = np.nan
+    still = still_readings(pose_s, wrenches, pose_s, quaternions)
+    np.testing.assert_allclose(still.forces, [[0.0, 0.0, -9.81]])
+    np.testing.assert_allclose(np.abs(still.attitudes), [[0.0, 0.0, 0.0, 1.0]])
+    with pytest.raises(ValueError, match="no pose has an orientation"):
+        still_readings(pose_s, wrenches, pose_s, np.zeros((len(pose_s), 4)))

@@ -126,3 +126,45 @@ def test_another_contact_model_is_refused():
     other = next(m for m in available_contact_models("ukf") if m != "hunt_crossley")
     with pytest.raises(ValueError, match="contact_model"):
         hand_over(create_estimator("ukf"), create_estimator("ukf", contact_model=other))
+
+
+@pytest.mark.parametrize("name", ["sir_pf", "rbpf"])
+def test_another_number_of_particles_takes_over_means_and_deviations(name, data):
+    """Regression of 2026-11-26: `sir_pf` was refused, for its planes are as many as before."""
+    first = create_estimator(name, particle_count=30)
+    before = known(first, data)
+    second = hand_over(first, create_estimator(name, particle_count=40))
+    assert second.configuration["particle_count"] == 40
+    second.run(data[0][:1], data[1][:1], data[2][:1])  # which draws the particles
+    after = second.step(float("nan"), 0.0, 0.0)
+    off = np.abs(after.parameters - before.parameters)
+    assert (off < 3.0 * before.parameters_std + 0.02 * np.abs(before.parameters)).all()
+
+
+def test_who_takes_over_reads_the_displacement_with_the_zero_that_was_found(data):
+    """Regression of 2026-11-26: its motion began as far off, and three samples were refused."""
+    time_s, d, force = data
+    first = create_estimator("self_tuning_ukf")
+    first.run(time_s, d, force)
+    state = first.state()
+    state["memory"]["onset"]["zero"] = [0.7, 0.0]
+    for row in state["memory"]["rows"]:
+        row["state"][0] -= 0.7
+    first.restore(state)
+    second = hand_over(first, create_estimator("ukf"))
+    answer = second.step(float("nan"), 0.0, 0.0)
+    assert answer.displacement == pytest.approx(d[-1], abs=0.02)
+
+
+def test_what_zeros_leave_open_is_handed_over(data):
+    first = create_estimator("self_tuning_ukf")
+    first.run(*data)
+    sure = hand_over(first, create_estimator("ukf")).step(float("nan"), 0.0, 0.0)
+    state = first.state()
+    state["memory"]["zeros"]["unknown"] = 1
+    state["memory"]["zeros"]["doubt"] = (np.eye(4) * 0.04).tolist()
+    first.restore(state)
+    open_ = hand_over(first, create_estimator("ukf")).step(float("nan"), 0.0, 0.0)
+    added = open_.parameters_std**2 - sure.parameters_std**2
+    slopes = np.append(sure.parameters[:2], [1.0, 1.0])
+    np.testing.assert_allclose(added, 0.04 * slopes**2, rtol=1e-6)

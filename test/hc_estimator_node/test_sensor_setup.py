@@ -67,6 +67,15 @@ def test_axes_signs_and_zeros_are_found(axis, sign_f, sign_p, rest_s):
     np.testing.assert_allclose(found.displacement_mm[places], expected, atol=0.25)
 
 
+def test_a_force_that_is_not_read_after_the_rest_says_it_by_its_curve():
+    """Readings of the press were taken for there: a quantile of none raised."""
+    push, move = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0])
+    force, position, _depth, _newtons = presses(push, move)
+    found = propose(force, position, rest_s=100.0)
+    assert (found.force.axis, found.force.sign) == ("z", 1)
+    assert (found.position.axis, found.position.sign) == ("y", -1)
+
+
 def test_a_sensor_that_sits_askew_gets_a_direction():
     for seed in range(10):
         turn = Rotation.random(random_state=seed).as_matrix()

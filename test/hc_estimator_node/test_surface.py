@@ -112,6 +112,13 @@ def test_readings_that_are_no_numbers_are_passed_over():
     assert found.displacement_mm == pytest.approx(6.2, abs=0.05)
 
 
+def test_a_place_whose_last_digits_are_coarse_is_no_error():
+    """The least stroke that is fitted, 1 nm, is lost in it: the fit had no room, and raised."""
+    _displacement, force = approach(*CASES[0], np.random.default_rng(0))
+    found = find_surface(np.full(force.size, 1e11), force)
+    assert found is None or abs(found.displacement_mm - 1e11) < 1e4
+
+
 def test_a_tool_that_is_in_contact_already_has_no_surface():
     time = np.arange(3000) * 1e-3
     depth = 2.0 + np.sin(6.0 * time)

@@ -153,7 +153,7 @@ GUESTS = {
     },
     "multiple_model/maneuver": {
         "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "
-        "model_error recent_nis score state",
+        "model_error position_deviation recent_nis score state",
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/reserve": {"row": "active state"},

@@ -199,14 +199,12 @@ class EstimatorArray:
             ValueError: a parameter is unknown, out of range or fixed while running; the message
                 names it, its value and what is allowed.
         """
-        one = self._one
-        one.reconfigure(**parameters)  # checks, and writes the settings that all channels share
+        self._one.reconfigure(**parameters)  # checks, and writes what all channels share
         for i in range(self._channels):
-            memory = self._memories[i : i + 1]
-            if "displacement_noise_std" in parameters or "force_noise_std" in parameters:
-                one._set_noise(one._settings, memory)
-            if one._take_settings is not None:
-                one._take_settings(one._settings, memory)
+            self._one._take_into(self._memories[i : i + 1], parameters)
+        for late in self._late:
+            for memory in late.memories:
+                self._one._take_into(memory, parameters)
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) what the others need; the state stays."""

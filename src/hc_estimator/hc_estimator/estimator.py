@@ -6,7 +6,7 @@ therefore the same to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 25  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 26  # of Estimator.state(); raised when its meaning changes
 
 
 def _all_specifications() -> dict[str, ParameterSpecification]:
@@ -123,8 +123,7 @@ class Estimator:
         self._initialise = entry.initialise or _initialise
         self._set_noise = entry.set_noise or _set_noise
         self._take_settings = entry.take_settings
-        window = float(values["reorder_window"]) if values["missing_readings"] else 0.0
-        self._late = LateReadings(window) if window > 0.0 else None
+        self._late = _late_readings(values)
         self._memory = np.zeros(1, self._memory_type)
         self._particles = np.zeros(entry.particle_shape(int(values.get("particle_count", 0))))
         self._sample = np.zeros((1, 3))
@@ -258,10 +257,17 @@ class Estimator:
         values = checked_values(self._specifications, parameters, runtime_only=True)
         self._values.update(values)
         self._write_settings(values)
+        # A late reading goes back to a memory of before, in which they must hold as well.
+        before = [] if self._late is None else self._late.memories
+        for memory in (self._memory, *before):
+            self._take_into(memory, values)
+
+    def _take_into(self, memory: NDArray[Any], values: Container[str]) -> None:
+        """Take what a memory holds of settings, of which those named have changed."""
         if "displacement_noise_std" in values or "force_noise_std" in values:
-            self._set_noise(self._settings, self._memory)
+            self._set_noise(self._settings, memory)
         if self._take_settings is not None:
-            self._take_settings(self._settings, self._memory)
+            self._take_settings(self._settings, memory)
 
     def warm_up(self) -> None:
         """Compile (or load from the cache) what `step` and `reconfigure` need; the state stays."""
@@ -328,8 +334,7 @@ class Estimator:
         self._write_settings(values)
         self._memory[:] = memory
         self._particles = particles
-        if self._late is not None:
-            self._late.forget()
+        self._late = _late_readings(values)
 
     def _restored_particles(
         self, saved: Any, values: Mapping[str, ParameterValue]
@@ -349,6 +354,12 @@ class Estimator:
             if specification.name in values:
                 encoded = specification.encoded(values[specification.name])
                 self._settings[specification.name] = encoded
+
+
+def _late_readings(values: Mapping[str, ParameterValue]) -> LateReadings | None:
+    """What puts late readings in their place, if the settings ask for it."""
+    window = float(values["reorder_window"]) if values["missing_readings"] else 0.0
+    return LateReadings(window) if window > 0.0 else None
 
 
 def create_estimator(

@@ -42,6 +42,11 @@ class LateReadings:
         self._window = window_s
         self._checkpoints: list[_Checkpoint] = []
 
+    @property
+    def memories(self) -> list[NDArray[Any]]:
+        """The memories that may be gone back to; what is changed in them stays changed."""
+        return [checkpoint.memory for checkpoint in self._checkpoints]
+
     def forget(self) -> None:
         """There is nothing to go back to."""
         self._checkpoints = []

@@ -65,6 +65,15 @@ def cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64]) -> bool:
 
 
 @compiled
+def is_definite(factor: NDArray[np.float64], n: int) -> bool:
+    """True if no pivot of a leading factor was zero: L L^T x = b has then one solution."""
+    least = math.inf
+    for i in range(n):
+        least = min(least, factor[i, i])
+    return least > 0.0
+
+
+@compiled
 def leading_cholesky(matrix: NDArray[np.float64], factor: NDArray[np.float64], n: int) -> bool:
     """Factor the leading n rows and columns of a matrix, which may be `factor`; see `cholesky`."""
     for j in range(n):

@@ -66,7 +66,10 @@ def run(arguments: argparse.Namespace) -> int:
         attitudes = np.array([product(q[1:], mounting) for q in poses])
         times = np.array([q[0] for q in poses])
         rows = np.array(wrenches)
-        still = still_readings(rows[:, 0], rows[:, 1:], times, attitudes)
+        try:
+            still = still_readings(rows[:, 0], rows[:, 1:], times, attitudes)
+        except ValueError as error:
+            raise UserError(f"{error} ({arguments.pose or settings['position.topic']})") from error
         try:
             found = identify_payload(*still, tuple(settings.get("gravity", (0.0, 0.0, -9.81))))
         except ValueError as error:

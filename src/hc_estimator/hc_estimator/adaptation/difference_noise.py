@@ -123,7 +123,7 @@ def _take_reading(channel: Any, time: float, reading: float, broken: bool) -> bo
     if broken:
         channel.readings_count = 0
     elif channel.readings_count == 1:
-        channel.step = step
+        channel.step = max(step, 0.0)  # another delay may put a reading before the last one
     elif channel.readings_count > 1:
         if abs(step - channel.step) > UNEVEN * channel.step:
             channel.readings_count = 0

@@ -165,10 +165,14 @@ def _move(settings: Any, memory: Any, particles: NDArray[np.float64]) -> None:
                     coupling = noise * elapsed**2 / 6.0
                 covariance[i, j] += coupling
                 covariance[j, i] += coupling
-        covariance[3, 3] += settings.stiffness_log_walk * elapsed * row[STATE + 3] ** 2
-        covariance[4, 4] += settings.damping_log_walk * elapsed * row[STATE + 4] ** 2
-        covariance[5, 5] += settings.displacement_exponent_walk * elapsed
-        covariance[6, 6] += settings.velocity_exponent_walk * elapsed
+        if not state_space.is_held(settings, 0):
+            covariance[3, 3] += settings.stiffness_log_walk * elapsed * row[STATE + 3] ** 2
+        if not state_space.is_held(settings, 1):
+            covariance[4, 4] += settings.damping_log_walk * elapsed * row[STATE + 4] ** 2
+        if not state_space.is_held(settings, 2):
+            covariance[5, 5] += settings.displacement_exponent_walk * elapsed
+        if not state_space.is_held(settings, 3):
+            covariance[6, 6] += settings.velocity_exponent_walk * elapsed
 
 
 @compiled

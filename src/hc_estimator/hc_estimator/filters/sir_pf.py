@@ -314,7 +314,6 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
         restart_motion(settings, memory)
         if not _draw_prior(memory, normals, moved):
             return NUMERICAL
-        memory.begun = 1
     elif not _move(settings, memory, current, normals, moved, by_motion):
         return NUMERICAL
     if by_motion:
@@ -357,6 +356,7 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     decision = commit(settings, memory, time)
     if decision != ACCEPTED:
         return decision
+    memory.begun = 1
     memory.change_detected = 0
     copy_matrix(moved, current)
     if by_motion:

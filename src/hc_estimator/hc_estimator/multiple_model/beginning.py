@@ -71,6 +71,7 @@ def start(settings: Any, bank: Any) -> None:
     _choose_anew(bank)
     histories.reset(bank.history)
     contact_onset.restart(bank.onset)
+    zero_fit.restart(bank.zeros)
 
 
 @compiled

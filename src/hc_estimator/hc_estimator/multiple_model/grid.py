@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import smoothing
+from hc_estimator.multiple_model import delay_points, smoothing
 from hc_estimator.multiple_model.records import CANDIDATES, GRID, RAW
 
 STEP = 0.010  # between two points of the grid, at least [s]
@@ -23,6 +23,8 @@ EDGE = 1.0 + SLACK
 WIDER = 2.0  # times as wide where readings were lost
 FEWEST_READINGS = 7  # in it
 LEAST_OWN = 1e-3  # of x^3 that no parabola shows, up to which a cubic says nothing
+SAME_STEP = 0.01  # share by which the step of a new grid may differ and be that of the last one
+LOST = 1.5  # times the usual time between two readings from which on some were lost in between
 LARGEST = 0.074  # delay that is tried; 60 ms are looked for [s]
 WINDOW = 0.5  # [s]
 
@@ -119,6 +121,58 @@ def period(finder: Any, channel: int) -> float:
 
 
 @compiled
+def _between(finder: Any, channel: int, back: int) -> float:
+    """Time between two of the latest readings [s]; 1: between the last two."""
+    count = finder.raw_count[channel]
+    later = finder.raw_time[channel, (count - back) % RAW]
+    return later - finder.raw_time[channel, (count - back - 1) % RAW]  # type: ignore[no-any-return]
+
+
+@compiled
+def _usual_between(finder: Any, channel: int, few: int) -> float:
+    """Median time between two of so many latest readings [s]."""
+    for i in range(1, few):
+        here, shorter, equal = _between(finder, channel, i), 0, 0
+        for k in range(1, few):
+            other = _between(finder, channel, k)
+            shorter += 1 if other < here else 0
+            equal += 1 if other == here else 0
+        if 2 * shorter < few and 2 * (shorter + equal) >= few - 1:
+            return here
+    return 0.0
+
+
+@compiled
+def _period_of_sensor(finder: Any, channel: int) -> float:
+    """`period` as the sensor has it, whatever readings were lost meanwhile [s]."""
+    few = min(finder.raw_count[channel], 16)
+    longest = LOST * _usual_between(finder, channel, few)
+    total, kept = 0.0, 0
+    for back in range(1, few):
+        between = _between(finder, channel, back)
+        if between <= longest:
+            total += between
+            kept += 1
+    return total / max(kept, 1) if kept < few - 1 else period(finder, channel)
+
+
+@compiled
+def _choose_step(finder: Any) -> None:
+    """Step of a new grid: that of the last one, unless the sensors have another rate by now.
+
+    Points that are kept for the delay stand at candidates a step apart, and are of no use with
+    another.
+    """
+    step = max(STEP, _period_of_sensor(finder, 0), _period_of_sensor(finder, 1))
+    if abs(step - finder.grid_step) > SAME_STEP * finder.grid_step:
+        finder.grid_step = step
+        delay_points.forget(finder)
+        finder.fitted = 0
+        finder.clear = 0
+        finder.fits = 0
+
+
+@compiled
 def slowest_period(finder: Any) -> float:
     """Usual time between two readings of the slower channel [s]."""
     return max(period(finder, 0), period(finder, 1))
@@ -179,7 +233,7 @@ def advance(finder: Any) -> bool:
     newest = min(last0, last1) - half
     finder.grid_width = 2.0 * half
     if finder.grid_count == 0:
-        finder.grid_step = max(STEP, slowest)
+        _choose_step(finder)
         finder.grid_next = newest
     if finder.grid_next > newest + SLACK * half:
         return False

@@ -185,6 +185,8 @@ def predict(row: Any, elapsed: float, density: float, goes_on: bool, away: bool)
             if rate == 0.0:
                 continue
             source, target = OWN + own, FIRST_PARAMETER + k if k < DRIVEN - 1 else OWN
+            if target != OWN and covariance[target, target] == 0.0:
+                continue  # held fixed
             if not away or target == OWN:  # what is not felt goes on nowhere, as far as is known
                 state[target] += rate * state[source]
             for j in range(count):

@@ -21,6 +21,7 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
 )
 from hc_estimator.multiple_model.report import VARIED_FOR
+from hc_estimator.multiple_model.zero_records import NONE
 
 _ROW = [DEPTH, VELOCITY, ACCELERATION, *range(FIRST_PARAMETER, LAST_PARAMETER)]
 """Where a row of the bank has the states of a plain filter, in their order."""
@@ -30,7 +31,9 @@ _FIRST_OF_TISSUE = 3
 def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return state (7,) and covariance (7, 7) of the row that is given out.
 
-    With what is given out beside it: tissue that varied may vary again (`report`).
+    With what is given out beside it: tissue that varied may vary again, and zeros that were found
+    leave something open (`report`). The displacement is the reading, for nobody else knows of a
+    zero that was found.
     """
     judge = memory["judge"]
     place = FRESH if memory["change"]["leads"] else judge["chosen"]
@@ -45,7 +48,11 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
         spread = (np.array(other["state"]) - np.array(row["state"]))[_ROW]
         spread[:_FIRST_OF_TISSUE] = 0.0
         covariance += np.outer(spread, spread)
-    return np.array(row["state"])[_ROW], covariance
+    if memory["zeros"]["unknown"] != NONE:
+        covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += memory["zeros"]["doubt"]
+    state = np.array(row["state"])[_ROW]
+    state[0] += memory["onset"]["zero"][0]
+    return state, covariance
 
 
 def take(

@@ -68,7 +68,7 @@ def learn(tool: Any, rows: Any, row: Any, elapsed: float) -> None:
                         covariance[i, j] += variance
         tool.retreated = 1
     time = min(max(tool.contact_clock, elapsed), USUAL_TIME)
-    share = elapsed / time if time > 0.0 else 1.0
+    share = min(elapsed / time, 1.0) if time > 0.0 else 1.0
     tool.usual_velocity += share * (velocity - tool.usual_velocity)
 
 

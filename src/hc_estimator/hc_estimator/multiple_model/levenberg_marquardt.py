@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import copy_vector, leading_cholesky
+from hc_estimator.linear_algebra import copy_vector, is_definite, leading_cholesky
 from hc_estimator.multiple_model.normal_equations import add_prior, gather, prior_cost
 from hc_estimator.multiple_model.rows import (
     LARGEST_EXPONENT,
@@ -17,6 +17,8 @@ from hc_estimator.multiple_model.rows import (
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
+    guess_of,
+    prior_deviation,
 )
 
 STEPS = 8  # at most
@@ -57,9 +59,13 @@ def step(work: Any, values: Any, damping: float, size: int) -> bool:
         damped[i, i] = work.information[i, i] * (1.0 + damping)
     if not leading_cholesky(damped, damped, size):
         return False
-    solve(work.factor, following, size)
-    for i in range(size):
-        following[i] += values[i]
+    if is_definite(damped, size):
+        solve(work.factor, following, size)
+        for i in range(size):
+            following[i] += values[i]
+    else:  # no way is shown; with more damping one may be
+        for i in range(size):
+            following[i] = values[i]
     return True
 
 
@@ -70,6 +76,18 @@ def _limit(values: Any) -> None:
         values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
     values[2] = min(max(values[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
     values[3] = min(max(values[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
+
+
+@compiled
+def _put_back(settings: Any, values: Any) -> bool:
+    """Put what is held fixed where it was given; True if it was elsewhere (B beside another K)."""
+    moved = False
+    for i in range(4):
+        if prior_deviation(settings, i) <= 0.0:
+            guess = guess_of(settings, i)
+            moved = moved or values[i] != guess
+            values[i] = guess
+    return moved
 
 
 @compiled
@@ -86,7 +104,7 @@ def improve(settings: Any, history: Any, weight: float, squares: float) -> float
         Weighted sum of squares at its end; NaN if it broke down.
     """
     values, following = history.fit, history.next
-    if math.isnan(squares):
+    if _put_back(settings, values) or math.isnan(squares):
         squares = gather(settings, history, values)
     cost = weight * squares + prior_cost(settings, history, values)
     damping = FIRST_DAMPING

@@ -147,6 +147,7 @@ def keep(
         if rows[m].active != 0:
             copy_vector(rows[m].state, kept.state)
             copy_matrix(rows[m].covariance, kept.covariance)
+            kept.position_deviation = rows[m].position_deviation
             kept.model_error = rows[m].model_error
             kept.score = rows[m].score
             kept.log_likelihood = rows[m].log_likelihood
@@ -310,6 +311,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
         row.covariance[DEPTH, VELOCITY] = ahead * square
         row.covariance[VELOCITY, VELOCITY] = square
         row.covariance[ACCELERATION, ACCELERATION] = acceleration
+        row.position_deviation = kept.position_deviation
         row.model_error = kept.model_error
         row.score = kept.score
         row.log_likelihood = kept.log_likelihood

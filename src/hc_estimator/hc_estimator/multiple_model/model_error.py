@@ -33,6 +33,7 @@ LARGEST_TERM = 16.0  # of one channel
 FEEDBACK_TIME = 1.5  # with which the model error follows the innovations [s]
 RAISE = 0.6  # share of the force noise that an alarm adds
 SMALLEST_SHARE = 0.35  # of the sensor noise; less is no model error
+LARGEST_MODEL_ERROR = 1e12  # [N^2]; no force is so wrong, but a displacement may never be explained
 LARGEST_FEEDBACK = 8.0  # mean squared innovation that the feedback counts at most
 LARGEST_NIS = 50.0  # that the likelihood counts at most
 RECENT_TIME = 0.1  # time constant of recent_nis [s]
@@ -42,6 +43,7 @@ TEMPERED = 2.0  # force noise over the sensor's from which on the force is hardl
 @compiled
 def set_model_error(settings: Any, row: Any, variance: float, sensor_noise: float) -> None:
     """Give a row a new model-error variance [N^2]; what is uncertain grows with the noise."""
+    variance = min(variance, LARGEST_MODEL_ERROR)
     before = sensor_noise + row.model_error
     after = sensor_noise + variance
     row.model_error = variance

@@ -143,10 +143,15 @@ def look(settings: Any, bank: Any, period: float) -> None:
     """
     moving, judge, clock = bank.moving, bank.judge, bank.tool.contact_clock
     wanted = settings.fit_movement != 0 and bank.tool.retreated != 0 and judge.needed_time > 0.0
+    wanted = wanted and prior_deviation(settings, 0) > 0.0  # these fits all look for K
     finder = bank.delay
     noise, scatter = histories.noise_of_points(bank.history, finder, bank.sensor_noise, period)
     if not wanted or bank.change.testing != 0:
         moving.stage = 0
+    elif moving.stage > 0 and moving.last > bank.history.count:
+        # Every second point was forgotten, and the others have new numbers: from the beginning.
+        moving.stage = 0
+        moving.looked_at = -math.inf
     elif moving.stage == 0:
         if clock - moving.looked_at >= EVERY and _are_enough(bank.history):
             moving.looked_at = clock
@@ -363,17 +368,24 @@ def _take(settings: Any, bank: Any, row: Any, clock: float) -> None:
     row.log_likelihood = likelihood
     delay_sensitivity.clear(row, LOG_STIFFNESS, LOG_STIFFNESS + 4)
     delay_sensitivity.clear(row, OWN, STATES)
-    used, targets = COUNTS[row.index], TARGETS[row.index]
+    targets = TARGETS[row.index]
     for i in range(OUTCOME):
-        if targets[i] < used:
+        if _is_taken(settings, row, i):
             for j in range(STATES):
                 row.covariance[targets[i], j] = 0.0
                 row.covariance[j, targets[i]] = 0.0
     for i in range(OUTCOME):
-        if targets[i] >= used:
+        if not _is_taken(settings, row, i):
             continue
         row.state[targets[i]] = moving.outcome[i]
         for j in range(OUTCOME):
-            if targets[j] < used:
+            if _is_taken(settings, row, j):
                 row.covariance[targets[i], targets[j]] = moving.covariance[i, j]
     limit(settings, row)
+
+
+@compiled
+def _is_taken(settings: Any, row: Any, i: int) -> bool:
+    """True if a row takes a number of the outcome: a state of its own that is not held fixed."""
+    has_it = TARGETS[row.index, i] < COUNTS[row.index]
+    return bool(has_it and (i >= 4 or prior_deviation(settings, i) > 0.0))

@@ -81,7 +81,7 @@ def move(tool: Any, displacement: float, force: float) -> None:
     """The zeros have moved by so much [mm], [N]; what was felt is the same."""
     if tool.deepest > -NOWHERE:
         tool.deepest -= displacement
-        tool.largest_force -= force
+        tool.largest_force = max(tool.largest_force - force, 0.0)
 
 
 @compiled

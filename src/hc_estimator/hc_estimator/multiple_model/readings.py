@@ -19,7 +19,7 @@ OPEN_SAMPLES = 30  # inside the gate before it closes again
 
 
 @compiled
-def _innovation(bank: Any, row: Any, channel: int) -> tuple[float, float]:
+def innovation_of(bank: Any, row: Any, channel: int) -> tuple[float, float]:
     """Innovation of a row and its variance, of the displacement [mm] or the force [N]."""
     clock = bank.clock
     if channel == 1:
@@ -33,10 +33,10 @@ def is_outlier(settings: Any, bank: Any, chosen: Any, channel: int) -> bool:
     """Refuse an innovation far outside its distribution, unless many come one after another."""
     clock = bank.clock
     limit_squared = settings.outlier_gate * settings.outlier_gate
-    innovation, variance = _innovation(bank, chosen, channel)
+    innovation, variance = innovation_of(bank, chosen, channel)
     outside = bank.calibrated != 0 and innovation * innovation > limit_squared * variance
     if outside and bank.change.testing != 0:  # an outlier is what neither tissue explains
-        other, by_other = _innovation(bank, bank.rows[FRESH], channel)
+        other, by_other = innovation_of(bank, bank.rows[FRESH], channel)
         outside = other * other > limit_squared * by_other
     counts = clock.outlier_counts
     count = counts[channel]

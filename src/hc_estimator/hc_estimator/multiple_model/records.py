@@ -139,6 +139,7 @@ KEPT_ROW = record_type(
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
         Field("active", np.int64, (), 0, 1),
+        Field("position_deviation", np.float64, (), 0.0),
         Field("model_error", np.float64, (), 0.0),
         Field("score", np.float64),
         Field("log_likelihood", np.float64),
@@ -286,10 +287,10 @@ DELAY = record_type(
         Field("bend", np.float64, (CANDIDATES + 1,), 0.0),  # of the squares, by the delay [1/s^2]
         Field("noise_share", np.float64, (CANDIDATES + 1,), 0.0),  # of what shows B
         Field("place", np.float64),  # of the delay, in candidates
-        Field("least", np.float64, (), 0.0, finite=False),  # squares left at the delay
         # Within one fit:
         Field("squares", np.float64),  # of the last law tried
-        Field("noise_taken", np.float64, (3,), 0.0),  # of the velocity, from what is known of B
+        # Of the velocity, from what is known of b, n and p (times a logarithm, of either sign).
+        Field("noise_taken", np.float64, (3,)),
         Field("trial", np.float64, (4,)),
         Field("direction", np.float64, (3,)),
         Field("normal", np.float64, (4, 4)),

@@ -76,6 +76,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
         _add_spread(row, bank.rows[bank.judge.varying], out)
     zero_doubt.add(settings, bank, row, out)
+    _clear_held(settings, out)
     _write_identifiability(settings, out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
@@ -103,6 +104,16 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
             score = math.sqrt(max(bank.rows[m].score, 0.0))
             best = out[HYPOTHESIS_SCORES + CODES[m]]  # of the rows that are reported alike
             out[HYPOTHESIS_SCORES + CODES[m]] = score if math.isnan(best) else min(score, best)
+
+
+@compiled
+def _clear_held(settings: Any, out: NDArray[np.float64]) -> None:
+    """Nothing is open of a parameter that is held fixed, whatever is of zeros or delay."""
+    for i in range(4):
+        if prior_deviation(settings, i) <= 0.0:
+            for j in range(4):
+                out[COVARIANCE + 4 * i + j] = 0.0
+                out[COVARIANCE + 4 * j + i] = 0.0
 
 
 @compiled

@@ -59,6 +59,18 @@ def prior_deviation(settings: Any, parameter: int) -> float:
 
 
 @compiled
+def guess_of(settings: Any, parameter: int) -> float:
+    """First guess of ln K, ln B, n or p (0 to 3)."""
+    if parameter == 0:
+        return math.log(settings.initial_stiffness)
+    if parameter == 1:
+        return math.log(settings.initial_damping)
+    if parameter == 2:
+        return settings.initial_displacement_exponent  # type: ignore[no-any-return]
+    return settings.initial_velocity_exponent  # type: ignore[no-any-return]
+
+
+@compiled
 def clear_adaptation(row: Any) -> None:
     """Forget what was learnt of the row's innovations."""
     row.model_error = 0.0
@@ -136,12 +148,8 @@ def reset(settings: Any, row: Any, displacement: float) -> None:
     """Begin from the prior, with the tool at a displacement [mm]."""
     delay_sensitivity.reset(row)
     clear_matrix(row.covariance)
-    state = row.state
-    state[LOG_STIFFNESS] = math.log(settings.initial_stiffness)
-    state[LOG_DAMPING] = math.log(settings.initial_damping)
-    state[EXPONENT] = settings.initial_displacement_exponent
-    state[VELOCITY_EXPONENT] = settings.initial_velocity_exponent
     for i in range(4):
+        row.state[LOG_STIFFNESS + i] = guess_of(settings, i)
         row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + i] = prior_deviation(settings, i) ** 2
     begin_own_states(row)
     begin_motion(settings, row, displacement)
@@ -218,19 +226,31 @@ def _keep(row: Any, i: int, low: float, high: float) -> None:
 
 @compiled
 def limit(settings: Any, row: Any) -> None:
-    """Keep the mean of the parameters where the contact law means something."""
+    """Keep the mean of the parameters where the contact law means something.
+
+    What is held fixed stays where it was given.
+    """
     state = row.state
-    _keep(row, LOG_STIFFNESS, -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS)
-    if settings.initial_damping_log_std > 0.0 and settings.initial_stiffness_log_std > 0.0:
+    if settings.initial_stiffness_log_std > 0.0:
+        _keep(row, LOG_STIFFNESS, -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS)
+    else:
+        state[LOG_STIFFNESS] = guess_of(settings, 0)
+    if settings.initial_damping_log_std > 0.0:
         ratio = state[LOG_DAMPING] - state[LOG_STIFFNESS]
         if not SMALLEST_LOG_RATIO <= ratio <= LARGEST_LOG_RATIO:
             ratio = min(max(ratio, SMALLEST_LOG_RATIO), LARGEST_LOG_RATIO)
             state[LOG_DAMPING] = state[LOG_STIFFNESS] + ratio
             row.by_delay[LOG_DAMPING] = row.by_delay[LOG_STIFFNESS]
+    else:
+        state[LOG_DAMPING] = guess_of(settings, 1)
     if settings.initial_displacement_exponent_std > 0.0:
         _keep(row, EXPONENT, SMALLEST_EXPONENT, LARGEST_EXPONENT)
+    else:
+        state[EXPONENT] = guess_of(settings, 2)
     if settings.initial_velocity_exponent_std > 0.0:
         _keep(row, VELOCITY_EXPONENT, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+    else:
+        state[VELOCITY_EXPONENT] = guess_of(settings, 3)
     for i in range(OWN, COUNTS[row.index]):
         _keep(row, i, -LARGEST_RATE, LARGEST_RATE)
 

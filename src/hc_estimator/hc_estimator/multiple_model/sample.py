@@ -101,7 +101,8 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         share = PERIOD_SHARE if clock.period > 0.0 else 1.0
         clock.period += share * (clock.elapsed - clock.period)
     anew = clock.restart != 0 or bank.motion_anew != 0
-    clock.force_elapsed = clock.period if anew else place - clock.force_time
+    # Where another delay is used from now on, a place may lie before the last one.
+    clock.force_elapsed = clock.period if anew else max(place - clock.force_time, 0.0)
     if anew and math.isnan(readings.last_displacement(bank)):
         # As long as nobody knows where the tool is, a force says nothing.
         bank.motion_anew = 1
@@ -122,6 +123,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     else:  # the rows stand at the sample's stamp all the same
         clock.last_time = time
         clock.started = 1
+        clock.backward_count = 0
     if decision != NUMERICAL and contact_onset.learn(settings, bank, place):
         beginning.begin_at_onset(settings, bank)
     beginning.recover(settings, bank, time, decision)
@@ -145,6 +147,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     chosen = rows[bank.judge.chosen]
     log_speed = levels.log_usual_speed(bank.tool)
     if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
+        _give_refused(bank)
         return OUTLIER
     for m in range(rows.shape[0]):
         row = rows[m]
@@ -192,6 +195,15 @@ def _foretell(settings: Any, bank: Any) -> None:
     bank.given.reconstructed_force = bank.given.predicted_force
     bank.given.innovation[0] = math.nan
     bank.given.innovation[1] = math.nan
+
+
+@compiled
+def _give_refused(bank: Any) -> None:
+    """Note what the row in charge expected of a displacement that is refused; the force waits."""
+    given = bank.given
+    innovation, variance = readings.innovation_of(bank, bank.rows[given.row], 0)
+    given.innovation[0] = innovation
+    given.nis = innovation * innovation / variance
 
 
 @compiled
@@ -318,9 +330,9 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     )
     touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
     touching = touching or (SURFACE[chosen.index] and pressed)
+    elapsed = clock.elapsed if clock.restart == 0 else clock.period  # a gap is no contact
     if touching:
         tool.away_time = 0.0
-        elapsed = clock.elapsed if clock.restart == 0 else clock.period
         tool.contact_clock += elapsed
         levels.learn(tool, rows, chosen, elapsed)
         if clock.present[1] != 0:
@@ -343,6 +355,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
             touching,
         )
     alarm = rows[bank.judge.chosen].alarm != 0
+    tested = bank.change.testing != 0  # then the fresh row has used this sample as well
     if not maneuvers.answer(settings, bank, time, alarm):
         changes.answer(
             settings,
@@ -354,7 +367,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
             bank.sensor_noise,
             readings.since_displacement(bank, time),
         )
-    if bank.change.testing != 0 and touching and clock.present[1] != 0:
+    if tested and bank.change.testing != 0 and touching and clock.present[1] != 0:
         rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
         changes.judge_test(bank.change, bank.judge, rows, tool, clock.force_elapsed, rose)
         if bank.change.testing == 0 and bank.change.detected == 0:
@@ -365,7 +378,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     if rows[bank.judge.chosen].model_error > 0.0:
         bank.change.fitting_time = 0.0
     elif touching:
-        bank.change.fitting_time += clock.elapsed
+        bank.change.fitting_time += elapsed
     if clock.restart != 0 or bank.change.detected != 0:
         bank.maneuver.count = 0
     departure.learn(bank.maneuver, bank.motion, bank.sensor_noise[0], clock.elapsed)

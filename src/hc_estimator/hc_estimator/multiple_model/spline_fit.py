@@ -14,7 +14,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector, leading_cholesky
+from hc_estimator.linear_algebra import clear_vector, copy_vector, is_definite, leading_cholesky
 from hc_estimator.multiple_model.history import MEMORY, UNKNOWN
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
@@ -267,4 +267,6 @@ def solve_least_squares(
 def _factorise(fit: Any) -> bool:
     """Factor of the information that was gathered at fit.values; False if it has none."""
     add_prior(fit, fit.values)
-    return bool(leading_cholesky(fit.information, fit.factor, fit.unknowns))
+    if not leading_cholesky(fit.information, fit.factor, fit.unknowns):
+        return False
+    return bool(is_definite(fit.factor, fit.unknowns))

@@ -33,6 +33,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline, zero_average, zero_sensitivity
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.rows import prior_deviation
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_records import SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.zero_choice import (
@@ -78,15 +79,21 @@ LARGEST_DELAY = 0.005  # up to which the fit's tangents hold; a larger one is fo
 @compiled
 def reset(zeros: Any) -> None:
     """Neither zero was found to be off."""
+    restart(zeros)
     zeros.unknown = NONE
+    zeros.deviation = 0.0
+    clear_vector(zeros.moved)
+    clear_matrix(zeros.doubt)
+
+
+@compiled
+def restart(zeros: Any) -> None:
+    """The time in contact begins anew, and nothing is waited for; zeros in use stay."""
     zeros.candidate = NONE
     zeros.waiting = 0
     zeros.since = 0.0
     zeros.refuted_since = math.inf
     zeros.looked_at = -math.inf
-    zeros.deviation = 0.0
-    clear_vector(zeros.moved)
-    clear_matrix(zeros.doubt)
 
 
 @compiled
@@ -101,8 +108,8 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         scatter: variance of what is left of a point's readings over `noise`.
     """
     history, zeros, clock = bank.history, bank.zeros, bank.tool.contact_clock
-    # A press in one direction leaves too much to K, B and n alone.
-    if settings.find_zeros == 0 or bank.tool.retreated == 0:
+    # A press in one direction leaves too much to K, B and n alone; and the fits all look for K.
+    if settings.find_zeros == 0 or bank.tool.retreated == 0 or prior_deviation(settings, 0) <= 0.0:
         return False
     if clock - zeros.looked_at < EVERY:
         return False

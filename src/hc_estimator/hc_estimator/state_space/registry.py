@@ -148,6 +148,21 @@ def lag(settings: Any, elapsed: float) -> float:
 
 
 @compiled
+def is_held(settings: Any, parameter: int) -> bool:
+    """True if K, B, n or p (0 to 3) is held fixed: by the law, or by a deviation of 0."""
+    if not math.isnan(fixed_value(settings.contact_model, parameter)):
+        return True
+    if parameter == 2:
+        return bool(settings.initial_displacement_exponent_std == 0.0)
+    if parameter == 3:
+        return bool(settings.initial_velocity_exponent_std == 0.0)
+    if settings.state_space == KINEMATIC:
+        logarithmic = settings.initial_stiffness_log_std, settings.initial_damping_log_std
+        return bool(logarithmic[parameter] == 0.0)
+    return bool((settings.initial_stiffness_std, settings.initial_damping_std)[parameter] == 0.0)
+
+
+@compiled
 def process(
     settings: Any, elapsed: float, state: NDArray[np.float64], result: NDArray[np.float64]
 ) -> None:
@@ -180,7 +195,7 @@ def process_noise(settings: Any, elapsed: float, noise: NDArray[np.float64]) -> 
     else:
         paper.process_noise(settings, elapsed, noise)
     for i in range(4):
-        if not math.isnan(fixed_value(settings.contact_model, i)):
+        if is_held(settings, i):
             noise[3 + i, 3 + i] = 0.0
 
 

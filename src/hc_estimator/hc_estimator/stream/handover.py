@@ -106,7 +106,7 @@ def _plain(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.f
 def _continued(source: Estimator, target: Estimator) -> Estimator:
     """Return the target with all that a filter of its own kind knows, and its own settings."""
     state = source.state() | {"configuration": target.configuration}
-    if len(state["particles"]) == len(target.state()["particles"]):
+    if np.shape(state["particles"]) == np.shape(target.state()["particles"]):
         target.restore(state)
         return target
     return _guessing(source, target)

@@ -83,7 +83,17 @@ def still_readings(
         wrenches: forces [N] and torques [N m], shape (n, 6).
         pose_s: stamps of the poses [s], shape (m,).
         attitudes: quaternions x, y, z, w, shape (m, 4).
+
+    Raises:
+        ValueError: if none of the poses has an orientation.
     """
+    sound = np.isfinite(wrenches).all(axis=1)
+    wrench_s, wrenches = wrench_s[sound], wrenches[sound]
+    length = np.linalg.norm(attitudes, axis=1)
+    turned = np.isfinite(length) & (length > 0.0)
+    if not turned.any():
+        raise ValueError("no pose has an orientation: all quaternions are zero, or no numbers")
+    pose_s, attitudes = pose_s[turned], attitudes[turned]
     turns = Rotation.from_quat(attitudes)
     found: list[tuple[FloatArray, FloatArray]] = []
     start = 0
@@ -99,7 +109,9 @@ def still_readings(
             within = (wrench_s >= begin) & (wrench_s <= end)
             if within.any():
                 middle = (pose_s >= begin) & (pose_s <= end)
-                found.append((wrenches[within].mean(axis=0), turns[middle].mean().as_quat()))
+                # Of a pose a second none may lie there.
+                rest = turns[middle] if middle.any() else turns[start:i]
+                found.append((wrenches[within].mean(axis=0), rest.mean().as_quat()))
         start = i
     return StillReadings(
         np.array([wrench[:3] for wrench, _ in found]).reshape(-1, 3),

@@ -293,7 +293,7 @@ def _presses_backwards(
     resting: NDArray[np.bool_] | None,
 ) -> bool:
     """Whether the tool presses where position and force are least, not where they are largest."""
-    if resting is not None and resting.sum() >= LEAST_SAMPLES // 2:
+    if resting is not None and LEAST_SAMPLES // 2 <= resting.sum() < len(resting):
         free = float(np.median(pushed[resting]))
         low, high = robust_range(pushed[~resting])
         return free - low > high - free

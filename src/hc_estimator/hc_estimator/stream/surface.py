@@ -193,7 +193,7 @@ class SurfaceFinder:
                 for one that is constant.
         """
         first, last = float(displacement[0]), float(np.max(displacement))
-        stroke = max(last - first, 1e-6)
+        stroke = max(last - first, 1e-6, 1e-9 * abs(first))  # more than the place's last digits
         lower = np.array([first - 2.0 * stroke, 0.0, SMALLEST_EXPONENT])
         # The surface is not deeper than where contact was sure.
         upper = np.array([first, np.inf, LARGEST_EXPONENT])

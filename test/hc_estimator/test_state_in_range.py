@@ -1,0 +1,122 @@
+"""Whatever a contact did to the default filter, its state is one that `restore` takes back.
+
+A saved state is checked field by field (memory.py): a range too small, or a number that is none,
+is seen by nobody until a node is started again. Regressions of 2026-11-26: the kind of the last
+spline fit (33 of at most 31), and what noise takes from the damping of the delay's fit (below 0,
+in every contact with a delay that is less than a millimetre deep), were refused.
+"""
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+from hc_estimator.memory import LARGEST_COUNT, LARGEST_NUMBER, fields_of
+from hc_evaluation.accuracy.drawn_contact import TROUBLES, drawn_contact
+
+FILTER = "self_tuning_ukf"
+LOOKED_EVERY_S = 0.1
+RESTORED_EVERY = 97  # looks: to write and read a state takes fifty times as long
+
+
+def out_of_range(record, fields, largest, path=""):
+    """Names of the fields, and what is wrong, by the same rules as `memory.from_plain`.
+
+    Records within records are looked at all together, as arrays. Of whole numbers that have a
+    largest value the largest that there was is noted.
+    """
+    found = []
+    for field in fields:
+        values, name = record[field.name], f"{path}{field.name}"
+        nested = fields_of(field.kind)
+        if nested is not None:
+            found += out_of_range(values, nested, largest, f"{name}.")
+            continue
+        if not field.finite:
+            values = values[np.isfinite(values)]
+            if not values.size:
+                continue
+        whole = field.kind is np.int64
+        most = LARGEST_COUNT if whole else LARGEST_NUMBER
+        low = -most if field.low is None else field.low
+        high = most if field.high is None else field.high
+        least, greatest = values.min(), values.max()
+        if not (least >= low and greatest <= high):  # nor is NaN
+            found.append(f"{name}: {least:g} to {greatest:g}, not {low:g} to {high:g}")
+        if whole and field.high is not None:
+            largest[name] = max(largest.get(name, 0), int(greatest))
+    return found
+
+
+CONTACTS = [((name,), 4 + i) for i, name in enumerate(TROUBLES)]
+CONTACTS += [
+    ((), 3),
+    (("delay",), 84),
+    (("gaps", "delay"), 50),
+    (("lumps", "sinking"), 1002),
+    (tuple(TROUBLES), 7),
+]
+
+
+@pytest.fixture(scope="module")
+def looked_at():
+    """Of each contact the states that are out of range, and of all the largest whole numbers."""
+    faults, largest = {}, {}
+    other = hc.create_estimator(FILTER)
+    for troubles, seed in CONTACTS:
+        contact = drawn_contact(troubles, seed)
+        estimator = hc.create_estimator(FILTER)
+        channels = contact.time_s, contact.displacement_mm, contact.force_n
+        until_s = np.arange(contact.time_s[0], contact.time_s[-1], LOOKED_EVERY_S)[1:]
+        edges = np.searchsorted(contact.time_s, until_s)
+        for k, (begin, end) in enumerate(zip(np.append(0, edges[:-1]), edges, strict=True)):
+            estimator.run(*(channel[begin:end] for channel in channels))
+            record, fields = estimator._memory, estimator._fields
+            for fault in out_of_range(record, fields, largest):
+                faults.setdefault((troubles, seed, fault.split(":")[0]), f"{until_s[k]}: {fault}")
+            if k % RESTORED_EVERY == RESTORED_EVERY - 1:
+                state = estimator.state()
+                other.restore(state)
+                if other.state() != state:
+                    faults[troubles, seed, "restored"] = f"{until_s[k]}: another state"
+    return faults, largest
+
+
+def test_every_state_of_a_contact_with_troubles_can_be_restored(looked_at):
+    faults, _ = looked_at
+    assert faults == {}
+
+
+def test_the_contacts_lead_through_what_may_leave_its_range(looked_at):
+    """Else the test above would say nothing."""
+    _, largest = looked_at
+    assert largest["fit.kind"] > 31
+    assert largest["moving.stage"] > 5
+    assert largest["history.every"] > 1
+    assert largest["delay.varies"] == 1
+    assert largest["judge.found"] > 2
+    assert largest["change.testing"] == largest["zeros.waiting"] == largest["delay.clear"] == 1
+
+
+def test_a_force_that_stands_leaves_no_fit_without_numbers():
+    """An unknown that no point shows has a pivot of 0; what was divided by it was none."""
+    contact = drawn_contact(("coloured noise", "change", "gaps"), 10)
+    estimator = hc.create_estimator(
+        FILTER, jerk_density=1e-6, motion_adaptation=False, noise_adaptation="fixed"
+    )
+    force = np.full(contact.time_s.size, contact.force_n[contact.time_s.size // 3])
+    for k in range(0, contact.time_s.size, 100):
+        estimator.run(
+            contact.time_s[k : k + 100], contact.displacement_mm[k : k + 100], force[k : k + 100]
+        )
+        assert out_of_range(estimator._memory, estimator._fields, {}) == []
+
+
+def test_a_number_out_of_its_range_is_seen_here():
+    estimator = hc.create_estimator(FILTER)
+    assert out_of_range(estimator._memory, estimator._fields, {}) == []
+    estimator._memory["fit"]["kind"] = 64
+    estimator._memory["delay"]["score"][0, 3] = np.nan
+    found = out_of_range(estimator._memory, estimator._fields, {})
+    assert [fault.split(":")[0] for fault in found] == ["fit.kind", "delay.score"]
+    with pytest.raises(ValueError, match=r"(kind|score) is not a"):
+        hc.create_estimator(FILTER).restore(estimator.state())
