@@ -58,12 +58,14 @@ def reset(settings: Any, bank: Any) -> None:
 @compiled
 def take_setting(settings: Any, bank: Any) -> None:
     """Take a delay that is given; with 'auto' the one in use stays until a better one is found."""
-    given = settings.channel_delay
-    if not math.isnan(given) and given != bank.delay.delay:
-        bank.delay.delay = given
-        bank.delay.deviation = 0.0
-        bank.delay.doubt = 0.0
+    given, finder = settings.channel_delay, bank.delay
+    if math.isnan(given):
+        return
+    if given != finder.delay:
         bank.held.first = bank.held.count
+    finder.delay = given
+    finder.deviation = 0.0
+    finder.doubt = 0.0
 
 
 @compiled

@@ -23,7 +23,7 @@ from hc_estimator.multiple_model import delay_evidence, delay_fit, delay_points,
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_points import count_of
 from hc_estimator.multiple_model.delay_rules import APART, CORRECTION, FAR, LEAD, RIVAL
-from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS
+from hc_estimator.multiple_model.records import CANDIDATES
 
 LEAST_CONTACT = 0.3  # share of a window that must be in contact
 FEWEST_IN_CONTACT = 12  # points of a window that must be
@@ -39,7 +39,6 @@ FIRST_STEPS = 6  # of a fit that begins anew
 STEPS = 3  # of one that goes on
 LARGEST = 0.0625  # delay that is looked for [s]
 LARGEST_NOISE = 0.3  # share of noise in the squares of the damping that K does not explain
-LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 LARGEST_MISFIT = 0.1  # of the RMS force that the fit may leave
 SMALLEST_DEVIATION = 0.02  # of a delay, in steps of the grid: what smoothing makes of a motion
 FINER = 0.6  # deviation of the delay in use, from which on another one is known better
@@ -97,14 +96,14 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
     _take_points(finder, sensor_noise)
     count = count_of(finder)
     if count >= FEWEST and finder.kept - finder.fitted >= NEW * count:
-        clear = _goes_both_ways(finder, count, False)
+        clear = delay_points.go_both_ways(finder, False)
         if clear:
             _fit(settings, finder, count)
-            clear = finder.varies == 0 or _goes_both_ways(finder, count, True)
+            clear = finder.varies == 0 or delay_points.go_both_ways(finder, True)
             clear = clear and _is_clear(finder, count)
         finder.fitted = finder.kept
         finder.clear = 1 if clear else 0
-    if finder.clear != 0 and (_leads(finder) or _is_finer(finder)):
+    if finder.clear != 0 and (_leads(settings, finder) or _is_finer(finder)):
         finder.delay = finder.found
         finder.deviation = finder.found_deviation
         finder.doubt = finder.deviation**2
@@ -287,7 +286,7 @@ def _is_clear(finder: Any, count: int) -> bool:
 
 
 @compiled
-def _leads(finder: Any) -> bool:
+def _leads(settings: Any, finder: Any) -> bool:
     """True if the delay that was found, which is clear, is far likelier than the one in use."""
     away, none = abs(finder.found - finder.delay), finder.delay == 0.0
     small, varies = away < finder.grid_step, finder.varies != 0 or finder.fits == 0
@@ -299,6 +298,8 @@ def _leads(finder: Any) -> bool:
     if used == finder.chosen and not none:
         return True
     ratio = finder.left[used] / finder.left[CANDIDATES]
+    if finder.varies == 0:
+        ratio = min(ratio, delay_fit.ratio_by_its_own(settings, finder, used))
     return bool(ratio > LEAST_RATIO and _weight(finder) * math.log(ratio) > LEAD)
 
 
@@ -319,12 +320,12 @@ def _find_zero(settings: Any, finder: Any) -> None:
         settings: settings record.
         finder: place, and what the slot CANDIDATES holds, are set.
     """
-    chosen, fine, centre = finder.chosen, CANDIDATES, CANDIDATES // 2
+    chosen, fine = finder.chosen, CANDIDATES
     finder.place = chosen + _step(finder, chosen)
     for i in range(4):
         finder.law[fine, i] = finder.law[chosen, i]
     for _ in range(BETWEEN):
-        base = min(max(math.floor(finder.place), centre - finder.reach), centre + finder.reach)
+        base = delay_fit.candidate_below(finder)
         delay_points.shift(finder, finder.place - base)
         delay_fit.improve(settings, finder, base, fine, fine, STEPS)
         step = _step(finder, fine)
@@ -379,27 +380,3 @@ def _weight(finder: Any) -> float:
         return 0.5 * VARIED * count
     ratio = max(finder.left[CANDIDATES] / count, 1.0)
     return 0.5 * count * ratio / (1.0 / INDEPENDENT + (ratio - 1.0) / ALIKE)  # type: ignore[no-any-return]
-
-
-@compiled
-def _goes_both_ways(finder: Any, count: int, each: bool) -> bool:
-    """True if the tool has gone deeper and back, neither five times as far as the other.
-
-    Args:
-        finder: with the points.
-        count: number of points.
-        each: True if it must have done so within the half seconds, which then have a surface each.
-    """
-    deeper, back, least, most = 0.0, 0.0, 0.0, 0.0
-    window = -1
-    for age in range(count):
-        k = (finder.kept - count + age) % DELAY_POINTS
-        if each and finder.point_window[k] != window:
-            least, most = least + min(deeper, back), most + max(deeper, back)
-            deeper, back = 0.0, 0.0
-            window = finder.point_window[k]
-        velocity = finder.point[k, CANDIDATES // 2, 2]
-        deeper += max(velocity, 0.0)
-        back += max(-velocity, 0.0)
-    least, most = least + min(deeper, back), most + max(deeper, back)
-    return bool(least > LEAST_BACK * most)

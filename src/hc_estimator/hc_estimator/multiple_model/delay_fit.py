@@ -23,6 +23,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import leading_cholesky
+from hc_estimator.multiple_model import delay_points
 from hc_estimator.multiple_model.delay_points import count_of
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, TEMPERED
@@ -314,6 +315,43 @@ def improve(settings: Any, finder: Any, j: int, slot: int, other: int, steps: in
             break
     finder.left[slot] = finder.squares
     _note_score(finder, slot)
+
+
+@compiled
+def ratio_by_its_own(settings: Any, finder: Any, j: int) -> float:
+    """Squares that a candidate leaves over those of the delay found, or of noise alone.
+
+    By the candidate's own weights: the more damping a law has, the more noise of the velocity
+    matters. In slow presses a delay tells the direction of motion from the depth, which has
+    next to no noise, and leaves less than noise does: the truth leaves as much as that.
+
+    Args:
+        settings: settings record.
+        finder: with the fits; weights and forces are changed.
+        j: candidate.
+    """
+    weigh(finder, j)
+    before = _left_of(settings, finder, j, 0.0, j)
+    base = candidate_below(finder)
+    after = _left_of(settings, finder, base, finder.place - base, CANDIDATES)
+    return before / max(after, count_of(finder))
+
+
+@compiled
+def candidate_below(finder: Any) -> int:
+    """Give the candidate at or below the delay found."""
+    centre, reach = CANDIDATES // 2, finder.reach
+    return min(max(math.floor(finder.place), centre - reach), centre + reach)  # type: ignore[no-any-return]
+
+
+@compiled
+def _left_of(settings: Any, finder: Any, j: int, share: float, slot: int) -> float:
+    """Squares that a law leaves at a candidate, or a share of a step above it."""
+    delay_points.shift(finder, share)
+    for i in range(4):
+        finder.trial[i] = finder.law[slot, i]
+    add_up(settings, finder, j, finder.trial)
+    return finder.squares  # type: ignore[no-any-return]
 
 
 @compiled

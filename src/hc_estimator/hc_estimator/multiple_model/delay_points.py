@@ -19,6 +19,7 @@ SLOWEST = 1e-3  # speed that is kept at least [mm/s]
 LEAST_FORCE = 0.02  # of the window's largest
 QUICK = 2.0  # squares between what is smoothed more and less, over those of their noise
 SURELY = 4.0  # variances of a force, beyond which a square is of more than the noise
+LEAST_BACK = 0.2  # of the way deeper that must have been gone back, or the other way round
 APART = 0.05  # time between two points that are kept [s]
 
 
@@ -139,3 +140,27 @@ def shift(finder: Any, share: float) -> None:
         forces = finder.point_forces[k]
         total = before * forces[0] + here * forces[1] + after * forces[2] + last * forces[3]
         finder.point_force[k, 0] = total
+
+
+@compiled
+def go_both_ways(finder: Any, each: bool) -> bool:
+    """True if the points go deeper and back, neither five times as far as the other.
+
+    Args:
+        finder: with the points.
+        each: True if they must do so within the half seconds, which then have a surface each.
+    """
+    count = count_of(finder)
+    deeper, back, least, most = 0.0, 0.0, 0.0, 0.0
+    window = -1
+    for age in range(count):
+        k = (finder.kept - count + age) % DELAY_POINTS
+        if each and finder.point_window[k] != window:
+            least, most = least + min(deeper, back), most + max(deeper, back)
+            deeper, back = 0.0, 0.0
+            window = finder.point_window[k]
+        velocity = finder.point[k, CANDIDATES // 2, 2]
+        deeper += max(velocity, 0.0)
+        back += max(-velocity, 0.0)
+    least, most = least + min(deeper, back), most + max(deeper, back)
+    return bool(least > LEAST_BACK * most)
