@@ -21,7 +21,6 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
 )
 from hc_estimator.multiple_model.report import VARIED_FOR
-from hc_estimator.multiple_model.zero_records import NONE
 
 _ROW = [DEPTH, VELOCITY, ACCELERATION, *range(FIRST_PARAMETER, LAST_PARAMETER)]
 """Where a row of the bank has the states of a plain filter, in their order."""
@@ -32,8 +31,8 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
     """Return state (7,) and covariance (7, 7) of the row that is given out.
 
     With what is given out beside it: tissue that varied may vary again, and zeros that were found
-    leave something open (`report`). The displacement is the reading, for nobody else knows of a
-    zero that was found.
+    or are doubted leave something open (`report`). The displacement is the reading, for nobody
+    else knows of a zero that was found.
     """
     judge = memory["judge"]
     place = FRESH if memory["change"]["leads"] else judge["chosen"]
@@ -48,8 +47,7 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
         spread = (np.array(other["state"]) - np.array(row["state"]))[_ROW]
         spread[:_FIRST_OF_TISSUE] = 0.0
         covariance += np.outer(spread, spread)
-    if memory["zeros"]["unknown"] != NONE:
-        covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += memory["zeros"]["doubt"]
+    covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += memory["zeros"]["doubt"]
     state = np.array(row["state"])[_ROW]
     state[0] += memory["onset"]["zero"][0]
     return state, covariance
