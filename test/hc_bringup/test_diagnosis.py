@@ -110,11 +110,14 @@ def test_noise_alone_is_no_tissue():
 
 
 def test_what_is_said_of_the_tissue_is_no_surer_than_the_surface():
-    """Regression: setup and doctor told K 1.6 % off with a deviation of 0.1 %."""
+    """Regression: setup and doctor told K 1.6 % off with a deviation of 0.1 %.
+
+    Where nothing is said of the surface the presses themselves give reason to doubt it.
+    """
     time_s, depth, force = presses()
     off_mm = 0.01  # as where the surface was found by pressing
     blind = diagnose(time_s, depth - off_mm, force).estimated
     knowing = diagnose(time_s, depth - off_mm, force, surface_std_mm=off_mm).estimated
     for i, true in ((0, 0.5), (2, 1.5)):
-        assert abs(blind.parameters[i] - true) > 5.0 * blind.deviations[i]
+        assert abs(blind.parameters[i] - true) < 2.0 * blind.deviations[i]
         assert abs(knowing.parameters[i] - true) < 2.0 * knowing.deviations[i]

@@ -138,7 +138,7 @@ GUESTS = {
     },
     "multiple_model/zero_fit": {
         "fit": "held values",
-        "onset": "doubted force_deviation position_deviation shift",
+        "onset": "force_deviation position_deviation shift",
     },
     "multiple_model/batch_fit": {
         "row": "active covariance log_likelihood model_error score state",
