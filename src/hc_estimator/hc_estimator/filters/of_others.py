@@ -31,19 +31,19 @@ def watched(name: str, run: Callable[..., None]) -> Callable[..., None]:
     """
     whose = f"filter {name} of {getattr(run, '__module__', 'another package')}"
 
+    def fault(what: str) -> FaultOfAnotherError:
+        return FaultOfAnotherError(
+            f"{whose} {what}; the suite is in order, ask whoever made the filter"
+        )
+
     def watched_run(settings: Any, memory: Any, particles: Any, samples: Any, rows: Any) -> None:
         try:
             run(settings, memory, particles, samples, rows)
         except Exception as error:
-            raise FaultOfAnotherError(
-                f"{whose} failed: {type(error).__name__}: {error}; the suite is in order, "
-                "ask whoever made the filter"
-            ) from error
+            raise fault(f"failed: {type(error).__name__}: {error}") from error
         what = _what_is_wrong(rows)
         if what:
-            raise FaultOfAnotherError(
-                f"{whose} gave {what}; the suite is in order, ask whoever made the filter"
-            )
+            raise fault(f"gave {what}")
 
     return watched_run
 
