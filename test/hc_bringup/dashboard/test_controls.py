@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rcl_interfaces.msg import ParameterType
 
 from hc_bringup.dashboard import controls as module
 from hc_bringup.dashboard.controls import ANSWER_S, READY_S, SETTLE_S, Controls
+from hc_bringup.dashboard.recording import Recording
 
 
 class Answer:
@@ -42,8 +45,8 @@ class Client:
 class ParameterClient:
     """A parameter client whose first answers to changes are lost, as before discovery is over."""
 
-    def __init__(self, lost: int) -> None:
-        self.lost = lost
+    def __init__(self, lost: int, kind: int = ParameterType.PARAMETER_DOUBLE) -> None:
+        self.lost, self.kind = lost, kind
         self.changes: list[list[Any]] = []
 
     def services_are_ready(self) -> bool:
@@ -51,7 +54,7 @@ class ParameterClient:
 
     def get_parameters(self, names: list[str]) -> Answer:
         answer = Answer()
-        answer.response = SimpleNamespace(values=[SimpleNamespace(type=3) for _ in names])
+        answer.response = SimpleNamespace(values=[SimpleNamespace(type=self.kind) for _ in names])
         return answer
 
     def set_parameters_atomically(self, messages: list[Any]) -> Answer:
@@ -127,3 +130,55 @@ def test_a_change_is_made_once_although_answers_are_lost(made: Any) -> None:
         made.clock.s += 0.2
     assert answer.result(0) == {"ok": True, "message": "stiffness = 0.33"}
     assert [len(messages) for messages in client.changes] == [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "value"),
+    [
+        (ParameterType.PARAMETER_DOUBLE_ARRAY, ["abc"]),
+        (ParameterType.PARAMETER_DOUBLE_ARRAY, [[1.0]]),
+        pytest.param(ParameterType.PARAMETER_DOUBLE, 10**400, id="huge-number"),
+        pytest.param(ParameterType.PARAMETER_INTEGER, 10**400, id="huge-whole"),
+        (ParameterType.PARAMETER_INTEGER, 2**63),
+        (ParameterType.PARAMETER_INTEGER, float("inf")),
+        (ParameterType.PARAMETER_BOOL, None),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_and_the_node_lives(
+    made: Any, kind: int, value: object
+) -> None:
+    client = ParameterClient(lost=0, kind=kind)
+    made.controls._parameter_clients["indenter"] = client
+    wanted = {"op": "set", "node": "indenter", "parameters": {"gain": value}}
+    answer = made.controls.request(wanted)
+    made.controls.tick()
+    assert not answer.result(0)["ok"]
+    assert not client.changes
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"op": "mark", "text": "\ud800"},
+        {"op": "set", "node": "indenter", "parameters": {"\ud800": 1}},
+        {"op": "set", "node": "indenter", "parameters": {"gain": "\ud800"}},
+    ],
+)
+def test_a_text_that_is_none_is_refused(made: Any, message: dict[str, Any]) -> None:
+    answer = made.controls.request(message)
+    made.controls.tick()
+    assert "is no text" in answer.result(0)["message"]
+
+
+@pytest.mark.parametrize("text", ["recorder: 5", "other:\n  ros__parameters: {a: 1}", "{", None])
+def test_a_recording_without_a_parameter_file_is_refused(
+    made: Any, tmp_path: Path, text: str | None
+) -> None:
+    file = tmp_path / "recorder.yaml"
+    if text is not None:
+        file.write_text(text)
+    made.controls._recording = Recording(tmp_path, lambda: file)
+    answer = made.controls.request({"op": "record", "on": True})
+    made.controls.tick()
+    assert not answer.result(0)["ok"]
+    assert "recorder.yaml" in answer.result(0)["message"]

@@ -184,7 +184,7 @@ def test_what_cannot_be_done_is_said_and_the_connection_lives(speak: Any, messag
         answer = await next_json(client)
         assert answer["op"] == "status"
         assert answer["level"] in (1, 2)
-        await client.send_json({"op": "getParameters", "parameterNames": [], "id": "all"})
+        await client.send_json({"op": "getParameters", "parameterNames": 5, "id": "all"})
         values = await next_json(client)
         assert values["id"] == "all"
         assert {p["name"] for p in values["parameters"]} == {"/estimator.gain", "/indenter.gain"}
@@ -233,6 +233,18 @@ def test_who_may_not_connect(speak: Any, path: str, headers: dict[str, str], sta
         assert refused.value.status == status
 
     run(job)
+
+
+def test_an_origin_that_is_no_text_is_refused_without_a_trace(
+    speak: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = speak()
+    host, port = served.host.rsplit(":", 1)
+    request = f"GET /foxglove?token={TOKEN} HTTP/1.1\r\nHost: {served.host}\r\nOrigin: http://"
+    with socket.create_connection((host, int(port)), timeout=20) as connection:
+        connection.sendall(request.encode() + b"\xff\xfe\r\n\r\n")
+        assert connection.recv(4096).split()[1] == b"403"
+    assert not caplog.records
 
 
 def test_who_may_connect(speak: Any) -> None:

@@ -109,7 +109,9 @@ def test_a_request_that_the_browser_calls_cross_site_is_refused(serve: Serve, to
     run(job)
 
 
-@pytest.mark.parametrize("wrong", ["", "x", "token-of-the-tesT", None, 7, ["token-of-the-test"]])
+@pytest.mark.parametrize(
+    "wrong", ["", "x", "\ud800", "token-of-the-tesT", None, 7, ["token-of-the-test"]]
+)
 def test_a_wrong_token_is_refused(serve: Serve, wrong: object) -> None:
     served = serve()
 
@@ -148,6 +150,20 @@ def test_bodies_that_are_no_token(serve: Serve, body: bytes) -> None:
         assert large.status == 413
 
     run(job)
+
+
+def test_a_cookie_that_is_no_text_is_refused_without_a_trace(
+    serve: Serve, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = serve()
+    request = (
+        f"GET /ws HTTP/1.1\r\nHost: {served.host}\r\nOrigin: {served.origin}\r\n"
+        f"Cookie: hc_dashboard_{served.port}="
+    )
+    with socket.create_connection(("127.0.0.1", served.port), timeout=20) as connection:
+        connection.sendall(request.encode() + b"\xff\xfe\r\n\r\n")
+        assert connection.recv(4096).split()[1] == b"401"
+    assert not caplog.records
 
 
 def test_paths_lead_nowhere_else(serve: Serve) -> None:

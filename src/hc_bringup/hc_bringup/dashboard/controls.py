@@ -8,6 +8,7 @@ never hangs.
 from __future__ import annotations
 
 import concurrent.futures
+import json
 import queue
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -23,6 +24,7 @@ from std_srvs.srv import Trigger
 
 from hc_bringup.dashboard.feed import Feed
 from hc_bringup.dashboard.recording import Recording
+from hc_bringup.errors import UserError
 from hc_msgs_py.conversion import LONGEST_REASON, fill_event
 from hc_msgs_py.qos import CONFIGURATION_QOS
 from hc_msgs_py.topics import EVENTS, NODE_ESTIMATOR, NODE_INDENTER
@@ -83,13 +85,14 @@ class Controls:
             message, future = self._queue.get()
             try:
                 self._serve(message, future)
-            except WrongRequestError as error:
+            except (WrongRequestError, UserError) as error:
                 _finish(future, {"ok": False, "message": str(error)})
         for service in self._triggers:
             self._settled(service)
         self._pending = [pending for pending in self._pending if not pending.look()]
 
     def _serve(self, message: dict[str, Any], future: concurrent.futures.Future[Answer]) -> None:
+        _check_texts(message)
         operation = message.get("op")
         if operation == "settings":
             self._settings(_node_name(message), future)
@@ -173,7 +176,7 @@ class Controls:
                     Parameter(key, value=_converted(key, parameters[key], old)).to_parameter_msg()
                     for key, old in zip(names, response.values, strict=True)
                 ]
-            except (WrongRequestError, TypeError) as error:
+            except (WrongRequestError, TypeError, ValueError, OverflowError) as error:
                 _finish(future, {"ok": False, "message": str(error)})
                 return
             late = f"node {name} does not answer; it may still do what was asked"
@@ -310,6 +313,18 @@ def _finish(future: concurrent.futures.Future[Answer], answer: Answer) -> None:
         future.set_result(answer)
 
 
+def _check_texts(message: Mapping[str, Any]) -> None:
+    """See that what a page sent can be sent on: JSON knows texts that are no characters (a lone surrogate).
+
+    Raises:
+        WrongRequestError: if it cannot.
+    """
+    try:
+        json.dumps(message, ensure_ascii=False).encode()
+    except (UnicodeEncodeError, RecursionError):
+        raise WrongRequestError("no such request: a text in it is no text") from None
+
+
 def _node_name(message: Mapping[str, Any]) -> str:
     name = message.get("node", NODE_ESTIMATOR)
     if name not in (NODE_ESTIMATOR, NODE_INDENTER):
@@ -366,6 +381,8 @@ def _converted(name: str, value: Any, old: Any) -> Any:
     if kind == ParameterType.PARAMETER_BOOL and isinstance(value, bool):
         return value
     if kind == ParameterType.PARAMETER_INTEGER and number and float(value).is_integer():
+        if not -(2**63) <= int(value) < 2**63:
+            raise WrongRequestError(f"{name}: {float(value):g} is too large")
         return int(value)
     if kind == ParameterType.PARAMETER_DOUBLE and number:
         return float(value)

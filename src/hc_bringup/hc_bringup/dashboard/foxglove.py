@@ -251,7 +251,8 @@ class FoxgloveServer:
         client.put_text({"op": "status", "level": level, "message": text})
 
     async def _tell_parameters(self, client: _Client, content: dict[str, Any]) -> None:
-        names = content.get("parameterNames") or []
+        names = content.get("parameterNames")
+        names = names if isinstance(names, list) else []
         parameters = []
         answers = await asyncio.gather(
             *(

@@ -9,9 +9,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 
-from hc_bringup.parameter_file import read_yaml
+from hc_bringup.commands.run import file_parameters
+from hc_bringup.parameter_file import check_parameter_file
 from hc_bringup.plan import NodePlan
 from hc_bringup.processes import NodeProcess, describe_exit
+from hc_msgs_py.topics import NODE_RECORDER
 
 NODE_NAME: Final = "dashboard_recorder"
 STOP_TIMEOUT_S: Final = 5.0
@@ -47,6 +49,7 @@ class Recording:
 
         Raises:
             OSError: if that is not possible; the text says why.
+            UserError: if the recorder's parameter file is none.
         """
         self._look()
         if self._process is not None:
@@ -55,12 +58,12 @@ class Recording:
         bag = (self._folder / f"page_{datetime.now():%Y%m%d_%H%M%S}").absolute()
         if bag.exists():
             raise OSError(f"{bag} exists already: wait a second")
-        self._output = tempfile.TemporaryDirectory(prefix="hc_dashboard_")
         plan = NodePlan(
             NODE_NAME,
             "hc_logger.recorder_node",
             parameters={**_parameters(self._parameter_file()), "output": str(bag)},
         )
+        self._output = tempfile.TemporaryDirectory(prefix="hc_dashboard_")
         self._process = NodeProcess(plan, Path(self._output.name))
         self._bag, self._since, self._failure = bag, time.monotonic(), ""
         return f"recording into {bag}"
@@ -100,6 +103,10 @@ class Recording:
 
 
 def _parameters(path: Path) -> dict[str, Any]:
-    """Return what the recorder's parameter file says: this recorder has another name."""
-    content = read_yaml(path)
-    return dict(content["recorder"]["ros__parameters"])
+    """Return what the recorder's parameter file says: this recorder has another name.
+
+    Raises:
+        UserError: if it says nothing of a recorder.
+    """
+    check_parameter_file(path, NODE_RECORDER)
+    return file_parameters(NodePlan(NODE_RECORDER, "", parameter_files=(path,)))

@@ -51,6 +51,11 @@ def content_security_policy(host: str) -> str:
     )
 
 
+def _bytes_of(text: str) -> bytes:
+    """Return what a request says as bytes; it may hold what is no character (a lone surrogate)."""
+    return text.encode("utf-8", "surrogatepass")
+
+
 class RefusedError(Exception):
     """Why a request is refused, with its HTTP status."""
 
@@ -151,7 +156,7 @@ class Gate:
         """
         if self._wrong.full():
             raise RefusedError(429, "too many wrong tokens: wait a minute")
-        if not isinstance(token, str) or not hmac.compare_digest(token.encode(), self._token):
+        if not isinstance(token, str) or not hmac.compare_digest(_bytes_of(token), self._token):
             self._wrong.note()
             raise RefusedError(403, "this is not the token of the address")
 
@@ -169,7 +174,7 @@ class Gate:
         Raises:
             RefusedError: if it is missing or unknown.
         """
-        given = cookies.get(name, "").encode()
+        given = _bytes_of(cookies.get(name, ""))
         # Compared with all of them, so that the time taken says nothing.
         known = [hmac.compare_digest(given, session.encode()) for session in self._sessions]
         if not any(known):

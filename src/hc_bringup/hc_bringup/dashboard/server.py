@@ -228,7 +228,8 @@ class DashboardServer:
                 self._gate.check_origin(request.headers, host, needed=needed)
             response = await handler(request)
         except RefusedError as error:
-            response = web.Response(status=error.status, text=f"{error}\n")
+            body = f"{error}\n".encode("utf-8", "backslashreplace")  # it may name what was sent
+            response = web.Response(status=error.status, body=body, content_type="text/plain")
         except web.HTTPException as error:
             response = web.Response(status=error.status, text=f"{error.reason}\n")
         if not response.prepared:
@@ -318,7 +319,9 @@ class DashboardServer:
                 frame = encode_frame(ROWS, self._history.epoch, first, rows, answer=True)
                 viewer.outbox.put_answer(frame)
             return
-        spawn(_wait_for(self._backend.request(content), viewer.outbox, content.get("id")))
+        number = content.get("id")
+        number = number if isinstance(number, (int, str)) else None
+        spawn(_wait_for(self._backend.request(content), viewer.outbox, number))
 
 
 class _NotOfPeers(logging.Filter):
