@@ -174,6 +174,40 @@ def test_words_for_losses(make_run: MakeRun) -> None:
     assert any(text.startswith("4 samples were refused") for text in words)
 
 
+def test_sequence_numbers_that_do_not_count_are_no_losses(make_run: MakeRun) -> None:
+    """Regression: of sources without a counter the report told millions of missing samples."""
+    data = make_run(seconds=3.0)
+    data.estimates["sequence"] = np.random.default_rng(1).integers(0, 2**40, len(data.time_s))
+    assert not [text for text in said(data) if "missing" in text]
+    data.estimates["sequence"] = np.arange(len(data.time_s))
+    data.estimates["sequence"][700:] += 2_000_000
+    assert not [text for text in said(data) if "missing" in text]
+
+
+def test_contact_of_which_nothing_could_be_used(make_run: MakeRun) -> None:
+    """Regression: an index that is not there, and no report."""
+    data = make_run(seconds=3.0)
+    data.estimates["contact"] = True
+    data.estimates["rejected"] = 3
+    words = said(data)
+    assert words[0] == "No sample in contact could be used: nothing can be said."
+    assert words[0] in run_page(data, ["hc", "report"])
+
+
+def test_a_truth_that_was_not_recorded_is_no_error(make_run: MakeRun) -> None:
+    """Regression: where the rig's truth was lost on its way, K counted as outside."""
+    data = make_run(seconds=8.0)
+    (before,) = [text for text in said(data) if text.startswith("The true K lies within 3")]
+    data.truth[::2] = np.nan
+    data.truth[-1] = np.nan
+    (after,) = [text for text in said(data) if text.startswith("The true K lies within 3")]
+    share = [float(re.search(r"in (\d+) %", text).group(1)) for text in (before, after)]
+    assert share[1] == pytest.approx(share[0], abs=2.0)
+    assert "nan" not in run_page(data, ["hc", "report"]).split("<script", maxsplit=1)[0]
+    data.truth[:] = np.nan
+    assert not [text for text in said(data) if text.startswith("The true K")]
+
+
 @pytest.mark.parametrize("seconds", [0.01, 0.4, 3.0, 30.0])
 def test_rows_hold_the_estimates(make_run: MakeRun, seconds: float) -> None:
     data = make_run(seconds=seconds)

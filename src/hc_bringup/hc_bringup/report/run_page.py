@@ -185,7 +185,8 @@ def _parameter_table(data: RunData) -> str:
         row = [symbol, fixed(value, places), fixed(2.0 * deviation, places), unit, known]
         if data.truth is not None:
             true = data.truth[-1, i]
-            row += [fixed(true, places), f"{100 * (value / true - 1):+.2f} %"]
+            known = np.isfinite(true) and true != 0.0  # it may be missing: nobody waited for it
+            row += [fixed(true, places), f"{100 * (value / true - 1):+.2f} %" if known else "–"]
         rows.append(row)
     return table(head, rows, "numbers")
 
