@@ -1,6 +1,9 @@
 """Why a parameter was refused, in a user's words."""
 
+from types import SimpleNamespace
+
 import pytest
+from rclpy.parameter import Parameter
 
 from hc_bringup.commands import param
 
@@ -21,3 +24,58 @@ from hc_bringup.commands import param
 )
 def test_types_are_told_in_plain_words(reason, said):
     assert param._plain(reason) == said
+
+
+@pytest.mark.parametrize(
+    ("current", "given", "like"),
+    [
+        (1.5, 5, 5.0),
+        (1.5, True, True),
+        (2, 5, 5),
+        ([0.0, 0.0, -9.81], [0, 0, -9.81], [0.0, 0.0, -9.81]),
+        ([0.0], [1], [1.0]),
+        ([1, 2], [3, 4], [3, 4]),
+        (["a"], ["b"], ["b"]),
+        ("5", 5, 5),
+    ],
+)
+def test_whole_numbers_are_taken_for_what_the_parameter_has(current, given, like):
+    found = param._like(current, given)
+    assert found == like
+    assert repr(found) == repr(like)
+
+
+@pytest.mark.parametrize(
+    ("current", "typed", "sent"),
+    [
+        (0.5, "1e-3", 0.001),
+        (0.5, "5", 5.0),
+        ([0.0, 0.0, 1.0], "[0, 0, -9.81]", [0.0, 0.0, -9.81]),
+        ("ukf", "1e-3", "1e-3"),
+        (0.5, "auto", "auto"),
+    ],
+)
+def test_what_was_typed_reaches_the_node(current, typed, sent):
+    """Regression: to YAML 1e-3 and a list of whole and other numbers are texts."""
+    client = SimpleNamespace(
+        get_parameters=lambda _names: None,
+        set_parameters_atomically=lambda parameters: parameters,
+    )
+    got = []
+
+    class Graph:
+        def require_node(self, name):
+            return name
+
+        def parameter_client(self, _name):
+            return client
+
+        def call(self, send, what):
+            if what == "setting":
+                got.extend(send())
+                return SimpleNamespace(result=SimpleNamespace(successful=True))
+            message = Parameter("x", value=current).to_parameter_msg().value
+            return SimpleNamespace(values=[message])
+
+    assert param._set(Graph(), SimpleNamespace(node="n", name="x", value=typed)) == 0
+    assert got[0].value == sent

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.options import assignment
 from hc_bringup.parameter_file import read_yaml
 from hc_msgs_py.ros_yaml import dump_for_ros
 
@@ -101,6 +102,8 @@ def _set(graph: Any, arguments: argparse.Namespace) -> int:
     node_name, client = _connect(graph, arguments.node)
     current = _python(_value(graph, client, node_name, arguments.name))
     given = parameter_value_to_python(get_parameter_value(arguments.value))
+    if isinstance(given, str) and not isinstance(current, str):
+        given = assignment(f"{arguments.name}={arguments.value}")[1]  # 1e-3, [0, 0, -9.81]
     parameter = Parameter(arguments.name, value=_like(current, given))
     _set_atomically(graph, client, [parameter])
     print("Set parameter successful")
@@ -236,9 +239,12 @@ def _type_name(message: Any) -> str:
 
 
 def _like(current: Any, given: Any) -> Any:
-    """Return a whole number as a float where the parameter is one: `set window 5` shall work."""
+    """Return whole numbers as floats where the parameter has those: `set window 5` shall work."""
     if isinstance(current, float) and isinstance(given, int) and not isinstance(given, bool):
         return float(given)
+    if isinstance(current, list) and isinstance(given, list):
+        of_floats = all(isinstance(item, float) for item in current) and current
+        return [_like(0.0, item) for item in given] if of_floats else given
     return given
 
 
