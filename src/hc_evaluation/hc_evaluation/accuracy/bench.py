@@ -83,6 +83,6 @@ def target(name: str, value: float, low: float | None = None, high: float | None
 
 
 def worst(values: Iterable[float], high: bool = True) -> float:
-    """Largest of the values, or smallest."""
+    """Largest of the values, or smallest; NaN if one of them is (max() may pass it over)."""
     array = np.array(list(values), dtype=np.float64)
     return float(np.max(array) if high else np.min(array))

@@ -37,7 +37,7 @@ def defaults(bench: Bench) -> Result:
         misfit = part.runs(measure.quiet_run, DEFAULTS_MISFIT)
         row: Row = {
             "variation": name,
-            "ratio": worst(max(r["ratio"]) for r in quiet),
+            "ratio": worst(worst(r["ratio"]) for r in quiet),
             "nees_low": worst((r["nees"] for r in quiet), False),
             "nees_high": worst(r["nees"] for r in quiet),
             "nis_low": worst((r["nis"] for r in quiet), False),
@@ -76,7 +76,7 @@ def filters(bench: Bench) -> Result:
         hardest = int(np.argmax(np.max(errors, axis=1)))
         lost = np.mean(
             [
-                np.max([runs[f"relative_{i}"] for i in range(4)], axis=0) > measure.TOLERANCE
+                ~(np.max([runs[f"relative_{i}"] for i in range(4)], axis=0) <= measure.TOLERANCE)
                 for runs in groups
             ]
         )

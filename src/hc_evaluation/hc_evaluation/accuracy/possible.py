@@ -111,7 +111,7 @@ def force_factors(readings: Readings, series: Any) -> tuple[float, float]:
     inside = np.zeros(time.size, np.bool_)
     inside[1:] = enough[:-1] & usable[1:] & (displacement[1:] <= deepest[:-1])
     predicted = np.abs(series.force_predicted)
-    judged = inside & np.isfinite(predicted)
+    judged = inside & ~np.isnan(predicted)  # an infinite force is foretold, and is impossible
     one_step = float(np.max(predicted[judged] / np.maximum(largest[judged], 1e-9), initial=0.0))
     # Differences of noisy readings are no speed that was felt.
     _, velocity = smooth_motion(displacement, 1.0 / step)
@@ -145,7 +145,7 @@ def ratios_to_held(readings: Readings, series: Any) -> tuple[float, float]:
     predicted = np.abs(force - series.force_predicted)[1:]
     held = np.abs(np.diff(force))
     window = np.floor((time[1:] - time[0]) / WINDOW_S).astype(int)
-    judged = (window > 0) & np.isfinite(predicted) & np.isfinite(held)
+    judged = (window > 0) & ~np.isnan(predicted) & np.isfinite(held)
     if not np.any(judged):
         return float("nan"), float("nan")
 

@@ -86,8 +86,11 @@ def random_separation(seed: int) -> Scenario:
 def separation(bench: Bench) -> Result:
     """Contacts that are lost."""
     rows = quiet_rows(SEPARATIONS, bench.runs(measure.quiet_run, SEPARATIONS))
-    drawn = [random_separation(bench.first_seed + seed) for seed in range(bench.seeds)]
-    runs = bench.spread(measure.quiet_run, [Task(bench.setup, s, bench.first_seed) for s in drawn])
+    seeds = range(bench.first_seed, bench.first_seed + bench.seeds)
+    drawn = [random_separation(seed) for seed in seeds]
+    # Each with its own noise: errors of runs with the same noise go the same way.
+    tasks = [Task(bench.setup, s, seed) for s, seed in zip(drawn, seeds, strict=True)]
+    runs = bench.spread(measure.quiet_run, tasks)
     columns = {key: np.array([run[key] for run in runs]) for key in runs[0]}
     rows += quiet_rows([replace(drawn[0], name="random")], [columns])
     # Every one of these is another scenario: each error counts in its own bounds.
@@ -101,7 +104,7 @@ def separation(bench: Bench) -> Result:
     targets = [
         target(
             "largest RMS error at 10 s over its bound",
-            worst(max(row["ratio"]) for row in rows),
+            worst(worst(row["ratio"]) for row in rows),
             high=1.5,
         ),
         target("smallest mean NEES", worst((row["nees"] for row in rows), False), low=2.5),

@@ -28,7 +28,7 @@ def tissues(bench: Bench) -> Result:
     targets = [
         target(
             "largest RMS error at 10 s over its bound",
-            worst(max(row["ratio"]) for row in rows),
+            worst(worst(row["ratio"]) for row in rows),
             high=1.5,
         ),
         target("smallest mean NEES", worst((row["nees"] for row in rows), False), low=2.5),
@@ -159,7 +159,7 @@ def excitation(bench: Bench) -> Result:
     targets = [
         target("largest mean NEES", worst(r["nees"] for r in rows), high=9.0),
         target("drift in free motion", worst(r["free_drift"] for r in rows), high=1e-6),
-        target("identifiability in free motion", max(free["identifiability"]), high=1e-3),
+        target("identifiability in free motion", worst(free["identifiability"]), high=1e-3),
         target("changes called", float(sum(r["changes"] for r in rows)), high=0.0),
     ]
     return {"rows": rows, "targets": targets}
@@ -167,10 +167,10 @@ def excitation(bench: Bench) -> Result:
 
 def random(bench: Bench) -> Result:
     """Everything drawn at random."""
-    scenarios = [
-        catalogue.random_scenario(bench.first_seed + i) for i in range(RANDOM_RUNS * bench.seeds)
-    ]
-    tasks = [Task(bench.setup, scenario, bench.first_seed) for scenario in scenarios]
+    seeds = range(bench.first_seed, bench.first_seed + RANDOM_RUNS * bench.seeds)
+    scenarios = [catalogue.random_scenario(seed) for seed in seeds]
+    # Each with its own noise: errors of runs with the same noise go the same way.
+    tasks = [Task(bench.setup, s, seed) for s, seed in zip(scenarios, seeds, strict=True)]
     runs = bench.spread(measure.quiet_run, tasks)
     rates = sorted({scenario.rate_hz for scenario in scenarios})
     rows: list[Row] = []
@@ -189,9 +189,9 @@ def random(bench: Bench) -> Result:
                 "rate": "all" if rate is None else f"{rate:.0f} Hz",
                 "runs": len(chosen),
                 "rms_ratio": np.sqrt(np.median(ratios**2, axis=0) / CHI_SQUARE_MEDIAN).tolist(),
-                "far": float(np.mean(np.max(ratios, axis=1) > FAR)),
+                "far": float(np.mean(~(np.max(ratios, axis=1) <= FAR))),
                 "nees": float(np.median(consistency)),
-                "nees_high": float(np.mean(consistency > DISHONEST)),
+                "nees_high": float(np.mean(~(consistency <= DISHONEST))),
                 "nis": float(np.mean([r["nis"] for r in chosen])),
                 "within": float(np.nanmean([r["within"] for r in chosen])),
                 "changes": float(np.sum([r["changes"] for r in chosen])),
@@ -201,7 +201,7 @@ def random(bench: Bench) -> Result:
         )
     every = rows[-1]
     targets = [
-        target("largest typical error over its bound", max(every["rms_ratio"]), high=1.5),
+        target("largest typical error over its bound", worst(every["rms_ratio"]), high=1.5),
         target("share of runs with an error beyond 4 bounds", every["far"], high=0.05),
         target("median NEES", every["nees"], 2.5, 6.0),
         target("mean NIS", every["nis"], 1.6, 2.4),
