@@ -78,6 +78,8 @@ def test_help_needs_neither_ros_nor_numba() -> None:
         (["simulate", "no-scenario", "-o", "x.csv"], "no-scenario"),
         (["simulate", "palpaton_scan", "-o", "x.csv"], "(did you mean palpation_scan?)"),
         (["simulate", "multisine"], "with -o"),
+        (["simulate", "multisine", "-o", "x.csv", "--seed", "9223372036854775808"], "larger than"),
+        (["simulate", "multisine", "-o", "x.csv", "--seed", "1e30"], "larger than"),
         (["param", "get", "estimator"], "required"),
     ],
 )
@@ -177,6 +179,10 @@ def test_estimate_writes_the_columns_of_the_design_and_never_overwrites(
         (["--param", "initial_stiffness=-1"], "initial_stiffness"),
         (["--param", "initial_stiffness=word"], "initial_stiffness"),
         (["--param", "filter=ukf"], "option of its own"),
+        (["--param", "initial_stiffness=1", "--param", "initial_stiffness=2"], "given twice"),
+        (["--input", "force.zero=1", "--input", "force.zero=2"], "given twice"),
+        (["--input", f"force.zero=1{'0' * 400}"], "is not a number"),
+        (["--input", "force.zero=.nan"], "is not a number"),
     ],
 )
 def test_estimate_refuses_wrong_settings_in_one_line(

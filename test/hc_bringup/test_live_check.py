@@ -2,12 +2,14 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from hc_bringup import live_check
 from hc_bringup.diagnosis import Finding
 from hc_bringup.errors import UserError
 from hc_msgs_py.background import STARTING
+from hc_msgs_py.wire_arrays import SamplesEncoder
 
 
 @pytest.mark.parametrize(
@@ -48,3 +50,27 @@ def test_what_the_node_says_as_well_is_said_once():
     assert [f.what for f in kept] == [f"{live_check.NODE_SAYS}{crowd}", own.what]
     assert live_check.said_once([alone, own]) == [own]
     assert live_check.said_once([alone]) == [alone]
+
+
+def test_samples_in_arrays_are_heard_too():
+    """Regression: of `hc run` at 4 kHz the doctor heard no sample."""
+    listens = {}
+
+    class Node:
+        def create_subscription(self, kind, topic, take, _qos, raw=False):
+            listens[topic] = (kind.__name__, take, raw)
+
+    samples = []
+    graph = SimpleNamespace(node=Node())
+    live_check._subscribe_samples(graph, "/indenter/samples", samples)
+    live_check._subscribe_samples(graph, "/indenter/sample", samples)
+    assert listens["/indenter/sample"][0] == "IndenterSample"
+    kind, take, raw = listens["/indenter/samples"]
+    assert (kind, raw) == ("IndenterSamples", True)
+    stamps = 1_700_000_000_000_000_000 + np.arange(3) * 250_000
+    take(SamplesEncoder().encode(stamps, 7, [1.0, 2.0, np.nan], [0.1, np.nan, 0.3]))
+    take(b"no message")
+    assert [s.stamp_ns for s in samples] == stamps.tolist()
+    assert [s.sequence for s in samples] == [7, 8, 9]
+    np.testing.assert_allclose([s.displacement_mm for s in samples], [1.0, 2.0, np.nan])
+    np.testing.assert_array_equal([s.force_n for s in samples], [0.1, np.nan, 0.3])

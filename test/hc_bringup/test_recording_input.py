@@ -280,3 +280,48 @@ def test_a_bag_is_estimated_with_the_doubt_of_the_surface_that_its_estimator_was
     found = dataclasses.replace(doubtful, contact_position_std_mm=0.004)  # looked for in the bag
     found.__dict__["configurations"] = [told]
     assert found.surface_std_mm == 0.004
+
+
+def test_how_a_csv_is_written_says_nothing_of_a_bag(capsys, tmp_path: Path) -> None:
+    """Regression: --rate, --units and so on were taken for a bag, and did nothing."""
+    preset = tmp_path / "preset.yaml"
+    preset.write_text("separator: tab\n")
+    for words, option in (
+        (["--rate", "500"], "--rate"),
+        (["--units", "force=mN"], "--units"),
+        (["--header-lines", "2"], "--header-lines"),
+        (["--preset", str(preset)], "--separator"),
+    ):
+        assert main(["estimate", str(EXAMPLE), *words]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        assert f"{option} is for a CSV file" in error
+    target = str(tmp_path / "out.csv")
+    assert main(["bag", "convert", str(EXAMPLE), target, "--rate", "500"]) == 2
+    assert "--rate is for a CSV file" in capsys.readouterr().err
+    (tmp_path / "in.csv").write_text("time_s,displacement_mm,force_N\n0,1,2\n")
+    words = ["bag", "convert", str(tmp_path / "in.csv"), str(tmp_path / "bag"), "--topic", "x"]
+    assert main(words) == 2
+    assert "--topic is for a bag" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("decimal: ';'", "a point or a comma"),
+        ("rate: -5", "a number > 0"),
+        ("rate: .inf", "a number > 0"),
+        ("rate: .nan", "a number > 0"),
+        ("header_lines: -1", "a whole number >= 0"),
+        ("find_surface: 'no'", "true or false"),
+    ],
+)
+def test_a_preset_says_what_the_option_may(press_table, tmp_path, capsys, text, says) -> None:
+    """Regression: a rate of -5 was one, and find_surface: 'no' looked for it."""
+    preset = tmp_path / "preset.yaml"
+    preset.write_text(f"{text}\n")
+    table = press_table("table.csv", lambda t, d, f: (t, d, f))
+    assert main(["estimate", str(table), "--preset", str(preset)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert says in error

@@ -99,6 +99,19 @@ def test_a_busy_estimator_lets_a_replay_wait(tmp_path: Path, given: int | None) 
     assert estimator.parameters["input.maximum_backlog"] == (given or LARGEST_BACKLOG)
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--filter", "ukf", "--param", "filter=ekf"],
+        ["--param", "initial_stiffness=1", "--param", "initial_stiffness=2"],
+    ],
+)
+def test_what_is_given_twice_is_refused(tmp_path: Path, words: list[str]) -> None:
+    bag = write_bag(tmp_path / "bag", arrays=True)
+    with pytest.raises(UserError, match="given twice"):
+        plan_of(str(bag), *words)
+
+
 def test_what_is_no_bag_is_said_before_anything_starts(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(UserError, match="empty"):

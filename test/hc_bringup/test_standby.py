@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from hc_bringup.plan import NodePlan
-from hc_bringup.processes import NodeProcess, end_all
+from hc_bringup.processes import NodeProcess, describe_exit, end_all
 from hc_msgs_py.node_processes import Processes
 
 NODE = """
@@ -134,3 +134,25 @@ def test_who_is_not_started_again_has_no_successor(children, tmp_path):
     process.stand_by()
     assert children() == {process.pid}
     end_all([process], asked=True)
+
+
+def test_what_a_node_used_before_it_was_started_again_counts(process):
+    """Regression: the use of the processor began anew, and was 0 % until it caught up."""
+    wait_for(lambda: process.cpu_s() > 0.02, "it uses nothing")
+    kill(process)
+    used = process.cpu_s()
+    process.respawn()
+    wait_for(lambda: process.cpu_s() > used, "what it used is forgotten")
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        (-9, "was ended by SIGKILL"),
+        (-40, "was ended by signal 40"),
+        (3, "ended with exit status 3"),
+    ],
+)
+def test_every_exit_status_has_words(status, said):
+    """Regression: a real-time signal has no name, and was an internal error."""
+    assert describe_exit(status) == said

@@ -6,6 +6,8 @@ The keys are the options themselves; what is given on the command line goes befo
 from __future__ import annotations
 
 import argparse
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +17,17 @@ from hc_msgs_py.nearest import hint
 
 OF_THE_FILE: dict[str, tuple[tuple[type, ...], str]] = {
     "separator": ((str,), "a word"),
-    "decimal": ((str,), "a word"),
-    "header_lines": ((int,), "a whole number"),
+    "decimal": ((str,), "a point or a comma"),
+    "header_lines": ((int,), "a whole number >= 0"),
     "encoding": ((str,), "a word"),
-    "rate": ((int, float), "a number"),
+    "rate": ((int, float), "a number > 0"),
 }
+_USABLE: dict[str, Callable[[Any], bool]] = {
+    "decimal": lambda value: value in (".", ","),
+    "header_lines": lambda value: value >= 0,
+    "rate": lambda value: 0.0 < value <= sys.float_info.max,
+}
+"""Values of the right type that an option takes; of the others any that is not empty."""
 CSV_OPTIONS = ("columns", "units", *OF_THE_FILE)
 """Options that say how a text file is written: whoever repeats a command line repeats them all."""
 KEYS = (*CSV_OPTIONS, "input", "find_surface")
@@ -45,7 +53,7 @@ def apply(arguments: argparse.Namespace) -> None:
         value = content.get(key)
         if value is None:
             continue
-        if type(value) not in kinds or (kinds == (int,) and value < 0):
+        if not (type(value) in kinds and _USABLE.get(key, bool)(value)):
             raise UserError(f"--preset {path}: {key}: {value} is not {called}", WRONG_USE)
         if getattr(arguments, key) is None:
             setattr(arguments, key, value)
@@ -55,7 +63,10 @@ def apply(arguments: argparse.Namespace) -> None:
         *((name, value) for name, value in sensors.items() if name not in given),
         *arguments.sensors,
     ]
-    arguments.find_surface = bool(arguments.find_surface or content.get("find_surface", False))
+    finds = content.get("find_surface", False)
+    if not isinstance(finds, bool):
+        raise UserError(f"--preset {path}: find_surface: {finds} is not true or false", WRONG_USE)
+    arguments.find_surface = arguments.find_surface or finds
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
 from dataclasses import dataclass, field
@@ -21,10 +22,11 @@ from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_
 from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
 from hc_msgs_py.background import STARTING
-from hc_msgs_py.conversion import sample_from_message
+from hc_msgs_py.conversion import Sample, sample_from_message
 from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, SAMPLE_QOS
-from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, SAMPLE
+from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, SAMPLE, SAMPLES
 from hc_msgs_py.units import nanoseconds_from_stamp
+from hc_msgs_py.wire_arrays import SamplesDecoder
 
 LEAST_SAMPLES = 100
 NODE_SAYS = "the node says: "
@@ -61,11 +63,11 @@ def listen(node: str, seconds: float) -> Heard:
         KeyboardInterrupt: if a signal asks to end.
     """
     from diagnostic_msgs.msg import DiagnosticArray
-    from hc_msgs.msg import EstimatorEvent, IndenterSample
+    from hc_msgs.msg import EstimatorEvent
 
     heard = Heard()
     events: list[RecordedEvent] = []
-    samples: list[Any] = []
+    samples: list[Sample] = []
     statuses: list[Any] = []
     with Graph() as graph:
         name = graph.require_node(node)
@@ -73,12 +75,8 @@ def listen(node: str, seconds: float) -> Heard:
         namespace = name.rpartition("/")[0]
         heard.settings = input_settings(graph, name)
         heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
-        graph.node.create_subscription(
-            IndenterSample,
-            f"{namespace}/{SAMPLE}",
-            lambda message: samples.append(sample_from_message(message)),
-            SAMPLE_QOS,
-        )
+        topic = SAMPLES if heard.settings.get("source") == "samples" else SAMPLE
+        _subscribe_samples(graph, f"{namespace}/{topic}", samples)
         graph.node.create_subscription(
             DiagnosticArray,
             DIAGNOSTICS,
@@ -115,7 +113,7 @@ def listen(node: str, seconds: float) -> Heard:
         )
         heard.findings.append(
             Finding(
-                f"{len(samples)} samples in {seconds:g} s on {SAMPLE}: nothing to judge"
+                f"{len(samples)} samples in {seconds:g} s on {topic}: nothing to judge"
                 + (" (input.publish_samples is false)" if hidden else "")
             )
         )
@@ -137,6 +135,25 @@ def listen(node: str, seconds: float) -> Heard:
         rows[:, 2] -= heard.settings.get("force.zero", 0.0)
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
+
+
+def _subscribe_samples(graph: Graph, topic: str, samples: list[Sample]) -> None:
+    """Put the samples of a topic into a list: of indenter/samples several to a message."""
+    from hc_msgs.msg import IndenterSample, IndenterSamples
+
+    if not topic.endswith(f"/{SAMPLES}"):
+        graph.node.create_subscription(
+            IndenterSample, topic, lambda m: samples.append(sample_from_message(m)), SAMPLE_QOS
+        )
+        return
+    decoder = SamplesDecoder()
+
+    def take(data: bytes) -> None:
+        # What is no such message the node counts, and tells in its diagnostics.
+        with contextlib.suppress(ValueError):
+            samples.extend(map(Sample, *(column.tolist() for column in decoder.decode(data))))
+
+    graph.node.create_subscription(IndenterSamples, topic, take, SAMPLE_QOS, raw=True)
 
 
 def said_once(findings: list[Finding]) -> list[Finding]:

@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import math
 import re
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Final
 
+from hc_bringup.errors import WRONG_USE, UserError
 from hc_msgs_py.plain_yaml import PlainYamlError, load_plain_yaml
 
+LARGEST_WHOLE: Final = 2**63 - 1
+"""Of a parameter of ROS."""
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://(\[[0-9a-f:]+\]|[a-z0-9._-]+)(:[0-9]{1,5})?")
 
 
@@ -26,11 +30,15 @@ def positive(text: str) -> float:
 
 
 def natural(text: str) -> int:
-    """Parse a whole number >= 0."""
+    """Parse a whole number from 0 to that which a node takes at most."""
     value = _number(text, 0.0, "a whole number >= 0")
     if value != int(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number >= 0")
-    return int(value)
+    # Beyond 2^53 a float is another number than that which stands there.
+    whole = int(text) if text.strip().lstrip("+").isdigit() else int(value)
+    if whole > LARGEST_WHOLE:
+        raise argparse.ArgumentTypeError(f"{text!r} is larger than {LARGEST_WHOLE}")
+    return whole
 
 
 def port_number(text: str) -> int:
@@ -67,6 +75,24 @@ def assignment(text: str) -> tuple[str, Any]:
             return name, parsed
         return name, number if math.isfinite(number) else parsed
     return name, parsed
+
+
+def each_once(assignments: Iterable[tuple[str, Any]], option: str) -> dict[str, Any]:
+    """Return assignments by their names.
+
+    Args:
+        assignments: names and values, as `assignment` returns them.
+        option: that they were given with.
+
+    Raises:
+        UserError: if a name stands there twice: which of them was meant, nobody knows.
+    """
+    found: dict[str, Any] = {}
+    for name, value in assignments:
+        if name in found:
+            raise UserError(f"{option} {name} is given twice", WRONG_USE)
+        found[name] = value
+    return found
 
 
 def _number(text: str, minimum: float, what: str) -> float:

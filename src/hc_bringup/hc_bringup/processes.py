@@ -51,6 +51,7 @@ class NodeProcess:
         self._folder = folder
         self._output_path = folder / f"{plan.name}.log"
         self._cpu_s = 0.0
+        self._cpu_before_s = 0.0  # of the processes that this one took the place of
         self._successor: subprocess.Popen[bytes] | None = None
         self.ready = False
         self._process = self._started_as_usual()
@@ -118,6 +119,7 @@ class NodeProcess:
     def respawn(self) -> None:
         """Start the node again after it died: the successor that waits, if there is one."""
         self.ready = False
+        self._cpu_before_s = self._cpu_s
         self._process = self._succeeded() or self._started_as_usual()
 
     def _succeeded(self) -> subprocess.Popen[bytes] | None:
@@ -134,12 +136,15 @@ class NodeProcess:
         return successor
 
     def cpu_s(self) -> float:
-        """Return the processor time used so far; the last known one after its end."""
+        """Return the processor time used so far, also before it was started again.
+
+        After its end the last known one.
+        """
         try:
             fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
         except OSError:
             return self._cpu_s
-        self._cpu_s = (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
+        self._cpu_s = self._cpu_before_s + (int(fields[11]) + int(fields[12])) / _TICKS_PER_S
         return self._cpu_s
 
     def tail(self) -> str:
@@ -184,7 +189,11 @@ class NodeProcess:
 def describe_exit(status: int) -> str:
     """Say an exit status in words."""
     if status < 0:
-        return f"was ended by {signal.Signals(-status).name}"
+        known = -status in {number.value for number in signal.Signals}
+        name = (
+            signal.Signals(-status).name if known else f"signal {-status}"
+        )  # of the real-time ones
+        return f"was ended by {name}"
     return f"ended with exit status {status}"
 
 

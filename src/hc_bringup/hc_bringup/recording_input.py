@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import math
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment, natural, positive
+from hc_bringup.options import assignment, each_once, natural, positive
 from hc_msgs_py.units import NANOSECONDS
 
 ZEROS = ("force.zero", "position.zero")
@@ -175,6 +175,18 @@ def csv_options(arguments: argparse.Namespace) -> Any:
     )
 
 
+def refuse_csv_options(arguments: argparse.Namespace, recording: object) -> None:
+    """See that nothing is said of how a CSV file is written where there is none.
+
+    Raises:
+        UserError: if something is.
+    """
+    for name in file_preset.CSV_OPTIONS:
+        if getattr(arguments, name) is not None:
+            option = name.replace("_", "-")
+            raise UserError(f"--{option} is for a CSV file, and {recording} is none", WRONG_USE)
+
+
 def check(arguments: argparse.Namespace) -> None:
     """Check the options that say how a recording is read, before any is.
 
@@ -183,15 +195,20 @@ def check(arguments: argparse.Namespace) -> None:
     """
     file_preset.apply(arguments)
     csv_options(arguments)
-    for name, value in arguments.sensors:
+    for name, value in each_once(arguments.sensors, "--input").items():
         if name not in KIND_OF:
             raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
         if not _is(value, KIND_OF[name]):
             raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
 
 
-def load(arguments: argparse.Namespace) -> Any:
+def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     """Read the recording that the options name.
+
+    Args:
+        arguments: parsed options.
+        one_of_many: whether the options are for other recordings too: what they say of CSV files
+            is then for those of them that are.
 
     Returns:
         hc_logger.recorded.Recording, zeros taken off.
@@ -205,6 +222,8 @@ def load(arguments: argparse.Namespace) -> Any:
     check(arguments)
     sensors = dict(arguments.sensors)
     table = is_text(Path(arguments.input))
+    if not (table or one_of_many) and Path(arguments.input).exists():
+        refuse_csv_options(arguments, arguments.input)
     for name, value in sensors.items():
         if table and name not in OF_A_TABLE:
             raise UserError(
@@ -292,8 +311,11 @@ def _is(value: Any, kind: str) -> bool:
         return isinstance(value, str)
     if kind is _NUMBERS:
         return isinstance(value, list) and all(_is(item, _NUMBER) for item in value)
-    allowed = int if kind is _WHOLE else (int, float)
-    return isinstance(value, allowed) and not isinstance(value, bool) and math.isfinite(value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    if kind is _WHOLE and not isinstance(value, int):
+        return False
+    return abs(value) <= sys.float_info.max  # not of NaN; a whole number may be any size
 
 
 def _less_zeros(recording: Any, zeros: Mapping[str, float]) -> Any:

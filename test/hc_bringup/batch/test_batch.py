@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from hc_bringup import heartbeat
-from hc_bringup.batch import campaign, engines, sources
+from hc_bringup.batch import campaign, engines, software, sources
 from hc_bringup.batch.work import analyse, result_path
 from hc_bringup.cli import main
 from hc_bringup.progress import long_bar
@@ -320,3 +320,19 @@ def test_a_worker_with_other_software_is_refused(
     assert "other software" in told
     assert told.count("\n") == 1
     assert not list((tmp_path / "out").glob("results/*/*"))
+
+
+def test_the_filter_of_another_package_is_part_of_the_software(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Regression: --resume kept the results of a filter that had been changed since."""
+    file = tmp_path / "kernel.py"
+    monkeypatch.setattr(software, "sources_of", lambda group: [file] * (group == "hc.filters"))
+    stamps = []
+    for text in ("a = 1", "a = 2", "a = 1"):
+        file.write_text(text)
+        software.software_stamp.cache_clear()
+        stamps.append(software.software_stamp())
+    software.software_stamp.cache_clear()
+    assert stamps[0] != stamps[1]
+    assert stamps[0] == stamps[2]

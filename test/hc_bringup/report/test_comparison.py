@@ -144,8 +144,9 @@ def test_page_in_a_browser(
     page.run("HC.onZoom(1.0, 2.0)")
     assert page.run("return HC.comparison.charts[5].chart.plot.scales.x.max") == pytest.approx(2.0)
     page.resize(360, 900)
-    wide = page.run("return [document.documentElement.scrollWidth, innerWidth]")
-    assert wide[0] <= wide[1]
+    page.wait_for(
+        "document.documentElement.scrollWidth <= innerWidth"
+    )  # charts follow a frame later
     # A name that is squeezed to a letter a line is none.
     names = "document.querySelectorAll('.scores tbody td:first-child')"
     assert page.run(f"return Math.min(...[...{names}].map((e) => e.clientWidth))") >= 80
@@ -172,6 +173,11 @@ def test_command(
         (["--filter", "ukf", "--filter", "nope", "-o", other], "nope"),
         (["--filter", "ukf", "--filter", "ukf", "-o", other], "given twice"),
         (["--filter", "ukf", "--with", "ukf nonsense", "-o", other], "name=value"),
+        (["--filter", "ukf", "--with", "", "-o", other], "give a filter"),
+        (["--filter", "ukf", "--with", "ukf 'x", "-o", other], "No closing quotation"),
+        (["--filter", "ukf", "--with", "ukf filter=ekf", "-o", other], "give a filter"),
+        (["--filter", "ukf", "--with", "force_zero=1", "-o", other], "give a filter"),
+        (["--filter", "ukf", "--with", "ukf a=1 a=2", "-o", other], "given twice"),
         (["--filter", "ukf", "--with", "ukf stiffness_log_walk=-1", "-o", other], "from 0 to"),
         (["--recorded", "--recorded", "--filter", "ukf", "-o", other], "CSV"),
     ):

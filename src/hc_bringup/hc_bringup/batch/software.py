@@ -15,8 +15,11 @@ from pathlib import Path
 from typing import Final
 
 from hc_estimator import __version__
+from hc_msgs_py.entry_points import sources_of
 
 _PACKAGES: Final = ("hc_msgs_py", "hc_estimator", "hc_logger", "hc_bringup")
+_OF_OTHERS: Final = ("hc.filters", "hc.contact_laws")
+"""Entry points of other packages: their filters and laws make numbers too."""
 _LIBRARIES: Final = ("numpy", "scipy", "numba", "mcap", "rosbags")
 
 
@@ -28,6 +31,10 @@ def software_stamp() -> str:
         root = Path(str(importlib.import_module(package).__file__)).parent
         for path in sorted(root.rglob("*.py")):
             digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+    for group in _OF_OTHERS:
+        for path in sorted(set(sources_of(group))):
+            digest.update(f"{group}/{path.parent.name}/{path.name}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
     for name, version in software_versions().items():
         digest.update(f"{name} {version}\n".encode())

@@ -231,7 +231,7 @@ def _read(task: Task) -> tuple[Any, str, bool]:
     arguments = argparse.Namespace(**vars(task.arguments))
     arguments.input = str(task.path)
     try:
-        return recording_input.load(arguments), "", False
+        return recording_input.load(arguments, one_of_many=True), "", False
     except UserError as error:
         return None, _about(task, str(error)), False
     except MemoryError:

@@ -162,6 +162,10 @@ def _convert(arguments: argparse.Namespace) -> int:
     source, target = Path(arguments.source), Path(arguments.target)
     to_csv = target.suffix.lower() == ".csv"
     from_csv = is_text(source) and not source.is_dir()
+    if from_csv and arguments.topic:
+        raise UserError("--topic is for a bag: a CSV file has none", WRONG_USE)
+    if not from_csv and source.exists():
+        recording_input.refuse_csv_options(arguments, source)
     reader = CsvReader(source, recording_input.csv_options(arguments)) if from_csv else None
     what = "samples"
     problems: list[str] = []

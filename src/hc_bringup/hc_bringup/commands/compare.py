@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment
+from hc_bringup.options import assignment, each_once
 
 HELP = "run recordings through several filters or settings and compare them on one page"
 COMPILES = True
@@ -97,14 +97,16 @@ def _variants(arguments: argparse.Namespace) -> list[Any]:
     """
     from hc_bringup.report.comparison import Variant
 
-    common = dict(arguments.param)
+    common = each_once(arguments.param, "--param")
     variants = [Variant(name, name, common) for name in arguments.filters]
     for text in arguments.variants:
-        name, *words = shlex.split(text)
         try:
-            own = dict(assignment(word) for word in words)
-        except argparse.ArgumentTypeError as error:
+            name, *words = shlex.split(text) or [""]
+            own = each_once(map(assignment, words), f"--with {text!r}:")
+        except (ValueError, argparse.ArgumentTypeError) as error:
             raise UserError(f"--with {text!r}: {error}", WRONG_USE) from error
+        if not name or "=" in name or "filter" in own:
+            raise UserError(f"--with {text!r}: give a filter, then NAME=VALUE ...", WRONG_USE)
         variants.append(Variant(" ".join((name, *words)), name, common | own))
     if arguments.recorded:
         variants.append(Variant("recorded", "", {}))

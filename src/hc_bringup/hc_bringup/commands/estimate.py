@@ -13,6 +13,7 @@ from typing import Any
 
 from hc_bringup import recording_input
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.options import each_once
 from hc_bringup.wrapping import say
 
 HELP = "run an estimator over a recording (CSV or bag) and print the parameters"
@@ -182,7 +183,7 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
-    parameters: dict[str, Any] = dict(arguments.param)
+    parameters = each_once(arguments.param, "--param")
     clash = sorted(set(given) & set(parameters)) or sorted({"filter"} & set(parameters))
     if clash:
         raise UserError(f"give {clash[0]} as an option of its own, not with --param", WRONG_USE)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_bringup.options import assignment, positive, seconds
+from hc_bringup.options import assignment, each_once, positive, seconds
 
 HEARTBEAT = True
 HELP = "publish a bag again with its timing, beside a fresh estimator if asked"
@@ -99,10 +99,9 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
             f"{arguments.input} is a table in text: make a bag of it first with hc bag convert",
             WRONG_USE,
         )
-    settings = dict(arguments.param)
-    for name in ("filter", "state_space"):
-        if getattr(arguments, name) is not None:
-            settings[name] = getattr(arguments, name)
+    chosen = ((name, getattr(arguments, name)) for name in ("filter", "state_space"))
+    options = [(name, value) for name, value in chosen if value is not None]
+    settings = each_once([*options, *arguments.param], "--param")
     with_estimator = arguments.estimator or bool(settings)
     file = config_folder() / "estimator.yaml"
     kinds = _types_of(source)

@@ -142,6 +142,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     Raises:
         UserError: if the readings do not show it.
     """
+    from hc_bringup.commands.doctor import apply
     from hc_bringup.diagnosis import diagnose, estimate_lines
     from hc_bringup.guided_setup import FINDING
     from hc_bringup.recording_input import assumed_line
@@ -159,8 +160,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     )
     heartbeat.nothing()
     corrections: dict[str, Any] = {}
-    for finding in diagnosis.findings:
-        corrections |= finding.settings
+    for finding in diagnosis.findings:  # each is of readings with those before it put right
+        apply(corrections, finding.settings)
     taken_for = assumed_line(found.displacement_mm, found.force_n)
     # The diagnosis put units right before it looked at zeros.
     found = found.rescaled(

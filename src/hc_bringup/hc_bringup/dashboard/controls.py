@@ -314,7 +314,7 @@ def _finish(future: concurrent.futures.Future[Answer], answer: Answer) -> None:
 
 
 def _check_texts(message: Mapping[str, Any]) -> None:
-    """See that what a page sent can be sent on: JSON knows texts that are no characters (a lone surrogate).
+    """See that what a page sent can be sent on: JSON knows texts that are none (lone surrogates).
 
     Raises:
         WrongRequestError: if it cannot.

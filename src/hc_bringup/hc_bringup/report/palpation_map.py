@@ -119,7 +119,8 @@ class StiffnessMap:
 
 def usual_depth(contacts: Sequence[Contact]) -> float:
     """Return the depth [mm] that a map is drawn for unless another one is asked for."""
-    deepest = [c.peak_depth_mm for c in contacts]
+    # Depths count from where displacements do, which need not be the surface.
+    deepest = [c.peak_depth_mm for c in contacts if c.peak_depth_mm > 0.0]
     return min(USUAL_DEPTH_MM, 0.5 * float(np.median(deepest))) if deepest else USUAL_DEPTH_MM
 
 
