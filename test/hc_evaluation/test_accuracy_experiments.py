@@ -18,7 +18,7 @@ from hc_evaluation.accuracy.recordings import RECORDINGS, batch_fit, causal_fit,
 from hc_evaluation.accuracy.run import EXPERIMENTS, run_accuracy
 from hc_evaluation.accuracy.scenarios import simulate
 from hc_evaluation.accuracy.simulated import quiet_rows
-from hc_evaluation.accuracy.table import markdown_tables, text_table, write_tables
+from hc_evaluation.accuracy.table import OLDER, markdown_tables, text_table, write_tables
 
 needs_recordings = pytest.mark.skipif(
     data_folder() is None, reason="the recordings in ../shared/data are absent"
@@ -167,6 +167,11 @@ def test_the_table_of_all_experiments_keeps_its_origin_beside_an_ablation(tmp_pa
     assert document.read_text().startswith("<!-- accuracy summary -->\nold\n")
     write_tables(small_result, document, "by another")
     assert document.read_text().startswith("<!-- accuracy summary -->\nby another\n")
+    # What others gave is not called measured by this command.
+    with document.open("a") as page:
+        page.write("<!-- accuracy tissues -->\nold\n<!-- end -->\n")
+    write_tables(small_result, document, "by another")
+    assert f"<!-- accuracy summary -->\n{OLDER}by another\n" in document.read_text()
 
 
 def test_every_experiment_has_its_columns():

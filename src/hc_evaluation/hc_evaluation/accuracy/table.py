@@ -12,6 +12,8 @@ from hc_evaluation.places import names_of, places_of, write_place
 
 SUMMARY = "accuracy summary"
 """Place of the table of all experiments."""
+OLDER = "Of the pages, each of which says what gave it; the newest: "
+"""Before the origin of that table where only some of the experiments were measured."""
 
 
 def _cells(columns: Sequence[Column], rows: Sequence[Row]) -> list[list[str]]:
@@ -107,7 +109,10 @@ def write_tables(result: Mapping[str, Any], document: Path, origin: str = "") ->
         write_place(document, f"accuracy {name}", said, markdown_tables(name, experiment))
         replaced.append(name)
     if SUMMARY in wanted and any(result["experiments"][name]["targets"] for name in replaced):
-        write_place(document, SUMMARY, origin, {"": summary(document)})
+        here = {name for name, e in EXPERIMENTS.items() if not e.by_name_only}
+        older = [name for name in here - set(replaced) if f"accuracy {name}" in wanted]
+        said = f"{OLDER}{origin}" if older else origin
+        write_place(document, SUMMARY, said, {"": summary(document)})
     return tuple(replaced)
 
 
