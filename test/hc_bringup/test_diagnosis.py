@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from hc_bringup.commands.doctor import apply
 from hc_bringup.diagnosis import diagnose
 from hc_bringup.recording_input import assumed_line
+from hc_bringup.terminal.numbers import rounded
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
 from hc_estimator.stream.sanity import check_samples
 from hc_evaluation.channels import unbroken
@@ -121,3 +123,27 @@ def test_what_is_said_of_the_tissue_is_no_surer_than_the_surface():
     for i, true in ((0, 0.5), (2, 1.5)):
         assert abs(blind.parameters[i] - true) < 2.0 * blind.deviations[i]
         assert abs(knowing.parameters[i] - true) < 2.0 * knowing.deviations[i]
+
+
+def test_a_zero_of_a_weak_sensor_is_not_rounded_away():
+    """Regression: of forces of 0.1 mN the doctor said: type force.zero=0.0."""
+    time_s, depth, force = presses()
+    weak = 1e-4 * force + 2e-5
+    findings = diagnose(time_s, depth, weak).findings
+    (zero,) = [f.settings["force.zero"] for f in findings if "force.zero" in f.settings]
+    assert zero == pytest.approx(2e-5, rel=0.05)
+    assert apply({}, {"force.zero": zero}) == {"force.zero": zero}
+
+
+@pytest.mark.parametrize(
+    ("value", "written"),
+    [
+        (0.123456, 0.1235),
+        (123.456789, 123.4568),
+        (-2.00917e-5, -2.01e-5),
+        (0.0, 0.0),
+        (1e-300, 1e-300),
+    ],
+)
+def test_numbers_are_written_to_four_decimals_or_three_digits(value, written):
+    assert rounded(value, 4) == written

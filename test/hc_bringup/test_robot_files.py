@@ -1,6 +1,7 @@
 """What `hc setup` writes says to ROS what was found, whatever axes and joints are called."""
 
 import numpy as np
+import pytest
 import yaml
 
 from hc_bringup.robot_files import write_files
@@ -23,3 +24,18 @@ def test_an_axis_and_a_joint_called_y_stand_in_quotation_marks(tmp_path):
     assert '        joint: "y"\n' in text
     told = yaml.safe_load(text)["estimator"]["ros__parameters"]["input"]
     assert (told["force"]["axis"], told["position"]["joint"]) == ("y", "y")
+
+
+def test_numbers_are_numbers_whatever_their_size(tmp_path):
+    """Regression: a zero of 0.02 mN was written as 0.0."""
+    time_s = np.arange(100) * 1e-2
+    for k, zero in enumerate((2e-5, -3e-7, 0.0, 12.34567, 5.0)):
+        force = FORCE._replace(zero=zero, scale=2e-11)
+        found = SetupProposal(force, JOINT, time_s, np.zeros(100), np.ones(100), ())
+        path = tmp_path / f"arm{k}.yaml"
+        streams = (Stream("/ft", "wrench", 1e3, "ft"), Stream("/joints", "joint", 100.0, ""))
+        write_files(path, *streams, found, {})
+        told = yaml.safe_load(path.read_text())["estimator"]["ros__parameters"]["input"]["force"]
+        assert told["zero"] == pytest.approx(zero, rel=1e-4)
+        assert told["scale"] == 2e-11
+        assert isinstance(told["zero"], float)

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hc_estimator import PARAMETER_NAMES, Rejection, create_estimator
-from hc_estimator.kinds import DEFAULT_FILTER
-from hc_estimator.stream.in_pieces import run_in_pieces
+from hc_bringup.terminal.numbers import rounded
+from hc_bringup.treated_samples import Estimated, FloatArray, Samples
+from hc_estimator import PARAMETER_NAMES
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -27,8 +26,6 @@ from hc_estimator.stream.readings import (
 from hc_estimator.stream.sanity import check_samples
 from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
-
-FloatArray = NDArray[np.float64]
 
 MOST_REMEDIES = 5
 NOISE_ALONE = 6.5
@@ -51,29 +48,6 @@ UNSURE_SHARE = 0.05
 SYMBOLS = "KBnp"
 _LONGEST = 20_000
 """Samples that the slow comparison of the channels gets."""
-
-
-@dataclass(frozen=True)
-class Estimated:
-    """What the estimator made of a recording.
-
-    Attributes:
-        parameters: K, B, n, p, shape (4,).
-        deviations: their standard deviations, shape (4,).
-        covariance: shape (4, 4).
-        identifiability: how much of each is known from the data, shape (4,).
-        force_noise_std: deviation of the force from the law [N].
-        mismatch: share of the samples in which the law did not fit.
-        rejected: refused samples by reason.
-    """
-
-    parameters: FloatArray
-    deviations: FloatArray
-    covariance: FloatArray
-    identifiability: FloatArray
-    force_noise_std: float
-    mismatch: float
-    rejected: dict[str, int]
 
 
 @dataclass(frozen=True)
@@ -108,49 +82,6 @@ class Diagnosis:
     depth_mm: float
 
 
-@dataclass
-class _Samples:
-    """A recording under treatment, and the settings that it has got so far."""
-
-    time_s: FloatArray
-    displacement_mm: FloatArray
-    force_n: FloatArray
-    surface_std_mm: float
-
-    def shift_force(self, seconds: float) -> None:
-        """Stamp the forces so much later; each reading then stands at its own stamp."""
-        has_depth, has_force = ~np.isnan(self.displacement_mm), ~np.isnan(self.force_n)
-        nothing = np.full(len(self.time_s), np.nan)
-        time_s = np.concatenate([self.time_s[has_depth], self.time_s[has_force] + seconds])
-        order = np.argsort(time_s, kind="stable")
-        self.displacement_mm = np.concatenate(
-            [self.displacement_mm[has_depth], nothing[has_force]]
-        )[order]
-        self.force_n = np.concatenate([nothing[has_depth], self.force_n[has_force]])[order]
-        self.time_s = time_s[order]
-
-    def estimate(self) -> Estimated | None:
-        """Run the default estimator; None if it was never in contact."""
-        estimator = create_estimator(
-            DEFAULT_FILTER, missing_readings=True, contact_position_std=self.surface_std_mm
-        )
-        series = run_in_pieces(estimator, self.time_s, self.displacement_mm, self.force_n)
-        touched = series.contact & (series.rejected == 0)
-        if not touched.any():
-            return None
-        last = series[int(np.flatnonzero(touched)[-1])]
-        codes, counts = np.unique(series.rejected[series.rejected != 0], return_counts=True)
-        return Estimated(
-            last.parameters.copy(),
-            last.parameters_std.copy(),
-            last.covariance.copy(),
-            last.identifiability.copy(),
-            last.force_noise_std,
-            float(np.mean(series.model_mismatch[touched])),
-            {Rejection(c).name.lower(): int(n) for c, n in zip(codes, counts, strict=True)},
-        )
-
-
 def diagnose(
     time_s: FloatArray,
     displacement_mm: FloatArray,
@@ -165,7 +96,7 @@ def diagnose(
         force_n: contact force [N], shape (n,); NaN where there is no reading.
         surface_std_mm: standard deviation of the position that displacements count from [mm].
     """
-    samples = _Samples(
+    samples = Samples(
         np.asarray(time_s, np.float64),
         np.asarray(displacement_mm, np.float64),
         np.asarray(force_n, np.float64),
@@ -226,7 +157,7 @@ def diagnose(
     return Diagnosis(tuple(findings), after, tuple(plans), depth)
 
 
-def _too_few(samples: _Samples) -> Finding | None:
+def _too_few(samples: Samples) -> Finding | None:
     """Say so if there is too little of a channel for any of the checks."""
     for name, values in (("displacement", samples.displacement_mm), ("force", samples.force_n)):
         count = int(np.count_nonzero(np.isfinite(values)))
@@ -238,7 +169,7 @@ def _too_few(samples: _Samples) -> Finding | None:
     return None
 
 
-def _touches_nothing(samples: _Samples) -> Finding | None:
+def _touches_nothing(samples: Samples) -> Finding | None:
     """Say so if the force is noise alone while the tool moves: what fits it is no tissue."""
     places = samples.displacement_mm[np.isfinite(samples.displacement_mm)]
     forces = samples.force_n[np.isfinite(samples.force_n)]
@@ -255,7 +186,7 @@ def _touches_nothing(samples: _Samples) -> Finding | None:
     )
 
 
-def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:
+def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
     """Put a fault right; return the settings that do so, none if no setting does."""
     if np.isnan(doubt.remedy):
         return {}
@@ -280,14 +211,14 @@ def _remedy(samples: _Samples, doubt: Suspicion) -> dict[str, Any]:
             settings[f"force.{name}"] = value
     elif doubt.check is Check.FORCE_ZERO:
         samples.force_n = samples.force_n - doubt.remedy
-        settings["force.zero"] = round(doubt.remedy, 4)
+        settings["force.zero"] = rounded(doubt.remedy, 4)
     elif doubt.check is Check.POSITION_ZERO:
         samples.displacement_mm = samples.displacement_mm - doubt.remedy
-        settings["position.zero"] = round(doubt.remedy, 3)
+        settings["position.zero"] = rounded(doubt.remedy, 3)
     return settings
 
 
-def _between_channels(samples: _Samples, before: Estimated | None) -> list[Finding]:
+def _between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
     """Look for a delay, and for zeros that the checks cannot see."""
     try:
         even = evenly_spaced(*unbroken(samples.time_s, samples.displacement_mm, samples.force_n))
@@ -328,7 +259,7 @@ def _between_channels(samples: _Samples, before: Estimated | None) -> list[Findi
             continue  # one law was bent over tissue that varies: no zero is off
         samples.displacement_mm, samples.force_n = moved.displacement_mm, moved.force_n
         samples.surface_std_mm = moved.surface_std_mm
-        findings.append(Finding(what, {key: round(value, 4)}, _cost(before, after, True)))
+        findings.append(Finding(what, {key: rounded(value, 4)}, _cost(before, after, True)))
         before = after
     return findings
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.robot_streams import Stream
+from hc_bringup.terminal.numbers import rounded
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, needed_wait_s
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
 from hc_logger.errors import BagError
@@ -150,7 +151,7 @@ def _pairing(slower_hz: float, offsets: dict[str, float]) -> list[str]:
 
 def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
     """Return the settings of a joint whose motor's effort takes the place of a force sensor."""
-    zero_n = 0.0 if math.isnan(found.force.zero) else round(found.force.zero, 4)
+    zero_n = 0.0 if math.isnan(found.force.zero) else rounded(found.force.zero, 4)
     return [
         "      source: effort   # docs/teleoperation.md, on the estimator node",
         "      effort:",
@@ -160,7 +161,7 @@ def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
         "        # damping: 0.0         # N s/mm",
         "        # dry_friction: 0.0    # N",
         "      force:",
-        f"        zero: {zero_n}   # N",
+        f"        zero: {_number(zero_n)}   # N",
         "      position:",
         *_sensor(position, found.position, "mm", 0.0),
     ]
@@ -169,7 +170,9 @@ def _of_effort(position: Stream, found: SetupProposal) -> list[str]:
 def _number(value: float) -> str:
     """Return a number as YAML reads it back as one with a fraction."""
     text = f"{value:.9g}"
-    return text if "." in text else f"{value:.1f}" if "e" not in text else f"{value:.9f}"
+    if "." in text:
+        return text
+    return text.replace("e", ".0e") if "e" in text else f"{text}.0"
 
 
 _ONE_MESSAGE = ("    channel_delay: 0.0   # s; both are of one message: none is looked for",)
@@ -200,11 +203,11 @@ def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -
     if math.isnan(found.zero):
         settings.append(("zero", 0.0, f"{unit}; not known yet: hc tare or hc find-surface"))
     else:
-        settings.append(("zero", round(found.zero, 4), f"{unit}"))
+        settings.append(("zero", _number(rounded(found.zero, 4)), f"{unit}"))
     if offset_s:
         settings.append(("time_offset", offset_s, "s"))
     for name, value, comment in settings:
-        if isinstance(value, str) and name != "scale":
+        if isinstance(value, str) and name not in ("scale", "zero"):
             value = scalar_for_ros(value)
         lines.append(f"        {name}: {value}" + (f"   # {comment}" if comment else ""))
     return lines

@@ -157,6 +157,8 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
         present: settings by name below `input.`; changed in place.
         correction: what the readings made with them are to be multiplied by or shifted by.
     """
+    from hc_bringup.terminal.numbers import rounded
+
     changed: dict[str, Any] = {}
     for name, value in correction.items():
         sensor, key = name.split(".")
@@ -164,9 +166,9 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
             changed[name] = type(value)(present.get(name, 1) * value)
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:
-                changed[f"{sensor}.zero"] = round(zero * value, 4)
+                changed[f"{sensor}.zero"] = rounded(zero * value, 4)
         else:
-            changed[name] = round(present.get(name, 0.0) + value, 4)
+            changed[name] = rounded(present.get(name, 0.0) + value, 4)
     present.update(changed)
     return changed
 

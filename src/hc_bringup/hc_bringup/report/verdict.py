@@ -220,9 +220,9 @@ def _honesty(data: RunData) -> list[Sentence]:
         return [Sentence(Level.NOTE, text)]
     if data.truth is not None and np.isfinite(data.truth[chosen, 0]).any():
         # Of some samples the truth was not recorded: the rig does not wait for a reader of it.
-        told = chosen & np.isfinite(data.truth[:, 0])
-        error = np.abs(data.parameters[:, 0] - data.truth[:, 0])[told]
-        inside = float(np.mean(error <= 3.0 * data.parameters_std[told, 0]))
+        known = chosen & np.isfinite(data.truth[:, 0])
+        error = np.abs(data.parameters[:, 0] - data.truth[:, 0])[known]
+        inside = float(np.mean(error <= 3.0 * data.parameters_std[known, 0]))
         level = Level.GOOD if inside > 0.9 else Level.BAD
         where = f"within 3 of its stated deviations in {100 * inside:.0f} % of the contact"
         return [Sentence(level, f"The true K lies {where}; mean NIS {mean:.2f} (ideal 2).")]

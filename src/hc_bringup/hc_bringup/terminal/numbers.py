@@ -64,6 +64,13 @@ def fixed(value: float, decimals: int) -> str:
     return text if 0 < len(text) <= LONGEST else f"{value:.3g}"
 
 
+def rounded(value: float, decimals: int) -> float:
+    """Return a number as it is written down: so many decimals, or three digits of a smaller one."""
+    if value == 0.0 or not math.isfinite(value):
+        return value
+    return round(value, max(decimals, 2 - math.floor(math.log10(abs(value)))))
+
+
 def file_size(size: float) -> str:
     """Return a size in bytes as people say it."""
     for unit in ("B", "kB", "MB"):

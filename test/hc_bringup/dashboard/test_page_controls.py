@@ -1,0 +1,95 @@
+"""The controls of the page in a real browser: what they ask for, and who may use them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+Make = Callable[..., Any]
+
+pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
+
+
+def opened(page: Any, served: Any, make_status: Make, **fields: Any) -> None:
+    """Open the page and wait until it is connected."""
+    page.open(served.address)
+    page.wait_for("HC.app && HC.app.state === 'connected'")
+    served.server.publish_text("status", make_status(**fields))
+
+
+def test_controls_ask_and_say_the_answer(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("!document.getElementById('controls').hidden")
+    page.run("document.querySelector('[data-service=tare]').click()")
+    page.wait(lambda: page.text("#message") == "as you say", "the answer")
+    asked = {"op": "call", "node": "estimator", "service": "tare"}
+    assert any(asked.items() <= request.items() for request in served.backend.requests)
+    # A mark carries what was written.
+    page.run("document.getElementById('mark-text').value = 'here'")
+    page.run("document.querySelector('#mark-form button').click()")
+    page.wait(lambda: any(r.get("text") == "here" for r in served.backend.requests), "the mark")
+
+
+def test_scenarios_of_the_rig_are_offered(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    scenario = {
+        "name": "scenario",
+        "value": "lump",
+        "type": "text",
+        "about": "what the rig does",
+        "read_only": False,
+        "suggestions": ["lump", "multisine"],
+    }
+    answer_all = served.backend.request
+
+    def answer(message: dict[str, Any]) -> Any:
+        future = answer_all(message)
+        if message.get("node") == "indenter" and message["op"] != "set":
+            future = type(future)()
+            future.set_result({"ok": True, "message": "", "parameters": [scenario]})
+        return future
+
+    served.backend.request = answer
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("document.getElementById('rig-scenario')")
+    offered = page.run(
+        "return [...document.getElementById('rig-scenario').list.options].map((o) => o.value)"
+    )
+    assert offered == ["lump", "multisine"]
+    page.run("document.getElementById('rig-scenario').value = 'multisine'")
+    page.run("document.querySelector('#rig-form button').click()")
+    wanted = {"op": "set", "node": "indenter", "parameters": {"scenario": "multisine"}}
+    page.wait(
+        lambda: any(wanted.items() <= r.items() for r in served.backend.requests), "the change"
+    )
+
+
+def test_read_only_switches_the_controls_off(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    served.backend.control = False
+    opened(page, served, make_status)
+    page.press("c")
+    page.wait_for("[...document.querySelectorAll('fieldset')].every((set) => set.disabled)")
+    assert page.run("return !document.querySelector('.read-only').hidden")
+
+
+def test_keys(page: Any, serve: Make, make_status: Make) -> None:
+    served = serve()
+    opened(page, served, make_status)
+    page.press(" ")
+    assert page.run("return HC.app.frozen")
+    page.press(" ")
+    assert not page.run("return HC.app.frozen")
+    page.press("1")
+    assert page.run("return HC.app.seconds") == 5
+    dark = page.run("return HC.isDark()")
+    page.press("t")
+    assert page.run("return HC.isDark()") != dark
+    page.press("t")
+    page.press("?")
+    assert page.run("return document.getElementById('keys').open")
