@@ -29,6 +29,8 @@ CSV_EPOCH_NS = 1_000_000_000 * NANOSECONDS
 gives the same bag."""
 CSV_SOURCE = "csv_source"
 """Key of the bag's custom data that names the CSV file it was made from."""
+UNIX_TIMES = "csv_times"
+"""Key beside it where the file tells seconds since 1970, which are the stamps then."""
 BLOCK_MESSAGES = 16384
 
 Progress = Callable[[float], None]
@@ -73,13 +75,13 @@ class SampleWriter:
         The log time never goes back, so that a player keeps the order where stamps do.
 
         Raises:
-            BagError: if a stamp is outside what a message can hold (1901 to 2038).
+            BagError: if a stamp is outside what a message and a log time can hold (1970 to 2038).
         """
         if not len(stamps_ns):
             return
         seconds = stamps_ns // NANOSECONDS
-        if seconds.min() < -(2**31) or seconds.max() >= 2**31:
-            raise BagError("a time is outside what a ROS stamp can hold (1901 to 2038)")
+        if seconds.min() < 0 or seconds.max() >= 2**31:
+            raise BagError("a time is outside what a bag can hold: its stamps are of 1970 to 2038")
         data = encode(
             self._definition,
             FRAME_INDENTER_TIP,
@@ -104,8 +106,9 @@ def csv_to_bag(
 ) -> int:
     """Convert a CSV recording into a bag with the topic indenter/sample.
 
-    Stamps are CSV_EPOCH_NS plus the time in the file; a time that is not finite gets the stamp of
-    the row before (the estimator rejects both).
+    Stamps are CSV_EPOCH_NS plus the time in the file, or the time itself where its first one is
+    such a stamp already (seconds since 1970); a time that is not finite gets the stamp of the row
+    before (the estimator rejects both).
 
     Args:
         source: CSV file.
@@ -127,16 +130,19 @@ def csv_to_bag(
     size = max(source.stat().st_size, 1)
     written = 0
     carried = np.zeros(0)
+    custom_data, epoch_ns = {CSV_SOURCE: source.name}, CSV_EPOCH_NS
+    if stamps_from_seconds(first[:, 0])[0] >= CSV_EPOCH_NS:
+        custom_data[UNIX_TIMES], epoch_ns = "since 1970", 0
     with (
         os_errors(f"cannot write {target}"),
-        BagWriter(target, custom_data={CSV_SOURCE: source.name}) as writer,
+        BagWriter(target, custom_data=custom_data) as writer,
     ):
         samples = SampleWriter(writer)
         bytes_per_row = size / max(len(first), 1)
         block: NDArray[np.float64] | None = first
         while block is not None:
             time_s = np.concatenate([carried, block[:, 0]])
-            stamp = (stamps_from_seconds(time_s) + CSV_EPOCH_NS)[len(carried) :]
+            stamp = (stamps_from_seconds(time_s) + epoch_ns)[len(carried) :]
             usable = time_s[np.isfinite(time_s)]
             carried = usable[-1:]
             sequence = np.arange(written, written + len(block), dtype=np.uint64)
@@ -197,20 +203,34 @@ def _rows(reader: Bag, topic: str, progress: Progress) -> Iterator[NDArray[np.fl
         table = records(definition, block, SAMPLE_FIELDS)
         stamp = stamps(table)
         if origin is None:
-            origin = CSV_EPOCH_NS if CSV_SOURCE in reader.custom_data else int(stamp[0])
+            origin = _origin_ns(reader, stamp)
         yield np.column_stack(
-            [(stamp - origin) * 1e-9, table["displacement"] * METRE_IN_MM, table["force"]]
+            [_seconds(stamp - origin), table["displacement"] * METRE_IN_MM, table["force"]]
         )
         progress((int(block[0].log_time[-1]) - first) / max(last - first, 1))
+
+
+def _origin_ns(bag: Bag, stamps_ns: NDArray[np.int64]) -> int:
+    """Return the stamp [ns] of second 0 in a CSV file, given those of the first samples."""
+    if CSV_SOURCE not in bag.custom_data:
+        return int(stamps_ns[0])
+    return 0 if UNIX_TIMES in bag.custom_data else CSV_EPOCH_NS
+
+
+def _seconds(times_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return times in s, also of such as are too many ns for a float64."""
+    whole, rest = np.divmod(times_ns, NANOSECONDS)
+    seconds: NDArray[np.float64] = whole + rest / NANOSECONDS
+    return seconds
 
 
 def _rows_of_arrays(reader: Bag, topic: str) -> Iterator[NDArray[np.float64]]:
     origin: int | None = None
     for table in sample_blocks(reader, topic):
         if origin is None:
-            origin = CSV_EPOCH_NS if CSV_SOURCE in reader.custom_data else int(table[STAMP][0])
+            origin = _origin_ns(reader, table[STAMP])
         yield np.column_stack(
-            [(table[STAMP] - origin) * 1e-9, table[DISPLACEMENT] * METRE_IN_MM, table[FORCE]]
+            [_seconds(table[STAMP] - origin), table[DISPLACEMENT] * METRE_IN_MM, table[FORCE]]
         )
 
 

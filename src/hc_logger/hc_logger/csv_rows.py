@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -89,7 +89,7 @@ class RowReader:
         line = layout.header_lines + 1
         factors = np.array(layout.factors)
         while not self._has_ended and (lines := list(islice(stream, BLOCK_ROWS))):
-            if is_cut_off(lines[-1], layout.separator, layout.indices):
+            if is_cut_off(lines[-1], layout):
                 lines.pop()
                 self.notes.append("the last line is cut off in its middle: it is left out")
             rows = self._parse(lines, line)
@@ -131,7 +131,7 @@ class RowReader:
         if layout.decimal == "," and any("." in line for line in lines):
             return False
         if layout.separator == " ":
-            return max(len(line.split()) for line in lines) <= layout.width
+            return {len(line.split()) for line in lines} <= {0, layout.width}
         return max(line.count(layout.separator) for line in lines) < layout.width
 
     def _counted(self, count: int) -> NDArray[np.float64]:
@@ -160,17 +160,53 @@ class RowReader:
                 if not line.isspace():
                     yield where, line.split()
             return
-        reader = csv.reader(lines, delimiter=separator)
+        begin: int | None = 0
+        while begin is not None:
+            begin = yield from self._cells_from(lines, begin, first)
+
+    def _cells_from(
+        self, lines: list[str], begin: int, first: int
+    ) -> Generator[tuple[int, list[str]], None, int | None]:
+        """Yield cells as `_rows_of_cells` from one of the lines on.
+
+        A cell in quotation marks may go on over several lines. Where rows stand in those, nobody
+        has closed it: it ends in its line then.
+
+        Returns:
+            The line to go on from, None at the end.
+        """
+        separator = self._layout.separator
+        reader = csv.reader((lines[k] for k in range(begin, len(lines))), delimiter=separator)
+        line = begin
         while True:
+            is_open = False
             try:
                 cells = next(reader, None)
             except csv.Error as error:
-                where = first + max(reader.line_num - 1, 0)
-                raise BagError(f"{self._path}, line {where} cannot be read: {error}") from None
+                if not any(map(self._is_row, lines[line + 1 : line + 2])):
+                    where = first + begin + max(reader.line_num - 1, 0)
+                    raise BagError(f"{self._path}, line {where} cannot be read: {error}") from None
+                cells, is_open = [], True  # rather not closed than too long
             if cells is None:
-                return
+                return None
+            after = begin + reader.line_num
+            if is_open or any(map(self._is_row, lines[line + 1 : after])):
+                yield first + line, split_line(lines[line], separator)
+                return line + 1
             if any(cell.strip() for cell in cells):
-                yield first + reader.line_num - 1, cells
+                yield first + after - 1, cells
+            line = after
+
+    def _is_row(self, line: str) -> bool:
+        """Whether there is a number, or none said to be missing, in every place of a line."""
+        layout, cells = self._layout, split_line(line, self._layout.separator)
+        return all(
+            index < len(cells)
+            and (time_of_day if layout.clock and quantity == 0 else self._number)(cells[index])
+            is not None
+            for quantity, index in enumerate(layout.indices)
+            if index != NO_COLUMN
+        )
 
     def _number(self, cell: str) -> float | None:
         layout = self._layout
@@ -205,6 +241,11 @@ class RowReader:
             if value is None:
                 raise self._no_number(where, name, cells[index])
             values.append(value)
+        if layout.separator == " " and len(cells) < layout.width:
+            raise BagError(
+                f"{self._path}, line {where} has {len(cells)} cells and the others {layout.width}: "
+                "between spaces nobody sees which one is missing; write nan for it"
+            )
         beyond = cells[layout.width] if len(cells) > layout.width else ""
         if beyond.strip() and self._number(beyond) is not None:
             raise BagError(

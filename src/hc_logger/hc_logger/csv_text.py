@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import codecs
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
+from hc_logger.csv_layout import CsvLayout
 from hc_logger.errors import BagError
 
 LOOKED_AT_BYTES: Final = 256 * 1024
@@ -121,10 +122,11 @@ def limited_lines(path: Path, encoding: str) -> Iterator[str]:
         raise BagError(f"{path} is not a text in {encoding}: give its encoding") from None
 
 
-def is_cut_off(line: str, separator: str, indices: Sequence[int]) -> bool:
+def is_cut_off(line: str, layout: CsvLayout) -> bool:
     """Whether a line has no end and too few cells: the writing of the file ended within it."""
     unfinished = bool(line.strip()) and not line.endswith("\n")
-    return unfinished and len(split_line(line, separator)) <= max(indices)
+    least = layout.width if layout.separator == " " else max(layout.indices) + 1
+    return unfinished and len(split_line(line, layout.separator)) < least
 
 
 def split_line(line: str, separator: str) -> list[str]:

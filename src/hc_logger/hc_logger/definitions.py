@@ -32,6 +32,32 @@ def damaged_definition(definition: TypeDefinition) -> str:
     return f"the definition of {definition.name[:100]!r} in the bag cannot be understood"
 
 
+def same_definition(one: TypeDefinition, other: TypeDefinition) -> bool:
+    """Whether two definitions are of one type, so that the messages of both read alike.
+
+    Comments, spaces and the order of the dependencies do not count, nor hashes that differ: some
+    tools compute others than ROS.
+    """
+    if one.name != other.name:
+        return False
+    if one.type_hash and one.type_hash == other.type_hash:
+        return True
+    return _bare_parts(one.text) == _bare_parts(other.text)
+
+
+def _bare_parts(text: str) -> list[list[str]]:
+    """Return the lines of each part that say something: the type's own, then the dependencies'."""
+    own, *dependencies = (
+        [
+            bare
+            for line in part.replace("/msg/", "/").splitlines()
+            if (bare := " ".join(line.partition("#")[0].split()))
+        ]
+        for part in text.split(SEPARATOR)
+    )
+    return [own, *sorted(dependencies)]
+
+
 @functools.cache
 def installed_definition(type_name: str) -> TypeDefinition:
     """Return the definition of an installed message type.

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from hc_logger.bag import Bag, Message
 from hc_logger.convert import Progress, nothing
+from hc_logger.definitions import TypeDefinition, same_definition
 from hc_logger.errors import BagError, BagExistsError
 from hc_logger.foreign import open_bag
 from hc_logger.selection import TopicSelection
@@ -66,8 +67,8 @@ def filter_bag(
     start_s: float = 0.0,
     duration_s: float = math.inf,
     progress: Progress = nothing,
-) -> int:
-    """Copy some topics, or some seconds, of a bag; returns the number of messages.
+) -> tuple[int, list[str]]:
+    """Copy some topics, or some seconds, of a bag.
 
     Args:
         source: bag of any kind; stays as it is.
@@ -77,8 +78,11 @@ def filter_bag(
         duration_s: seconds to take.
         progress: told the done share.
 
+    Returns:
+        Number of messages, and one line for each part of the source that could not be read.
+
     Raises:
-        BagError: if nothing would be left, or the target exists.
+        BagError: if it begins behind the end, there is no such topic, or the target exists.
     """
     with open_bag(source) as bag:
         topics = _chosen(bag, selection)
@@ -105,7 +109,7 @@ def filter_bag(
                         latched.give(part, begin)
                         carried = True
                     part.write(message)
-        return part.count
+        return part.count, bag.problems
 
 
 def merge_bags(
@@ -113,21 +117,26 @@ def merge_bags(
     target: str | os.PathLike[str],
     *,
     progress: Progress = nothing,
-) -> int:
+) -> tuple[int, list[str]]:
     """Write the messages of several bags into one in the order of their log times.
+
+    Returns:
+        Number of messages, and one line for each part of a source that could not be read.
 
     Raises:
         BagError: if two bags have a topic with different types, or the target exists.
     """
     with ExitStack() as stack:
         bags = [stack.enter_context(open_bag(source)) for source in sources]
-        kinds: dict[str, str] = {}
+        kinds: dict[str, TypeDefinition] = {}
         for source, bag in zip(sources, bags, strict=True):
             for name, topic in bag.topics.items():
-                if kinds.setdefault(name, topic.definition.name) != topic.definition.name:
+                first_kind, kind = kinds.setdefault(name, topic.definition), topic.definition
+                if not same_definition(first_kind, kind):
+                    what = "another definition of it" if kind.name == first_kind.name else kind.name
                     raise BagError(
-                        f"{name} is {kinds[name]} in one bag and {topic.definition.name} in "
-                        f"{source}: leave it out of one with hc bag filter"
+                        f"{name} is {first_kind.name} in one bag and {what} in {source}: leave it "
+                        "out of one with hc bag filter"
                     )
         spans = [span for bag in bags if (span := bag.time_range()) is not None]
         first = min((span[0] for span in spans), default=0)
@@ -140,7 +149,12 @@ def merge_bags(
                     part.write(message)
                     if part.count % 10_000 == 0:
                         progress((message.log_time - first) / length)
-        return part.count
+        problems = [
+            f"{source}: {problem}"
+            for source, bag in zip(sources, bags, strict=True)
+            for problem in bag.problems
+        ]
+        return part.count, problems
 
 
 def split_bag(
@@ -149,11 +163,12 @@ def split_bag(
     seconds: float,
     *,
     progress: Progress = nothing,
-) -> list[tuple[Path, int]]:
+) -> tuple[list[tuple[Path, int]], list[str]]:
     """Cut a bag into parts of some seconds each: TARGET_0, TARGET_1 and so on.
 
     Returns:
-        Folder and number of messages of each part; seconds without a message make no part.
+        Folder and number of messages of each part (seconds without a message make no part), and
+        one line for each part of the source that could not be read.
 
     Raises:
         BagError: if a target exists, there is no message, or there would be too many parts.
@@ -189,7 +204,7 @@ def split_bag(
                         part.write(message)
                 made.append((path, part.count))
                 progress((index + 1) * length / max(last - first, length))
-        return made
+        return made, bag.problems
 
 
 def _by_time(bag: Bag, first: int, length: int) -> Iterator[tuple[int, Iterator[Message]]]:

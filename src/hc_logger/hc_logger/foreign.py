@@ -22,7 +22,12 @@ from hc_logger.bag import Bag, Message, Topic
 from hc_logger.definitions import TypeDefinition, installed_definition
 from hc_logger.errors import BagError, UnknownTypeError
 from hc_logger.mcap_chunk import Messages
-from hc_logger.metadata import read_information, recorded_custom_data, recorded_hashes
+from hc_logger.metadata import (
+    is_compressed,
+    read_information,
+    recorded_custom_data,
+    recorded_hashes,
+)
 from hc_logger.reader import BagReader
 
 BLOCK_MESSAGES = 16_384
@@ -41,8 +46,7 @@ def open_bag(path: str | os.PathLike[str]) -> Bag:
     if path.is_dir():
         information = read_information(path)
         if information is not None and (
-            information["storage_identifier"] != "mcap"
-            or information["compression_mode"].lower() in ("file", "message")
+            information["storage_identifier"] != "mcap" or is_compressed(information)
         ):
             return ForeignBag(path)
     elif path.suffix == ".db3":

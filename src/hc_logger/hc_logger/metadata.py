@@ -188,5 +188,10 @@ def read_information(folder: Path) -> dict[str, Any] | None:
     return cast("dict[str, Any]", information)
 
 
+def is_compressed(information: Mapping[str, Any]) -> bool:
+    """Whether rosbag2 compressed the files or the messages of a bag, beside its storage."""
+    return information["compression_mode"].lower() in ("file", "message")
+
+
 def _list(value: Any) -> list[Any]:
     return value if isinstance(value, list) else []

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import os
 import re
-from bisect import bisect_left
+from bisect import bisect_left, insort
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from hc_logger.bag import Bag, Message, Topic
-from hc_logger.definitions import TypeDefinition
+from hc_logger.definitions import TypeDefinition, same_definition
 from hc_logger.errors import BagError
 from hc_logger.mcap_chunk import Messages
 from hc_logger.mcap_file import ChunkPlace, McapFile
 from hc_logger.metadata import (
     FILE_NAME,
+    is_compressed,
     parse_yaml,
     read_information,
     recorded_custom_data,
@@ -27,20 +28,25 @@ from hc_logger.metadata import (
 )
 
 
-def bag_files(path: Path) -> list[Path]:
-    """Return the MCAP files of a bag in order.
+def bag_files(path: Path) -> tuple[list[Path], list[str]]:
+    """Return the MCAP files of a bag in order, and the names of those that are not there.
 
     Raises:
-        BagError: if there is none, or the bag is of another storage.
+        BagError: if there is none, or the bag is of another storage, or compressed by rosbag2.
     """
     if path.is_file():
-        return [path]
+        return [path], []
     if not path.is_dir():
         raise BagError(f"{path} does not exist")
     information = read_information(path)
     if information is not None and information["storage_identifier"] != "mcap":
         raise BagError(
             f"{path} is stored as {information['storage_identifier']}; "
+            "convert it with: hc bag convert SOURCE TARGET"
+        )
+    if information is not None and is_compressed(information):
+        raise BagError(
+            f"{path} is compressed, each {information['compression_mode'].lower()} by itself; "
             "convert it with: hc bag convert SOURCE TARGET"
         )
     found = sorted(path.glob("*.mcap"), key=_natural)
@@ -51,17 +57,21 @@ def bag_files(path: Path) -> list[Path]:
             raise BagError(
                 f"{path}: {outside[0]}, named in {FILE_NAME}, is not in the bag's folder"
             )
-        if all(file.is_file() for file in listed):
-            return listed
+        missing = [file.name for file in listed if not file.is_file()]
+        if not missing:
+            return listed, []
         if not found:
-            raise BagError(f"{path}: {listed[0].name}, named in {FILE_NAME}, is missing")
+            raise BagError(f"{path}: {missing[0]}, named in {FILE_NAME}, is missing")
+        # A file under a name that is not listed may be one of the missing ones, renamed.
+        others = {file.name for file in found} - {file.name for file in listed}
+        return found, missing if len(missing) > len(others) else []
     if not found:
         raise BagError(f"{path} holds no bag (no .mcap file in it)")
-    return found
+    return found, []
 
 
 def _natural(path: Path) -> list[Any]:
-    return [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.name)]
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", path.name)]
 
 
 class BagReader(Bag):
@@ -83,7 +93,8 @@ class BagReader(Bag):
         """
         self.path = Path(path)
         self._unreadable: list[str] = []
-        self.paths = bag_files(self.path)
+        self.paths, missing = bag_files(self.path)
+        self._unreadable += [f"{name}, named in {FILE_NAME}, is missing" for name in missing]
         self.files = self._open(self.paths)
         information = self._read_information()
         self._hashes = recorded_hashes(information)
@@ -112,17 +123,33 @@ class BagReader(Bag):
         for channel in file.scan.channels.values():
             schema = file.scan.schemas.get(channel.schema_id)
             if schema is None or channel.message_encoding != "cdr":
-                continue
-            names[channel.id] = channel.topic
-            if channel.topic not in self.topics:
-                definition = TypeDefinition(
-                    schema.name,
-                    schema.data.decode("utf-8", "replace"),
-                    channel.metadata.get("topic_type_hash") or self._hashes.get(channel.topic, ""),
+                why = (
+                    "the description of its type is lost"
+                    if channel.message_encoding == "cdr"
+                    else f"its messages are {channel.message_encoding[:40]!r}, not 'cdr'"
                 )
+                self._leave_out(channel.topic, why)
+                continue
+            definition = TypeDefinition(
+                schema.name,
+                schema.data.decode("utf-8", "replace"),
+                channel.metadata.get("topic_type_hash") or self._hashes.get(channel.topic, ""),
+            )
+            known = self.topics.get(channel.topic)
+            if known is None:
                 profiles = recorded_profiles(channel.metadata.get("offered_qos_profiles", ""))
                 self.topics[channel.topic] = Topic(channel.topic, definition, profiles)
+            elif not same_definition(known.definition, definition):
+                why = f"some of its messages are of another type ({definition.name})"
+                self._leave_out(channel.topic, why)
+                continue
+            names[channel.id] = channel.topic
         return names
+
+    def _leave_out(self, topic: str, why: str) -> None:
+        line = f"{topic} cannot be read: {why}"
+        if line not in self._unreadable:
+            self._unreadable.append(line)
 
     def _read_information(self) -> Mapping[str, Any]:
         """Return the metadata: of the folder, else the copy that a finished file holds."""
@@ -148,6 +175,7 @@ class BagReader(Bag):
     def time_range(self) -> tuple[int, int] | None:
         """Return first and last log time (ns) as the chunks state them; None without messages."""
         places = [p for file in self.files for p in file.scan.chunks]
+        places = [p for p in places if p.end_ns] or places  # one without a message says 0 to 0
         if not places:
             return None
         return min(p.start_ns for p in places), max(p.end_ns for p in places)
@@ -176,17 +204,27 @@ class BagReader(Bag):
         last = 2**63 - 1 if end_ns is None else end_ns
         if start_ns is not None or end_ns is not None:  # else what a damaged head says hides none
             places = [(p, i) for p, i in places if p.end_ns >= first and p.start_ns <= last]
-        carried: list[Message] = []
+        # What begins before the chunk that comes next, of each chunk, in the order of the file.
+        carried: list[tuple[tuple[int, int], list[Message]]] = []
         for k, (place, number) in enumerate(places):
             messages = self.files[number].read_chunk(place)
             if messages is not None:
-                carried += self._list(messages, self._names[number], topics, first, last)
-                carried.sort(key=_log_time)
+                own = self._list(messages, self._names[number], topics, first, last)
+                own.sort(key=_log_time)
+                insort(carried, ((number, place.offset), own), key=_place)
             bound = places[k + 1][0].start_ns if k + 1 < len(places) else None
-            # what comes before the first message of the next chunk is complete and sorted
-            ready = len(carried) if bound is None else bisect_left(carried, bound, key=_log_time)
-            yield from carried[:ready]
-            del carried[:ready]
+            # what comes before the first message of the next chunk is complete
+            ready: list[Message] = []
+            left = []
+            for where, waiting in carried:
+                cut = len(waiting) if bound is None else bisect_left(waiting, bound, key=_log_time)
+                ready += waiting[:cut]
+                if cut < len(waiting):
+                    left.append((where, waiting[cut:]))
+            if len(carried) > 1:
+                ready.sort(key=_log_time)
+            carried = left
+            yield from ready
 
     @staticmethod
     def _list(
@@ -220,3 +258,7 @@ class BagReader(Bag):
 
 def _log_time(message: Message) -> int:
     return message.log_time
+
+
+def _place(entry: tuple[tuple[int, int], list[Message]]) -> tuple[int, int]:
+    return entry[0]

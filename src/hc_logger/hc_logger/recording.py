@@ -161,4 +161,7 @@ def stamps_from_seconds(time_s: NDArray[np.float64]) -> NDArray[np.int64]:
     last = np.maximum.accumulate(np.where(usable, np.arange(len(time_s)), -1))
     last[last < 0] = int(np.argmax(usable))
     held = np.clip(time_s[last], -_FARTHEST_S, _FARTHEST_S)
-    return np.rint(held * NANOSECONDS).astype(np.int64)
+    whole = np.floor(held)  # apart, for a float64 holds not all ns of seconds since 1970
+    rest = np.rint((held - whole) * NANOSECONDS).astype(np.int64)
+    stamps: NDArray[np.int64] = whole.astype(np.int64) * NANOSECONDS + rest
+    return stamps

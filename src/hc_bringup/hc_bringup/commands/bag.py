@@ -192,7 +192,7 @@ def _filter(arguments: argparse.Namespace) -> int:
     from hc_logger.selection import TopicSelection
 
     with progress_bar("filtering") as progress:
-        count = filter_bag(
+        count, problems = filter_bag(
             arguments.source,
             arguments.target,
             selection=TopicSelection(arguments.topics, arguments.exclude),
@@ -205,6 +205,8 @@ def _filter(arguments: argparse.Namespace) -> int:
         if count
         else f": none is of these topics and seconds, see hc bag info {arguments.source}"
     )
+    for problem in problems:
+        print(f"{arguments.source}: {problem}")
     print(f"{count} messages written to {arguments.target}{none}")
     return 0
 
@@ -216,7 +218,9 @@ def _merge(arguments: argparse.Namespace) -> int:
     if len(arguments.sources) < 2:
         raise UserError("give two bags at least", WRONG_USE)
     with progress_bar("merging") as progress:
-        count = merge_bags(arguments.sources, arguments.output, progress=progress)
+        count, problems = merge_bags(arguments.sources, arguments.output, progress=progress)
+    for problem in problems:
+        print(problem)
     print(f"{count} messages of {len(arguments.sources)} bags written to {arguments.output}")
     return 0
 
@@ -226,7 +230,11 @@ def _split(arguments: argparse.Namespace) -> int:
     from hc_logger.edit import split_bag
 
     with progress_bar("splitting") as progress:
-        parts = split_bag(arguments.source, arguments.target, arguments.every, progress=progress)
+        parts, problems = split_bag(
+            arguments.source, arguments.target, arguments.every, progress=progress
+        )
+    for problem in problems:
+        print(f"{arguments.source}: {problem}")
     for path, count in parts:
         print(f"{count} messages written to {path}")
     return 0
