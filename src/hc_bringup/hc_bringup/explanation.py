@@ -197,7 +197,7 @@ def _fit(
     # Samples of the first instants have no displacement of their own once it is shifted.
     touching &= (time_s >= time_s[0] + abs(delay_s)) & (time_s <= time_s[-1] - abs(delay_s))
     count = int(np.count_nonzero(touching))
-    if count < LEAST_SAMPLES // 2:
+    if count < min(LEAST_SAMPLES // 2, len(depth) // 3):  # the second: of a window among many
         return np.inf, 0.0
     deep, speed, force = depth[touching], velocity[touching], force_n[touching]
     elastic = np.exp(EXPONENTS[:, None] * np.log(deep))  # (exponents, samples)

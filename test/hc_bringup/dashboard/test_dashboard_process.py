@@ -188,3 +188,6 @@ def test_a_port_in_use_is_one_line(command_line: Any, dashboard: Callable[..., s
     wild = command_line.run("dashboard", "--listen", "0.0.0.0")
     assert wild.returncode == 2
     assert "--name" in wild.stderr
+    named = command_line.run("dashboard", "--port", "0", "--name", "host")
+    assert named.returncode == 2
+    assert "--listen ADDRESS as well" in named.stderr

@@ -55,6 +55,23 @@ def test_tissue_that_varies() -> None:
     assert said == "the tissue is not the same along the way"
 
 
+@pytest.mark.parametrize("span_s", [6.0, 8.0, 10.0])
+@pytest.mark.parametrize("lifted_mm", [0.0, 0.5, 1.0])
+def test_tissue_that_varies_is_said_of_presses_over_any_span(
+    span_s: float, lifted_mm: float
+) -> None:
+    """Regression: a report looks at 10 s, whose windows had too few samples in contact."""
+    time = np.arange(0.0, span_s, 0.002)
+    depth = (1.0 + 0.5 * lifted_mm) * (1.0 - np.cos(2.0 * np.pi * time)) - lifted_mm
+    deep = np.maximum(depth, 0.0)
+    said = []
+    for share in (0.0, 0.8):
+        stiffness = 0.3 * np.exp(share * np.sin(np.pi * time / span_s))
+        force = law(deep, np.gradient(depth, time), stiffness)
+        said.append(explain(time, depth, noisy(force, 0.002)))
+    assert said == ["", "the tissue is not the same along the way"]
+
+
 def test_letting_go_is_part_of_the_law() -> None:
     force = np.maximum(0.0, DEPTH**1.5 * (0.3 + 0.06 * SPEED))
     assert np.mean(force == 0.0) > 0.2

@@ -14,7 +14,6 @@ from hc_bringup.options import assignment, each_once
 HELP = "run recordings through several filters or settings and compare them on one page"
 COMPILES = True
 MOST_VARIANTS = 16
-_CHOICES = ("state_space", "contact_model")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -113,6 +113,8 @@ def run(arguments: argparse.Namespace) -> int:
     for name in arguments.maps:
         if Path(name).suffix.lower() not in SUFFIXES:
             raise UserError(f"{name} must end in {', '.join(SUFFIXES)}", WRONG_USE)
+    if arguments.depth is not None and not arguments.maps:
+        raise UserError("--depth is of the map: name one with --map", WRONG_USE)
     for target in targets:
         if target.exists():
             raise UserError(f"{target} exists already: choose another file", WRONG_USE)

@@ -12,6 +12,7 @@ from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import positive
 from hc_bringup.wrapping import say
+from hc_msgs_py.topics import NODE_ESTIMATOR
 
 HELP = "verdict on a recording, or on the estimator that runs now"
 COMPILES = True
@@ -25,11 +26,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seconds",
         type=positive,
-        default=LISTEN_S,
         metavar="S",
         help=f"listen so long to a running set-up (default: {LISTEN_S:g})",
     )
-    parser.add_argument("--node", default="estimator", metavar="NAME", help="the estimator node")
+    parser.add_argument("--node", metavar="NAME", help="the estimator node (default: estimator)")
     parser.add_argument("--json", action="store_true", help="print the verdict as JSON")
 
 
@@ -48,12 +48,17 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.input in (None, "live"):
         if recording_input.is_given(arguments):
             raise UserError("--input and --find-surface are for a recording", WRONG_USE)
-        heard = listen(arguments.node, arguments.seconds)
+        recording_input.refuse_csv_options(arguments, "a running node")
+        node, seconds = arguments.node or NODE_ESTIMATOR, arguments.seconds or LISTEN_S
+        heard = listen(node, seconds)
         findings, notes = list(heard.findings), heard.notes
-        rows, settings, type_it = heard.rows, heard.settings, _for_node(arguments.node)
+        rows, settings, type_it = heard.rows, heard.settings, _for_node(node)
         surface_std_mm = heard.surface_std_mm
-        where = f"node {arguments.node}, {arguments.seconds:g} s"
+        where = f"node {node}, {seconds:g} s"
     else:
+        for name in ("node", "seconds"):
+            if getattr(arguments, name) is not None:
+                raise UserError(f"--{name} is for a running set-up, not a recording", WRONG_USE)
         heartbeat.doing(f"reading {arguments.input}")
         recording = recording_input.load(arguments)
         reading = recording.findings

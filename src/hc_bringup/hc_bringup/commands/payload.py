@@ -46,6 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_estimator.stream.contact_frame import product, unit_quaternion
     from hc_estimator.stream.payload import identify_payload, still_readings
 
+    if arguments.seconds is not None and not arguments.yes:
+        raise UserError("--seconds is for --yes: without it each rest has its own time", WRONG_USE)
     if not (arguments.yes or sys.stdin.isatty()):
         raise UserError("there is no terminal to ask at: give --yes", WRONG_USE)
     with Graph() as graph:

@@ -97,6 +97,9 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.plan import load_plan
     from hc_bringup.runner import Runner
 
+    if arguments.dashboard is False and (arguments.control or arguments.allow_origin):
+        what = "--control and --allow-origin are of the page"
+        raise UserError(f"{what}: leave --no-dashboard away", WRONG_USE)
     ask_for_realtime(arguments.realtime, arguments.cpus)
     plan = load_plan(find_config(arguments.config))
     if arguments.duration is not None:

@@ -35,6 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_sim_rig.schema import ScenarioError
 
     if arguments.scenario is None:
+        if arguments.output is not None:
+            raise UserError("name a scenario before -o; hc simulate lists them", WRONG_USE)
         for name in available_scenarios():
             print(f"{name:<22}{load_scenario(name).description}")
         return 0

@@ -119,6 +119,11 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self.port = bound.getsockname()[1]
         hosts = [f"{THIS_MACHINE}:{self.port}", f"localhost:{self.port}"]
         names = [name for name in names if name]
+        if names and listen == THIS_MACHINE:
+            raise NodeStartError(
+                f"--name {names[0]} is for other machines, and {listen} is this one alone: give "
+                "--listen ADDRESS as well"
+            )
         if listen in ANY_ADDRESS and not names:
             raise NodeStartError(
                 f"listening on {listen}: say by which name others open the page, --name HOST"

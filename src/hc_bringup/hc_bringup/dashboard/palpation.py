@@ -32,7 +32,7 @@ _LEAST_VARIANCE: Final = 1e-6
 
 MAP_COLUMNS: Final = ("x", "y", "count", "ln_K", "n", "var_ln_K", "var_n", "cov", "deepest")
 
-_X, _Y, _COUNT, _WEIGHT, _L, _N, _LL, _NN, _LN, _VL, _VN, _VLN, _DEEPEST = range(13)
+_COUNT, _WEIGHT, _L, _N, _LL, _NN, _LN, _VL, _VN, _VLN, _DEEPEST = range(11)
 _SUMS = slice(_COUNT, _DEEPEST)
 
 
@@ -151,7 +151,7 @@ class PalpationMap:
         key = (math.floor(x_mm / self.cell_mm + 0.5), math.floor(y_mm / self.cell_mm + 0.5))
         cell = self._cells.get(key)
         if cell is None:
-            cell = self._cells[key] = np.zeros(13)
+            cell = self._cells[key] = np.zeros(11)
         cell[_COUNT] += 1.0
         cell[_WEIGHT] += weight
         cell[_L : _VLN + 1] += weight * np.array(
@@ -176,6 +176,6 @@ class PalpationMap:
         self.cell_mm *= 2.0
         for (i, j), cell in cells.items():
             key = (math.floor(0.5 * i + 0.5), math.floor(0.5 * j + 0.5))
-            merged = self._cells.setdefault(key, np.zeros(13))
+            merged = self._cells.setdefault(key, np.zeros(11))
             merged[_SUMS] += cell[_SUMS]
             merged[_DEEPEST] = max(merged[_DEEPEST], cell[_DEEPEST])

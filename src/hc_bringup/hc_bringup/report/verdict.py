@@ -29,7 +29,6 @@ LITTLE_NIS: Final = 2.5
 ROUGHLY: Final = 0.5
 """Spread of the force, relative, from which on it is known only roughly."""
 DEPTH_MM: Final = 2.0
-_SYMBOLS: Final = ("K", "B", "n", "p")
 
 
 class Level(str, Enum):
