@@ -90,6 +90,15 @@ def test_a_filter_that_leaves_nothing_says_so(tmp_path: Path, capsys) -> None:
     assert "none is of these topics and seconds, see hc bag info" in told
 
 
+def test_seconds_beyond_all_bags_take_the_whole(tmp_path: Path, capsys) -> None:
+    """Regression: 1e300 s were an internal error."""
+    whole = contents(make_bag(tmp_path / "whole"))
+    names = [str(tmp_path / name) for name in ("whole", "part")]
+    assert main(["bag", "filter", *names, "--duration", "1e300"]) == 0
+    assert main(["bag", "split", *names, "--every", "1e300"]) == 0
+    assert contents(tmp_path / "part") == contents(tmp_path / "part_0") == whole
+
+
 def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:
     whole = contents(make_bag(tmp_path / "whole"))
     words = ["bag", "split", str(tmp_path / "whole"), str(tmp_path / "part"), "--every", "0.75"]
@@ -112,6 +121,7 @@ def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:
         (["filter", "whole", "part", "--topics", "/no*"], "no such topic; it has /a, /b"),
         (["filter", "whole", "part", "--exclude", "/setings"], "did you mean /setting?"),
         (["filter", "whole", "part", "--start", "9"], "is 1.900 s long: nothing is left"),
+        (["filter", "whole", "part", "--start", "1e300"], "is 1.900 s long: nothing is left"),
         (["filter", "whole", "whole"], "exists already"),
         (["merge", "whole", "-o", "all"], "give two bags at least"),
         (["merge", "whole", "other", "-o", "all"], "in one bag and std_msgs/msg/Int32 in other"),

@@ -133,6 +133,30 @@ def test_seek_pause_and_burst(make_bag: MakeBag, start_ns: int) -> None:
     assert times == [0, 1, 2, 500, 999, *range(900, 1000)]
 
 
+def test_a_duration_beyond_the_end_plays_all(make_bag: MakeBag, start_ns: int) -> None:
+    """Regression: 1e300 s ended the player with a traceback."""
+    with BagReader(make_bag(count=1000)) as reader:
+        for duration_s in (0.0, 0.999, 5.0, 1e300):
+            playback = Playback(reader, Sink(), SAMPLES, duration_s=duration_s)
+            assert playback.last_ns == start_ns + 999_000_000
+        assert Playback(reader, Sink(), SAMPLES, duration_s=0.5).last_ns == start_ns + 500_000_000
+
+
+def test_a_jump_at_the_end_of_the_bag_is_not_taken_for_the_end(
+    make_bag: MakeBag, start_ns: int
+) -> None:
+    """Regression: who jumped just as the last message went out was told that all was played."""
+    with BagReader(make_bag(count=10)) as reader:
+        playback = Playback(reader, Sink(), SAMPLES)
+        before = playback._generation
+        playback.seek(start_ns + 5_000_000)
+        playback._end_of_bag(before)
+        assert not playback.finished
+        assert playback.loops == 0
+        playback._end_of_bag(playback._generation)
+        assert playback.finished
+
+
 def test_time_stands_while_paused_and_runs_with_the_rate(make_bag: MakeBag) -> None:
     with BagReader(make_bag(count=5000)) as reader:
         playback = Playback(reader, Sink(), SAMPLES, rate=4.0)

@@ -100,6 +100,7 @@ def test_services_start_and_pause_it(start_node: Start, graph: Any, make_bag: Ma
         ({"keyboard": True}, "there is no keyboard"),
         ({"remap": "['a']"}, "'a' is not recorded:=played"),
         ({"remap": "['/no:=/b']"}, "has no topic /no"),
+        ({"clock_rate": 1e-12}, "clock_rate = 1e-12 is not 0 or from 0.001 Hz"),
     ],
 )
 def test_a_wrong_start_is_refused(

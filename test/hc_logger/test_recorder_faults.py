@@ -238,3 +238,37 @@ def test_only_gaps_of_one_publisher_are_losses() -> None:
     assert dropped([900, 1, 901, 2, 902, 3]) == 0  # a second one that was not noticed yet
     assert dropped([900, None, None, 1200, 1201]) == 0  # and one that was
     assert dropped([1, 5_000_000, 5_000_001]) == 0
+
+
+@pytest.mark.process
+def test_what_waits_at_the_end_is_written_however_much_it_is(
+    domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Regression: after a stall (a slow disk) an ended recorder wrote a part of each topic alone."""
+    import rclpy
+    from hc_msgs.msg import IndenterSample
+
+    from hc_logger import recorder_node
+    from hc_msgs_py.qos import SAMPLE_PUBLISHER_QOS
+    from hc_msgs_py.wire import SampleEncoder
+
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr(recorder_node, "MOST_AT_ONCE", 1000)
+    rclpy.init(args=["--ros-args", "-p", f"output:={tmp_path / 'bag'}"], domain_id=domain)
+    try:
+        other = rclpy.create_node("other")
+        publisher = other.create_publisher(IndenterSample, "a", SAMPLE_PUBLISHER_QOS)
+        node = recorder_node.RecorderNode()
+        until = time.monotonic() + 20.0
+        while publisher.get_subscription_count() == 0 and time.monotonic() < until:
+            node._discover()
+            time.sleep(0.05)
+        encoder = SampleEncoder()
+        for number in range(4000):
+            publisher.publish(encoder.encode(number, number, 1.0, 1.0))
+        time.sleep(1.0)  # until all are in the recorder's queue
+        node.close()
+    finally:
+        rclpy.try_shutdown()
+    info = {t.name: (t.message_count, t.lost) for t in bag_info(tmp_path / "bag").topics}
+    assert info["/a"] == (4000, 0)

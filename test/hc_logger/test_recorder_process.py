@@ -170,6 +170,10 @@ def test_losses_are_counted_and_reported(start_node: Start, graph: Any, tmp_path
         ({"output": "file/bag"}, "cannot make the bag folder"),
         ({"output": "new", "custom_data": "['novalue']"}, "'novalue' is not key=value"),
         ({"output": "new", "flush_interval": 100.0}, "flush_interval"),
+        (
+            {"output": "new", "expected_topics": "[a]", "exclude": "['/a*']"},
+            "/a is among expected_topics and left out by exclude",
+        ),
     ],
 )
 def test_a_wrong_start_is_refused(

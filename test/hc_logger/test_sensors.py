@@ -141,5 +141,7 @@ def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:
         read_sensors(make_bag(count=10))
     with pytest.raises(BagError, match="give no sample"):
         read_sensors(tmp_path / "robot", force=Sensor(time_offset_s=5.0))
+    with pytest.raises(ValueError, match=r"force.time_offset = 1e\+300 s is not a number up to"):
+        read_sensors(tmp_path / "robot", Sensor(time_offset_s=1e300))
     with pytest.raises(ValueError, match="axis = 'w'"):
         read_sensors(tmp_path / "robot", Sensor(axis="w"))

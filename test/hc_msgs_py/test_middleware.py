@@ -323,3 +323,47 @@ for _ in range(4):
         for name in ("reader", "writer")
     )
     assert writer.communicate(timeout=40)[0].split() == ["True"] * 4
+
+
+QUEUE = """
+import sys, time
+from hc_msgs_py.middleware import set_defaults
+set_defaults()
+import rclpy
+from rclpy.qos import QoSProfile
+from hc_msgs.msg import IndenterSample
+from hc_msgs_py.wire import SampleEncoder
+rclpy.init()
+depth = int(sys.argv[1])
+one, other = rclpy.create_node("one"), rclpy.create_node("other")
+publisher = one.create_publisher(IndenterSample, "a", QoSProfile(depth=depth))
+subscription = other.create_subscription(
+    IndenterSample, "a", print, QoSProfile(depth=depth), raw=True
+)
+while not publisher.get_subscription_count():
+    time.sleep(0.05)
+time.sleep(0.3)  # discovery is one-sided
+for number in range(depth):
+    publisher.publish(SampleEncoder().encode(number, number, 1.0, 1.0))
+count = 0
+for _ in range(20):
+    time.sleep(0.1)
+    with subscription.handle as handle:
+        while subscription.handle.take_message(IndenterSample, True) is not None:
+            count += 1
+    if count == depth:
+        break
+print(count)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("profile", [THIS_MACHINE, NETWORK])
+def test_a_queue_is_as_deep_as_it_was_asked_for(processes: Processes, profile: Path) -> None:
+    """Regression: Fast DDS held 5,000 messages, whatever a publisher or the recorder asked for."""
+    wide = {} if profile == THIS_MACHINE else {RANGE: "SUBNET"}
+    processes.environment = {
+        name: value for name, value in processes.environment.items() if name not in VARIABLES
+    } | wide
+    result = processes.run("-c", QUEUE, "8000")
+    assert (result.stdout, result.stderr) == ("8000\n", "")

@@ -26,6 +26,8 @@ class Example(Node):
     def __init__(self):
         super().__init__("example")
         self.count = declare(self, "count", 3, "how often", minimum=1, maximum=9)
+        if self.count == 9:
+            raise TypeError("a slip in\\nthe making")
         if self.count == 7:
             raise NodeStartError("seven is\\nnot possible")
         self.ticks = 0
@@ -174,6 +176,12 @@ def test_a_node_that_lost_its_runner_closes_and_does_not_take_it_for_a_clean_end
             "parameter count = 0 is not an integer from 1 to 9\n",
         ),
         (("-p", "count:=many"), 2, "", "parameter count = 'many' is not an integer from 1 to 9\n"),
+        (
+            ("-p", "name:=\udcff"),
+            2,
+            "",
+            "an argument is not in UTF-8: 'name:=\\udcff'\n",
+        ),
         (("--nonsense",), 2, "", None),
     ],
 )
@@ -185,6 +193,15 @@ def test_ways_to_end_have_their_status_and_one_line(processes, arguments, status
         assert "nonsense" in got_errors
     else:
         assert got_errors == errors
+
+
+@pytest.mark.process
+def test_a_node_that_cannot_be_made_is_one_line_and_a_file(processes, tmp_path):
+    status, output, errors = run(processes, "-p", "count:=9", ROS_LOG_DIR=str(tmp_path))
+    assert (status, output, errors.count("\n")) == (1, "", 1)
+    assert errors.startswith("the node failed: TypeError: a slip in the making (where: ")
+    (file,) = tmp_path.glob("failure_*.txt")
+    assert str(file) in errors
 
 
 @pytest.mark.process

@@ -87,12 +87,11 @@ def filter_bag(
     with open_bag(source) as bag:
         topics = _chosen(bag, selection)
         first, last = bag.time_range() or (0, 0)
+        length_s = (last - first) / NANOSECONDS
+        if start_s > length_s:
+            raise BagError(f"{source} is {length_s:.3f} s long: nothing is left")
         begin = first + round(start_s * NANOSECONDS)
-        end = last if math.isinf(duration_s) else begin + round(duration_s * NANOSECONDS)
-        if begin > last:
-            raise BagError(
-                f"{source} is {(last - first) / NANOSECONDS:.3f} s long: nothing is left"
-            )
+        end = last if duration_s > length_s else begin + round(duration_s * NANOSECONDS)
         with os_errors(f"cannot write {target}"):
             part = _Part(Path(target), [bag], topics)
             with part.writer:
@@ -178,7 +177,7 @@ def split_bag(
         if span is None:
             raise BagError(f"{source} holds no message")
         first, last = span
-        length = max(1, round(seconds * NANOSECONDS))
+        length = max(1, round(min(seconds, 1.0 + (last - first) / NANOSECONDS) * NANOSECONDS))
         stem = Path(target)
         count = (last - first) // length + 1
         if count > MOST_PARTS:

@@ -100,8 +100,8 @@ class Playback:
             )
         self.first_ns = first.log_time + round(start_offset_s * 1e9)
         self.last_ns = span[1]
-        if duration_s:
-            self.last_ns = min(span[1], self.first_ns + round(duration_s * 1e9))
+        if 0.0 < duration_s < (span[1] - self.first_ns) * 1e-9:
+            self.last_ns = self.first_ns + round(duration_s * 1e9)
         self.published = dict.fromkeys(topics, 0)
         self.loops = 0
         self.error: Exception | None = None
@@ -290,16 +290,18 @@ class Playback:
                 if not self._play_one(batch.generation, message):
                     break
             else:
-                if batch.last and batch.generation == self._generation:
-                    self._end_of_bag()
+                if batch.last:
+                    self._end_of_bag(batch.generation)
 
-    def _end_of_bag(self) -> None:
-        self.loops += 1
-        if self._loop and self.error is None:
-            self.seek(self.first_ns)
-            return
+    def _end_of_bag(self, generation: int) -> None:
         with self._changed:
-            self._finished = True
+            if generation != self._generation:  # somebody has jumped meanwhile
+                return
+            self.loops += 1
+            if self._loop and self.error is None:
+                self.seek(self.first_ns)
+            else:
+                self._finished = True
 
     def _play_one(self, generation: int, message: Message) -> bool:
         """Wait for a message's time and publish it; False if it is no longer wanted."""
@@ -316,11 +318,11 @@ class Playback:
                         self._anchor_ns = message.log_time
                 self._publish_one(message)
                 return True
-            anchor_ns, anchor_s, rate = self._anchor_ns, self._anchor_s, self._rate
+            with self._changed:  # the three of one moment
+                if self._anchor_s is None and generation == self._generation:
+                    self._anchor_s = time.monotonic()
+                anchor_ns, anchor_s, rate = self._anchor_ns, self._anchor_s, self._rate
             if anchor_s is None:
-                with self._changed:
-                    if generation == self._generation:
-                        self._anchor_s = time.monotonic()
                 continue
             deadline = anchor_s + (message.log_time - anchor_ns) * 1e-9 / rate
             remaining = deadline - time.monotonic()

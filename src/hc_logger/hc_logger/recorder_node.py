@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -150,6 +150,9 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._named = [full_name(name, namespace) for name in topics if not is_pattern(name)]
         self._expected = [full_name(name, namespace) for name in expected if name]
         self._selection = TopicSelection([*topics, *self._expected], exclude, namespace)
+        for name in self._expected:
+            if name not in self._selection:
+                raise NodeStartError(f"{name} is among expected_topics and left out by exclude")
         self._skipped: dict[str, str] = {}
         self._reported_failure = ""
         self._last_reported = (time.monotonic(), 0)
@@ -212,7 +215,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 continue
             tap.publishers = len(endpoints)
             if (tap.reliable and not reliable) or (tap.transient_local and not local):
-                self._drain_one(tap)
+                self._drain_all([tap])
                 self.destroy_subscription(tap.subscription)
                 tap.subscription = self._subscribe(interface_class(types[0]), topic, profile)
                 tap.reliable, tap.transient_local = reliable, local
@@ -251,10 +254,11 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             )
             self._diagnostics.publish()  # at once, not within a second
 
-    def _drain_one(self, tap: Tap) -> None:
+    def _drain_one(self, tap: Tap) -> int:
+        """Write what of one topic has arrived, a bounded number; returns how many there were."""
         now = self.get_clock().now().nanoseconds if self._sim_time else 0
         if self._sim_time and not now:
-            return  # nobody has said yet what time it is: the messages wait in their queues
+            return 0  # nobody has said yet what time it is: the messages wait in their queues
         handle, kind = tap.subscription.handle, tap.subscription.msg_type
         data: list[bytes] = []
         infos: list[Mapping[str, Any]] = []
@@ -266,7 +270,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 data.append(taken[0])
                 infos.append(taken[1])
         if not data:
-            return
+            return 0
         if now:
             log_times = [now] * len(data)
         else:
@@ -277,6 +281,13 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if tap.publishers == 1:
             sequences = [info["publication_sequence_number"] for info in infos]
         self._session.add_many(tap.number, log_times, data, published, sequences)
+        return len(data)
+
+    def _drain_all(self, taps: Iterable[Tap]) -> None:
+        """Write what has arrived of some topics to its end: their queues are taken no more."""
+        for tap in taps:
+            while self._drain_one(tap) == MOST_AT_ONCE:
+                pass
 
     def _missing(self) -> list[str]:
         """Return which expected topics are not matched yet, for ~/ready."""
@@ -328,7 +339,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def close(self) -> None:
         """Write everything received, and the metadata."""
-        self._drain()
+        self._clock_of_reception.update()
+        self._drain_all(self._taps.values())
         if self._sim_time and not self.get_clock().now().nanoseconds:
             self.get_logger().error("nothing recorded: use_sim_time is set and /clock is silent")
         writer = self._session.writer

@@ -26,6 +26,7 @@ from hc_logger.selection import full_name
 from hc_logger.type_names import FORCE_TYPE, JOINT_TYPE, POSE_TYPE, POSITION_TYPES
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
+LONGEST_S = 1e9
 _FEW_OUTSIDE = 10
 """One sensor always begins before the other: nobody needs to hear of so few readings."""
 
@@ -85,6 +86,15 @@ def read_sensors(
         ValueError: if a setting is not allowed.
     """
     force, position, pairing = force or Sensor(), position or Sensor(), pairing or Pairing()
+    for name, seconds in (
+        ("force.time_offset", force.time_offset_s),
+        ("position.time_offset", position.time_offset_s),
+        ("pairing.maximum_wait", pairing.maximum_wait_s),
+        ("pairing.reorder_window", pairing.reorder_window_s),
+        ("pairing.maximum_gap", pairing.maximum_gap_s),
+    ):
+        if not abs(seconds) <= LONGEST_S:
+            raise ValueError(f"{name} = {seconds:g} s is not a number up to {LONGEST_S:g}")
     with open_bag(path) as bag:
         force_topic = _topic(bag, force.topic, (FORCE_TYPE,), "force")
         position_topic = _topic(bag, position.topic, POSITION_TYPES, "position")

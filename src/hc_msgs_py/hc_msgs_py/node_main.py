@@ -135,6 +135,9 @@ def run_node(
         realtime.wanted_priority()
         set_defaults()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except UnicodeEncodeError as error:
+        print(f"an argument is not in UTF-8: {error.object!a}", file=sys.stderr)  # noqa: T201
+        return 2
     except (RCLError, UnknownROSArgsError, NoSecurityError, RealtimeError) as error:
         print(_without_source_lines(_one_line(error)), file=sys.stderr)  # noqa: T201
         return 2
@@ -145,6 +148,9 @@ def run_node(
         except (NodeStartError, ParameterException, ValueError, OSError) as error:
             print(_one_line(error), file=sys.stderr)  # noqa: T201 - there is no logger yet
             return 2
+        except Exception as error:  # noqa: BLE001 - whatever it is, it is one line
+            print(_failure(error), file=sys.stderr)  # noqa: T201
+            return 1
         answer_impossible_parameters(node)
         executor = EventsExecutor()
         executor.add_node(node)

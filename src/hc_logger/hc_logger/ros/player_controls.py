@@ -31,6 +31,7 @@ RATE_STEP = 1.1
 """Factor of the keys up and down."""
 KEY_WAIT_S = 0.1
 CLOCK_DEPTH = 10
+SLOWEST_CLOCK_HZ = 1e-3
 
 
 class PlayerControls:
@@ -69,6 +70,10 @@ class PlayerControls:
             unit="Hz",
             read_only=True,
         )
+        if 0.0 < clock_rate < SLOWEST_CLOCK_HZ:
+            raise ValueError(
+                f"parameter clock_rate = {clock_rate:g} is not 0 or from {SLOWEST_CLOCK_HZ:g} Hz"
+            )
         keyboard = declare(
             node,
             "keyboard",
