@@ -292,6 +292,18 @@ def test_reconnects_and_fills_the_gap(
     assert page.run("return HC.app.state") == "connected"
 
 
+def test_a_dashboard_that_stalls_and_goes_on_is_connected(
+    page: Any, serve: Make, make_status: Make
+) -> None:
+    """Regression: after a stall of two to six seconds the page said "Not connected" for good."""
+    served = serve()
+    opened(page, served, make_status)
+    page.wait(lambda: "does not answer" in page.text("#banner"), "that nothing comes", 5.0)
+    served.server.publish_text("status", make_status())
+    page.wait_for("HC.app.state === 'connected'", 1.0)
+    page.wait(lambda: "Not connected" not in page.text("#banner"), "that it goes on", 1.0)
+
+
 def test_another_epoch_clears_the_page(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:

@@ -391,7 +391,9 @@ def _converted(name: str, value: Any, old: Any) -> Any:
     if kind == ParameterType.PARAMETER_DOUBLE and isinstance(value, str):
         return value  # the node refuses it, unless the parameter may be a word too
     if kind == ParameterType.PARAMETER_DOUBLE_ARRAY and isinstance(value, list):
-        return [float(item) for item in value]
+        numbers = [item for item in value if type(item) in (int, float)]
+        if len(numbers) == len(value):
+            return [float(item) for item in numbers]
     if kind == ParameterType.PARAMETER_STRING_ARRAY and isinstance(value, list):
         return [str(item) for item in value]
     raise WrongRequestError(f"{name}: {value!r} is not {_TYPE_NAMES.get(kind, 'possible')}")

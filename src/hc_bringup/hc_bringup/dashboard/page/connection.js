@@ -33,7 +33,7 @@ HC.Connection = class {
 
   connect() {
     this.handlers.state("connecting");
-    this.opened = false;
+    this.opened = this.stalled = false;
     const socket = new WebSocket(`ws://${location.host}/ws`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
@@ -44,6 +44,8 @@ HC.Connection = class {
     };
     socket.onmessage = (event) => {
       this.heard = performance.now();
+      if (this.stalled) this.handlers.state("connected"); // it goes on as if nothing had been
+      this.stalled = false;
       if (typeof event.data === "string") this.onText(JSON.parse(event.data));
       else this.onFrame(event.data);
     };
@@ -63,6 +65,7 @@ HC.Connection = class {
   /* A status comes four times a second: without any the connection is dead, whatever it says. */
   watch() {
     if (this.opened && performance.now() - this.heard > 1500) {
+      this.stalled = true;
       this.handlers.state("disconnected", "the dashboard does not answer");
       if (performance.now() - this.heard > 6000) this.socket.close();
     }
