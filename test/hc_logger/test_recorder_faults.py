@@ -244,7 +244,7 @@ def test_only_gaps_of_one_publisher_are_losses() -> None:
 def test_what_waits_at_the_end_is_written_however_much_it_is(
     domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Regression: after a stall (a slow disk) an ended recorder wrote a part of each topic alone."""
+    """Regression: after a stall (a slow disk) an ended recorder wrote but a part of each topic."""
     import rclpy
     from hc_msgs.msg import IndenterSample
 

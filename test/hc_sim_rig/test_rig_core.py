@@ -12,6 +12,12 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from hc_sim_rig import Rig, RigSeries, ScenarioError, available_scenarios, load_scenario
+from hc_sim_rig.bilateral import Bilateral
+from hc_sim_rig.bilateral.model_source import SlaveModel
+from hc_sim_rig.bilateral.sides import SlaveSide
+from hc_sim_rig.bilateral.simulated_hand import SimulatedHand
+from hc_sim_rig.bilateral.task import palpation_task
+from hc_sim_rig.bilateral.udp_link import Added, UdpLink
 from hc_sim_rig.drives import Slave, Stage
 from hc_sim_rig.motions import Sine, Waypoints
 from hc_sim_rig.profile import leg_duration, profile_at, profile_from_legs
@@ -192,6 +198,35 @@ def test_a_pause_brings_the_motion_to_rest_and_on_again() -> None:
     rig.tune(speed=1.0)
     rig.run(1.0)
     assert np.ptp(rig.run(2.0).truth.displacement_mm) > 1.0
+
+
+def test_an_exponent_stays_one_through_the_changes_of_the_tissue() -> None:
+    """Regression: with n at its limit a change made it 0, and contact began with a force."""
+    rig = Rig("tissue_change")
+    with pytest.raises(
+        ScenarioError, match=r"0.2 would be 0 after the scenario's changes, must st"
+    ):
+        rig.start_with(displacement_exponent=0.2)
+    rig.start_with(displacement_exponent=0.3)
+    assert rig.run(12.0).truth.parameters[:, 2].min() == pytest.approx(0.1)
+    Rig("multisine").start_with(displacement_exponent=0.2)
+
+
+def test_a_hand_and_a_slave_with_one_seed_draw_apart() -> None:
+    """Regression: tremor, readings of the hand and readings of the slave came of one stream."""
+    settings = Bilateral()
+    hand = SimulatedHand(settings, palpation_task(1000.0), 7)
+    start = palpation_task(1000.0).path[0]
+    link = UdpLink(1, "127.0.0.1", 0, "127.0.0.1", 9, Added(), 7)
+    slave = SlaveSide(settings, link, start, 7)
+    stream = np.random.default_rng(7)
+    errors = [
+        (hand.reading_mm() - start) / settings.device.position_noise_std_mm,
+        (slave.step(0, SlaveModel()).position_mm - start) / settings.slave.position_noise_std_mm,
+        stream.standard_normal(),
+    ]
+    link.close()
+    assert len({round(error, 6) for error in errors}) == 3
 
 
 def test_settings_that_cannot_be_are_refused_and_change_nothing() -> None:

@@ -291,7 +291,9 @@ def _allowed(specification: ParameterSpecification) -> str:
     elif specification.kind == "auto":
         words = [specification.allowed]
     else:
-        if specification.minimum is not None:
+        if specification.above is not None:
+            words.append(f"above {specification.above:g}")
+        elif specification.minimum is not None:
             words.append(f"from {specification.minimum:g}")
         if specification.maximum is not None:
             words.append(f"to {specification.maximum:g}")

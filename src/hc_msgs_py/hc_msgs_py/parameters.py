@@ -1,7 +1,8 @@
 """Declaration of ROS parameters from their specifications.
 
-rclpy checks ranges and the read-only mark itself; a choice among words is text only to it
-(additional_constraints), so the node's on-set callback must enforce that one.
+rclpy checks ranges and the read-only mark itself; a choice among words, and a limit that is not
+itself allowed, are text only to it (additional_constraints), so the node's on-set callback must
+enforce those.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ def declare_specified(node: Node, specification: ParameterSpecification) -> Any:
         raise ValueError(
             f"parameter {name} = {given!r} is not {specification.allowed}{hint}"
         ) from error
-    if specification.choices:
+    if specification.choices or specification.above is not None:
         specification.checked(value.value)
     _declared.setdefault(node, {})[name] = specification
     return value.value
@@ -98,6 +99,9 @@ def _descriptor(specification: ParameterSpecification) -> ParameterDescriptor:
     if specification.choices:
         descriptor.additional_constraints = "one of: " + ", ".join(specification.choices)
     low, high = specification.minimum, specification.maximum
+    if specification.above is not None:
+        low = specification.above
+        descriptor.additional_constraints = specification.allowed
     if specification.kind == "auto":
         descriptor.dynamic_typing = True
         descriptor.additional_constraints = specification.allowed

@@ -113,7 +113,10 @@ class ParameterSpecification:
             return list(value) if all(isinstance(v, str) for v in value) else None
         if any(_is_bool(v) or not isinstance(v, (int, float)) for v in value):
             return None
-        return [float(v) for v in value]
+        try:
+            return [float(v) for v in value]
+        except OverflowError:
+            return None
 
     def _accepted_number(self, value: Any) -> float | int | None:
         if _is_bool(value):
@@ -124,7 +127,8 @@ class ParameterSpecification:
             return None
         low = -math.inf if self.minimum is None else self.minimum
         high = math.inf if self.maximum is None else self.maximum
-        if not (math.isfinite(number) and low <= number <= high):
+        exact = value if isinstance(value, int) else number  # a float64 has not every integer
+        if not (math.isfinite(number) and low <= exact <= high):
             return None
         if self.above is not None and number <= self.above:
             return None

@@ -52,7 +52,9 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             ValueError: a parameter's value is not allowed, or the link cannot be.
         """
         super().__init__(NODE_MASTER)
-        seed = declare(self, "seed", 0, "seed of tremor, sensor and added loss", minimum=0)
+        seed = declare(
+            self, "seed", 0, "seed of tremor, sensor and added loss", minimum=0, read_only=True
+        )
         self._device = declare(
             self,
             "device.kind",
@@ -70,7 +72,13 @@ class MasterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             declare(self, "device.lateral_axis", "x", "axis sideways", choices=AXES, read_only=True)
         )
         sign = declare(
-            self, "device.sign", -1, "-1: the axis points out of the tissue", minimum=-1, maximum=1
+            self,
+            "device.sign",
+            -1,
+            "-1: the axis points out of the tissue",
+            minimum=-1,
+            maximum=1,
+            read_only=True,
         )
         if sign == 0:
             raise ValueError("parameter device.sign = 0 is not 1 or -1")

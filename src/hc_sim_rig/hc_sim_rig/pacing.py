@@ -15,7 +15,7 @@ NANOSECONDS = 1_000_000_000
 RESYNCHRONISE_NS = NANOSECONDS // 4
 """How often the stamps' clock is compared with the monotonic clock that the thread sleeps on."""
 JUMP_NS = NANOSECONDS // 10
-"""A difference beyond this is a jump of the stamps' clock: counted, and not followed."""
+"""A difference beyond this is a jump of the stamps' clock: counted once, and not followed."""
 LONGEST_SLEEP_S = 0.1
 """So that a stop is noticed soon at low rates."""
 
@@ -111,6 +111,7 @@ class DeadlineThread:
         start_ns = self._start_ns = self._clock_ns()
         offset_ns = start_ns - time.monotonic_ns()
         check_ns = start_ns + RESYNCHRONISE_NS
+        jumped_ns = 0  # by all jumps together
         index = 0
         while not self._stop.is_set():
             stamp_ns = self.stamp_ns(index)
@@ -131,8 +132,9 @@ class DeadlineThread:
             report.acts = index
             if stamp_ns >= check_ns:
                 check_ns = stamp_ns + RESYNCHRONISE_NS
-                change_ns = self._clock_ns() - time.monotonic_ns() - offset_ns
+                change_ns = self._clock_ns() - time.monotonic_ns() - offset_ns - jumped_ns
                 if abs(change_ns) < JUMP_NS:
                     offset_ns += change_ns
                 else:
                     report.clock_jumps += 1
+                    jumped_ns += change_ns

@@ -23,6 +23,7 @@ from hc_sim_rig.layout import (
 )
 from hc_sim_rig.scenario import Scenario
 from hc_sim_rig.schema import ScenarioError
+from hc_sim_rig.tissues import LEAST_EXPONENT
 from hc_sim_rig.tissues_of_others import OTHERS
 
 
@@ -120,3 +121,12 @@ def check_settings(scenario: Scenario, values: Mapping[str, float]) -> None:
             known[name].specification.checked(value)
         except ValueError as error:
             raise ScenarioError(str(error)) from None
+    changes = getattr(scenario.tissue, "changes", ())
+    for name in {"displacement_exponent", "velocity_exponent"} & values.keys():
+        differences = [getattr(change, f"{name}_difference") for change in changes]
+        lowest = round(values[name] + min(differences, default=0.0), 9)
+        if lowest < LEAST_EXPONENT:
+            raise ScenarioError(
+                f"{name} = {values[name]:g} would be {lowest:g} after the scenario's changes, "
+                f"must stay >= {LEAST_EXPONENT:g}"
+            )

@@ -58,7 +58,9 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
             ValueError: a parameter's value is not allowed, or the link cannot be.
         """
         super().__init__(NODE_SLAVE)
-        seed = declare(self, "seed", 1, "seed of the sensors and of added loss", minimum=0)
+        seed = declare(
+            self, "seed", 1, "seed of the sensors and of added loss", minimum=0, read_only=True
+        )
         settings = declare_settings(self, ("slave", "tissue", "feedback"), SLAVE_FEEDBACK)
         self._tissue = settings.tissue
         self._has_sensor = declare(

@@ -43,8 +43,6 @@ SURFACE_AT_REST = 1e-6
 """[mm] Dashpots closer to zero than this count as recovered."""
 FRICTION_VELOCITY = 0.05
 """[mm/s] Speed at which dry friction has reached tanh(1) of its value (smooth at rest)."""
-LOWEST_FACTOR = 1e-3
-"""Smallest factor on K and B that a change may ask for."""
 
 
 @inlined

@@ -14,6 +14,8 @@ from hc_sim_rig.layout import BRANCH_COLUMNS, CHANGE_COLUMNS, LAYER_COLUMNS, MAX
 from hc_sim_rig.schema import ScenarioError, Section, number, section, word
 from hc_sim_rig.tissues_of_others import OTHERS, PARAMETERS
 
+LEAST_EXPONENT = 0.1
+"""Of a tissue that changes: with less its force jumps where contact begins."""
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0}
 
 
@@ -253,9 +255,11 @@ def check_changes(
             ("displacement_exponent", displacement_exponent),
             ("velocity_exponent", velocity_exponent),
         ):
-            after = value + getattr(change, f"{name}_difference")
-            if after < 0.1:
-                raise ScenarioError(f"changes makes {name} {after:g}, must stay >= 0.1")
+            after = round(value + getattr(change, f"{name}_difference"), 9)  # 0.3 - 0.2 < 0.1
+            if after < LEAST_EXPONENT:
+                raise ScenarioError(
+                    f"changes makes {name} {after:g}, must stay >= {LEAST_EXPONENT:g}"
+                )
     for earlier, later in itertools.pairwise(changes):
         if later.time_s < earlier.time_s + earlier.duration_s:
             raise ScenarioError(

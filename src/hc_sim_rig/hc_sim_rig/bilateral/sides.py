@@ -36,6 +36,10 @@ ALIGNED_MM = 0.2
 """With waves the tool first goes to where the hand is: they carry motion, and no place."""
 
 
+_SLAVE_READINGS = 2
+"""Keeps the errors of its readings apart from those of a simulated hand with the same seed."""
+
+
 class MasterSample(NamedTuple):
     """What the master did at one sample; mm, mm/s, N."""
 
@@ -195,7 +199,7 @@ class SlaveSide:
             slave.force_noise_std_n,
             slave.effort_noise_std_n,
         )
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng([seed, _SLAVE_READINGS])
         self._y = np.zeros(layout.Y_SIZE)
         self._y[layout.Y_SLAVE] = start_mm
         self._memory = np.zeros(layout.MEMORY_SIZE)

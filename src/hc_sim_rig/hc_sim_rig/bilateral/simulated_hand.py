@@ -11,6 +11,8 @@ from hc_sim_rig.bilateral.live_kernel import move_hand
 from hc_sim_rig.bilateral.parts import Bilateral
 from hc_sim_rig.bilateral.task import Task, tremor
 
+_READINGS = 1
+
 
 class SimulatedHand:
     """The operator's arm on the device: moves by what it wants, its tremor, and what it feels."""
@@ -28,7 +30,7 @@ class SimulatedHand:
             arm.tremor_high_hz,
             seed,
         )
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng([seed, _READINGS])  # apart from the tremor
         self._noise = settings.device.position_noise_std_mm
         self._y = np.zeros(layout.Y_SIZE)
         self._y[layout.Y_MASTER] = task.path[0]

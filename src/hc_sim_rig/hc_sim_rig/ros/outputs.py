@@ -133,7 +133,7 @@ class Outputs:
     def set_scenario(self, scenario: Scenario, seed: int) -> None:
         """Publish the readings of the scenario's tactile array from now on, if it has one."""
         self._pad = None
-        if scenario.taxels is None:
+        if scenario.taxels is None or not self._with_sensors:
             return
         sensors = scenario.sensors
         if self._tactile is None:

@@ -18,6 +18,8 @@ from hc_msgs_py.topics import JOINT_STATES, WRENCH
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
 from hc_sim_rig.rig import Rig
 
+ANOTHER_CLOCK = 50
+"""So many messages in a row whose stamps rise, all before the newest, are of a clock set back."""
 DEFAULT_TOPICS = {"master": f"/slave/{WRENCH}", "slave": f"/master/{JOINT_STATES}"}
 
 
@@ -39,7 +41,8 @@ class RemoteSide:
             if rig.side == "master"
             else (JointState, self._on_joints)
         )
-        self._newest_ns = -1
+        self._newest_ns = self._earlier_ns = -1
+        self._earlier = 0
         self.received = 0
         self.overtaken = 0
         self._subscription = node.create_subscription(kind, self.topic, handler, SAMPLE_QOS)
@@ -51,18 +54,22 @@ class RemoteSide:
         return []
 
     def _is_new(self, message: Any) -> bool:
-        """Count a message; whether it is newer than all before."""
+        """Count a message; whether it is newer than all before, by the clock that counts now."""
         self.received += 1
         stamp_ns = nanoseconds_from_stamp(message.header.stamp)
         if stamp_ns <= self._newest_ns:
-            self.overtaken += 1
-            return False
-        self._newest_ns = stamp_ns
+            self._earlier = self._earlier + 1 if stamp_ns > self._earlier_ns else 1
+            self._earlier_ns = stamp_ns
+            if self._earlier < ANOTHER_CLOCK:
+                self.overtaken += 1
+                return False
+        self._newest_ns, self._earlier_ns, self._earlier = stamp_ns, -1, 0
         return True
 
     def _on_joints(self, message: Any) -> None:
-        if self._is_new(message) and "master" in message.name:
-            self._take(message.position[message.name.index("master")] * METRE_IN_MM)
+        place = message.name.index("master") if "master" in message.name else len(message.name)
+        if place < len(message.position) and self._is_new(message):  # joints of others may be there
+            self._take(message.position[place] * METRE_IN_MM)
 
     def _on_wrench(self, message: Any) -> None:
         if self._is_new(message):
