@@ -1,6 +1,9 @@
 """The engine of batches, benchmarks and experiments: nothing is lost, whatever a process does."""
 
 import math
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 
 import pytest
@@ -45,3 +48,31 @@ def test_a_task_that_ends_its_process_takes_no_other_with_it() -> None:
 def test_an_error_of_a_task_is_told_as_it_is() -> None:
     with pytest.raises(ValueError, match="factorial"):
         list(each(math.factorial, [1, -1], 2))
+
+
+@pytest.mark.process
+def test_a_program_that_ends_at_once_says_nothing_of_helpers() -> None:
+    """Regression: Ctrl-C in hc bench accuracy was followed by warnings of joblib's."""
+    script = (
+        "import math, os, sys\n"
+        "from hc_evaluation.workers import each\n"
+        "for _ in each(math.factorial, range(200), 2):\n"
+        "    assert 'PYTHONWARNINGS' in os.environ\n"
+        "    os._exit(3)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (done.returncode, done.stderr) == (3, "")
+
+
+@pytest.mark.process
+def test_the_environment_is_afterwards_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONWARNINGS", "default")
+    list(each(math.factorial, range(4), 2))
+    assert os.environ["PYTHONWARNINGS"] == "default"
+    monkeypatch.delenv("PYTHONWARNINGS")
+    results = each(math.factorial, range(4), 2)
+    next(results)
+    results.close()
+    assert "PYTHONWARNINGS" not in os.environ

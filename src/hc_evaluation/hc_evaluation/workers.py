@@ -11,12 +11,14 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any, Final, NoReturn, TypeVar
 
 DEATHS: Final = 3
 """Processes that a task may end."""
+_NO_WORD: Final = "ignore::UserWarning:joblib.externals.loky.backend.resource_tracker"
+"""Joblib's helper tidies up after a program that was interrupted, and would warn its user of it."""
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -84,7 +86,9 @@ def each(
                 yield place, _alone(function, left.pop(place), died)
 
 
-def _over(function: Callable[[T], R], left: dict[int, T], begun: list[int], workers: int) -> Any:
+def _over(
+    function: Callable[[T], R], left: dict[int, T], begun: list[int], workers: int
+) -> Generator[tuple[int, R], None, None]:
     from joblib import Parallel, delayed
 
     def calls() -> Iterator[Any]:
@@ -92,14 +96,22 @@ def _over(function: Callable[[T], R], left: dict[int, T], begun: list[int], work
             begun.append(place)
             yield delayed(_placed)(function, place, task)
 
-    return Parallel(
-        n_jobs=workers,
-        return_as="generator_unordered",
-        batch_size=1,
-        max_nbytes=None,
-        initializer=prepare_worker,
-        initargs=(os.getpid(),),
-    )(calls())
+    before = os.environ.get("PYTHONWARNINGS")
+    os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (before, _NO_WORD)))
+    try:
+        yield from Parallel(
+            n_jobs=workers,
+            return_as="generator_unordered",
+            batch_size=1,
+            max_nbytes=None,
+            initializer=prepare_worker,
+            initargs=(os.getpid(),),
+        )(calls())
+    finally:
+        if before is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = before
 
 
 def _placed(function: Callable[[T], R], place: int, task: T) -> tuple[int, R]:
