@@ -25,6 +25,8 @@ def estimate(sequence: int, **fields: Any) -> Any:
     numbers = {"latency": 1e-3, "innovation_force": 0.0, "displacement": 0.0, "force_measured": 0.0}
     numbers |= {"force_predicted": 0.0, "configuration_revision": 1}
     numbers |= {"channel_delay": 0.002, "channel_delay_std": 0.0001}
+    numbers |= {"contact_position": 0.0, "contact_position_std": math.nan}
+    numbers |= {"force_zero": 0.0, "force_zero_std": math.nan}
     stamp = SimpleNamespace(sec=sequence, nanosec=0)  # a sample a second
     header = SimpleNamespace(stamp=stamp)
     content = values | flags | numbers | {"header": header} | fields
@@ -199,6 +201,18 @@ def test_the_delay_of_the_last_estimate_is_told_in_seconds_and_in_words() -> Non
     summary = json.loads(to_json(run_summary(state, None)))
     assert (summary["channel_delay"], summary["channel_delay_std"]) == (0.0, None)
     assert " is late by " not in run_text(run_summary(state, None))
+
+
+def test_zeros_that_were_found_are_told_in_mm_and_n_and_in_words() -> None:
+    state = state_after([0, 1], samples=2)
+    found = {"contact_position": -1.84e-4, "contact_position_std": 1.6e-5, "force_zero": 0.012}
+    state.statistics.add(estimate(2, **found))
+    summary = json.loads(to_json(run_summary(state, None)))
+    assert summary["contact_position"] == pytest.approx(-0.184)
+    assert summary["contact_position_std"] == pytest.approx(0.016)
+    assert (summary["force_zero"], summary["force_zero_std"]) == (0.012, None)
+    said = run_text(run_summary(state, None))
+    assert "contact begins at -0.184 ± 0.016 mm and the force reads 12 mN without contact" in said
 
 
 def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:

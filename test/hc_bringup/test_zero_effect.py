@@ -17,6 +17,7 @@ from hc_bringup.zero_effect import (
     effect_where_exact,
     zero_effect,
 )
+from hc_bringup.zero_words import Zeros
 
 EXACT = {"contact_position_std": 0.0, "force_zero_std": 0.0}
 
@@ -65,19 +66,29 @@ def test_nothing_is_said_where_the_law_says_nothing(depth, exponent):
     ],
 )
 def test_it_is_said_where_nobody_called_the_zeros_unsure_and_none_was_found(settings, zeros, exact):
-    effect = effect_where_exact(settings, 2.0, 1.5, 0.1, zeros)
+    effect = effect_where_exact(settings, 2.0, 1.5, 0.1, zeros, (0.5, 0.001))
     assert effect == (zero_effect(2.0, 1.5) if exact else UNKNOWN)
+
+
+def test_nothing_is_said_where_the_deviation_of_k_says_more():
+    largest = max(map(abs, zero_effect(2.0, 1.5)))
+    for stiffness in (0.5, -0.5, 0.0):
+        for share, said in ((0.9, stiffness != 0.0), (1.1, False)):
+            known = (stiffness, share * largest * abs(stiffness) or 0.1)
+            effect = effect_where_exact(EXACT, 2.0, 1.5, 0.1, (0.0, 0.0), known)
+            assert effect.known is said, known
 
 
 def estimates(depths, revisions):
     names = ["displacement", "displacement_exponent", "displacement_exponent_std"]
-    names += ["contact_position", "force_zero"]
+    names += ["contact_position", "force_zero", "stiffness", "stiffness_std"]
     kinds = [(name, float) for name in names]
     kinds += [("contact", bool), ("rejected", np.uint8), ("configuration_revision", np.uint32)]
     table = np.zeros(len(depths), kinds)
     table["displacement"] = 1e-3 * np.array(depths)
     table["displacement_exponent"], table["displacement_exponent_std"] = 1.5, 0.1
     table["contact"], table["configuration_revision"] = True, revisions
+    table["stiffness"], table["stiffness_std"] = 0.5, 0.001
     return table
 
 
@@ -96,6 +107,8 @@ def test_of_a_stream_what_was_felt_with_the_settings_in_force_counts():
         displacement_exponent_std=0.1,
         contact_position=0.0,
         force_zero=0.0,
+        stiffness=0.5,
+        stiffness_std=0.001,
     )
     assert touch.effect(None) == UNKNOWN
     for depth in (9.0, math.nan, 1.0):
@@ -118,5 +131,38 @@ def test_the_words_name_both_and_what_to_do():
     for words in ("12 % wrong", "5 %", "contact_position_std", "force_zero_std"):
         assert words in line
         assert words in sentence
-    assert zero_lines(dict.fromkeys(summary, math.nan)) == []
+    nothing = dict.fromkeys((*summary, *Zeros._fields), math.nan)
+    assert zero_lines(nothing) == []
+    assert zero_lines(nothing | {"contact_position": 0.0, "force_zero": 0.0}) == []
+
+
+@pytest.mark.parametrize(
+    ("zeros", "words"),
+    [
+        (
+            (-0.184, 0.0162, 0.0, math.nan),
+            "contact begins at -0.184 ± 0.016 mm; K, B, n and p count from there",
+        ),
+        (
+            (0.0, math.nan, 0.012, 0.0),
+            "the force reads 12 mN without contact; K, B, n and p count from there",
+        ),
+        (
+            (-0.0, 0.41, 0.0, 0.02),
+            "contact begins at 0.00 ± 0.41 mm and the force reads 0 ± 20 mN without contact; "
+            "K, B, n and p are as unsure as that makes them",
+        ),
+        ((math.nan, math.nan, math.nan, math.nan), ""),
+    ],
+)
+def test_zeros_that_were_found_or_are_in_doubt_are_said(zeros, words):
+    assert Zeros(*zeros).words == words
+    summary = {"stiffness_if_position_off": math.nan, "stiffness_if_force_zero_off": math.nan}
+    assert zero_lines(summary | Zeros(*zeros)._asdict()) == ([words] if words else [])
+
+
+def test_a_message_is_in_metres():
+    fields = {"contact_position": 1e-3, "contact_position_std": 2e-4}
+    fields |= {"force_zero": 0.3, "force_zero_std": 0.1}
+    assert Zeros.from_message(fields.__getitem__) == pytest.approx((1.0, 0.2, 0.3, 0.1))
     assert "123 % wrong" in ZeroEffect(1.234, 0.1).words

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import grid, smoothing
-from hc_estimator.multiple_model.records import NEIGHBOURS
+from hc_estimator.multiple_model.delay_records import NEIGHBOURS
 
 
 def window(displacement, force, rate):

@@ -5,7 +5,7 @@ import pytest
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import delay_fit, delay_points
-from hc_estimator.multiple_model.records import CANDIDATES
+from hc_estimator.multiple_model.delay_records import CANDIDATES
 
 CENTRE = CANDIDATES // 2
 TISSUE = np.array([0.7, 0.05, 1.6, 0.9])  # K, B / K, n, p

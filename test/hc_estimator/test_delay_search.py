@@ -6,7 +6,7 @@ from scipy.stats import norm
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import delay, delay_points
-from hc_estimator.multiple_model.records import CANDIDATES
+from hc_estimator.multiple_model.delay_records import CANDIDATES
 from hc_evaluation.accuracy import corners, multirate, possible, rates, together
 from hc_evaluation.accuracy import delay as delay_experiment
 from hc_evaluation.accuracy.scenarios import simulate

@@ -42,6 +42,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "held": "held",
     "given": "given",
     "onset": "onset",
+    "air": "air",
     "search": "search",
     "memory": "memory",
 }
@@ -94,8 +95,9 @@ OWNERS = {
         "multiple_model/delay_evidence",
     ),
     "held": ("multiple_model/alignment",),
-    "given": ("multiple_model/sample",),
+    "given": ("multiple_model/given_out",),
     "onset": ("multiple_model/contact_onset",),
+    "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
@@ -107,6 +109,7 @@ GUESTS = {
         "given": "latest_force",
         "row": "active",
     },
+    "multiple_model/air_zero": {"onset": "force_deviation in_air shift"},
     "multiple_model/beginning": {
         "change": "detected",
         "clock": "refused_count refused_since started",
@@ -117,6 +120,7 @@ GUESTS = {
     "multiple_model/readings": {"bank": "calibrated motion_anew sensor_noise"},
     "multiple_model/sample": {
         "change": "detected fitting_time",
+        "given": "extrapolated",
         "maneuver": "count",
         "row": "active",
     },

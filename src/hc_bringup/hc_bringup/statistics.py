@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hc_bringup.explanation import RecentMotion
 from hc_bringup.force_error import SETTLING_S, one_step_error
 from hc_bringup.zero_effect import DeepestTouch
+from hc_bringup.zero_words import Zeros
 from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.units import METRE_IN_MM
 
@@ -177,6 +178,10 @@ class EstimateStatistics:
     def channel_delay(self) -> tuple[float, float]:
         """By how much the force is late, and the standard deviation of that [s]; NaN: unknown."""
         return _field(self.latest, "channel_delay"), _field(self.latest, "channel_delay_std")
+
+    def zeros(self) -> dict[str, float]:
+        """Return contact position [mm] and force zero [N] with standard deviations by name."""
+        return Zeros.from_message(functools.partial(_field, self.latest))._asdict()
 
     def parameters(self) -> dict[str, float]:
         """Return the latest K, B, n, p by name."""

@@ -12,6 +12,7 @@ from hc_bringup.plain_json import finite
 from hc_bringup.runner import RunState
 from hc_bringup.statistics import PARAMETERS
 from hc_bringup.zero_effect import ZeroEffect
+from hc_bringup.zero_words import Zeros
 from hc_estimator.stream.readings import MEANINGS, Check
 
 _UNUSABLE = {
@@ -84,6 +85,7 @@ def run_summary(
         "identifiability": statistics.identifiability(),
         "channel_delay": statistics.channel_delay[0],
         "channel_delay_std": statistics.channel_delay[1],
+        **statistics.zeros(),
         "stiffness_if_position_off": effect.by_position,
         "stiffness_if_force_zero_off": effect.by_force_zero,
         "force_rmse_n": statistics.force_rmse_n,
@@ -162,11 +164,12 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
 
 
 def zero_lines(summary: dict[str, Any]) -> list[str]:
-    """Return a line about what zeros that are off would do; none where that is not known."""
+    """Return a line about zeros that were found, or what those that are off would do; or none."""
     names = ("stiffness_if_position_off", "stiffness_if_force_zero_off")
     words = ZeroEffect(*(summary[name] for name in names)).words
     if not words:
-        return []
+        said = Zeros(*(summary[name] for name in Zeros._fields)).words
+        return [said] if said else []
     return [
         f"{words} (how well you know them: --param contact_position_std=MM "
         "--param force_zero_std=N)"

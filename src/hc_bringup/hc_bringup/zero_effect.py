@@ -101,8 +101,12 @@ def effect_where_exact(
     exponent: float,
     exponent_std: float,
     zeros: tuple[float, float],
+    stiffness: tuple[float, float],
 ) -> ZeroEffect:
     """The same for an estimate; unknown where its zeros are not taken for exact.
+
+    Nor is there anything to say where K is known to less than that in any case: it is so where the
+    filter itself doubts its zeros.
 
     Args:
         settings: of the estimator by name; one that cannot be told how well the zeros are known
@@ -111,11 +115,14 @@ def effect_where_exact(
         exponent: n of the estimate.
         exponent_std: its standard deviation; 0 of a law that has this n in any case.
         zeros: contact position and force zero that the estimator found; 0 or NaN if it found none.
+        stiffness: K and its standard deviation.
     """
     found = any(zero != 0.0 and not math.isnan(zero) for zero in zeros)
     if not settings or found or any(settings.get(name, 0.0) for name in SETTINGS):
         return UNKNOWN
-    return zero_effect(depth_mm, exponent, fixed=exponent_std == 0.0)
+    effect = zero_effect(depth_mm, exponent, fixed=exponent_std == 0.0)
+    share = max(abs(effect.by_position), abs(effect.by_force_zero))
+    return UNKNOWN if stiffness[1] > share * abs(stiffness[0]) else effect
 
 
 def effect_in(settings: Mapping[str, Any], estimates: NDArray[Any]) -> ZeroEffect:
@@ -137,6 +144,7 @@ def effect_in(settings: Mapping[str, Any], estimates: NDArray[Any]) -> ZeroEffec
         float(last["displacement_exponent"]),
         float(last["displacement_exponent_std"]),
         (float(last["contact_position"]), float(last["force_zero"])),
+        (float(last["stiffness"]), float(last["stiffness_std"])),
     )
 
 
@@ -179,4 +187,5 @@ class DeepestTouch:
             estimate.displacement_exponent,
             estimate.displacement_exponent_std,
             (estimate.contact_position, estimate.force_zero),
+            (estimate.stiffness, estimate.stiffness_std),
         )

@@ -38,6 +38,7 @@ from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
+from hc_bringup.zero_words import Zeros
 from hc_estimator import PARAMETER_NAMES
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.sanity import check_samples
@@ -200,6 +201,8 @@ def recording_units() -> dict[str, str]:
     for name, unit in zip(PARAMETER_NAMES, PARAMETER_UNITS, strict=True):
         units |= {name: unit, f"{name}_std": unit, f"{name}_identifiability": "1"}
     units |= {"channel_delay": "s", "channel_delay_std": "s"}
+    units |= {"contact_position": "mm", "contact_position_std": "mm"}
+    units |= {"force_zero": "N", "force_zero_std": "N"}
     return units | {"force_predicted_rmse": "N", "force_reconstructed_rmse": "N", "nis_mean": "1"}
 
 
@@ -306,7 +309,8 @@ def _row(recording: Any, summary: dict[str, Any], contacts: int) -> dict[str, An
         "force_predicted_rmse": summary["force_predicted_rmse_n"],
         "force_reconstructed_rmse": summary["force_reconstructed_rmse_n"],
     }
-    for name in ("samples", "used", "in_contact", "channel_delay", "channel_delay_std", "nis_mean"):
+    same = ("samples", "used", "in_contact", "channel_delay", "channel_delay_std", "nis_mean")
+    for name in (*same, *Zeros._fields):
         row[name] = summary[name]
     for name in PARAMETER_NAMES:
         row[name] = summary["parameters"][name]

@@ -28,7 +28,8 @@ COLUMNS = (
     "damping_std [N(s/mm)^p/mm^n],displacement_exponent_std,velocity_exponent_std,"
     "force_predicted_N,force_reconstructed_N,nis,contact,change_detected,rejected,"
     "stiffness_identifiability,damping_identifiability,displacement_exponent_identifiability,"
-    "velocity_exponent_identifiability,model_mismatch,channel_delay_s"
+    "velocity_exponent_identifiability,model_mismatch,channel_delay_s,"
+    "channel_delay_std_s,contact_position_mm,contact_position_std_mm,force_zero_N,force_zero_std_N"
 )
 
 
@@ -213,6 +214,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
 
     from hc_bringup.force_error import one_step_error, root_mean_square, settled, settling_s
     from hc_bringup.zero_effect import effect_where_exact
+    from hc_bringup.zero_words import Zeros
     from hc_estimator import PARAMETER_NAMES, Rejection
     from hc_estimator.stream.together import of_two_readings
 
@@ -233,6 +235,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         last.parameters[2],
         last.parameters_std[2],
         (last.contact_position, last.force_zero),
+        (last.parameters[0], last.parameters_std[0]),
     )
     return {
         "samples": len(series),
@@ -252,6 +255,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "identifiability": named(last.identifiability),
         "channel_delay": float(last.channel_delay),
         "channel_delay_std": float(last.channel_delay_std),
+        **{name: float(getattr(last, name)) for name in Zeros._fields},
         "stiffness_if_position_off": effect.by_position,
         "stiffness_if_force_zero_off": effect.by_force_zero,
         "changes_detected": int(np.count_nonzero(series.change_detected)),
@@ -357,11 +361,21 @@ def estimate_lines(recording: Any, series: Any) -> Iterator[str]:
         ]
     ).tolist()
     flags = np.column_stack([series.contact, series.change_detected, series.model_mismatch])
-    known = np.column_stack([series.identifiability, series.channel_delay]).tolist()
+    known = np.column_stack(
+        [
+            series.identifiability,
+            series.channel_delay,
+            series.channel_delay_std,
+            series.contact_position,
+            series.contact_position_std,
+            series.force_zero,
+            series.force_zero_std,
+        ]
+    ).tolist()
     codes = series.rejected.tolist()
     lines = (
         f"{','.join(map(repr, row))},{flag[0]},{flag[1]},{names[code]},"
-        f"{','.join(map(repr, more[:4]))},{flag[2]},{more[4]!r}\n"
+        f"{','.join(map(repr, more[:4]))},{flag[2]},{','.join(map(repr, more[4:]))}\n"
         for row, flag, code, more in zip(
             numbers, flags.astype(int).tolist(), codes, known, strict=True
         )

@@ -16,6 +16,7 @@ from hc_bringup.report.palpation_map import StiffnessMap
 from hc_bringup.run_data import RunData
 from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
+from hc_bringup.zero_words import Zeros
 from hc_evaluation.metrics import chi_square_band
 from hc_logger.info import LONGEST_COUNTED_GAP, counts
 
@@ -188,8 +189,11 @@ def _unseen(data: RunData, channels: Any | None) -> list[Sentence]:
 
 
 def _zeros(data: RunData) -> list[Sentence]:
-    """Say what zeros that are off would do, where they are taken for exact."""
+    """Say what zeros were found, or what zeros that are off would do where they are exact."""
     said = effect_in(data.settings, data.estimates).sentence
+    if not said and len(data.estimates):
+        words = Zeros.from_message(data.estimates[-1].__getitem__).words
+        said = f"{words[0].upper()}{words[1:]}." if words else ""
     return [Sentence(Level.NOTE, said)] if said else []
 
 

@@ -89,6 +89,7 @@ def set_noise(settings_array: Any, memory_array: Any) -> None:
 def take_settings(settings_array: Any, memory_array: Any) -> None:
     """Take what else of changed settings the memory holds."""
     alignment.take_setting(settings_array[0], memory_array[0])
+    zero_fit.take_setting(settings_array[0], memory_array[0].zeros)
 
 
 @compiled

@@ -43,7 +43,7 @@ from hc_estimator.multiple_model.normal_equations import (
     weigh,
 )
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import seed
+from hc_estimator.multiple_model.rows import guess_of, is_held, seed
 
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
@@ -288,7 +288,6 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
     for i in range(4):
         history.held[i] = 0
     damping, exponent = history.fit[1], history.fit[3]
-    first = math.log(settings.initial_damping / settings.initial_stiffness)
     if _is_at_rest(history):
         history.held[1] = 1
         history.held[3] = 1
@@ -297,8 +296,8 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
         if place == 1:
             if history.held[1] != 0 and history.held[3] != 0:
                 break
-            history.fit[1] = history.fit[0] + first
-            history.fit[3] = settings.initial_velocity_exponent
+            _take_first_guess(settings, history, 1)
+            _take_first_guess(settings, history, 3)
             gather(settings, history, history.fit)
         for i in (3, 1, 3):  # p once more: with B / K held it is what noise would move
             if history.held[i] != 0:
@@ -309,14 +308,23 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
             if share_of_noise(history, i, weight) > LARGEST_SHARE_OF_NOISE:
                 history.held[i] = 1
     history.fit[1], history.fit[3] = damping, exponent
-    if history.held[1] != 0:
-        history.fit[1] = history.fit[0] + first
-    if history.held[3] != 0:
-        history.fit[3] = settings.initial_velocity_exponent
+    for i in (1, 3):
+        if history.held[i] != 0:
+            _take_first_guess(settings, history, i)
     copy_matrix(seen, history.seen)
     copy_matrix(false, history.false)
     copy_vector(pull, history.pull)
     return True
+
+
+@compiled
+def _take_first_guess(settings: Any, history: Any, i: int) -> None:
+    """Move ln B (1), with the ratio of B to K, or p (3) of the fit to its first guess."""
+    if i == 1 and not is_held(settings, 1):
+        ratio = settings.initial_damping / settings.initial_stiffness
+        history.fit[1] = history.fit[0] + math.log(ratio)
+    else:
+        history.fit[i] = guess_of(settings, i)
 
 
 @compiled

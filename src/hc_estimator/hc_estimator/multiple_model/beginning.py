@@ -8,8 +8,8 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import (
+    air_zero,
     contact_onset,
     levels,
     moving_fit,
@@ -18,6 +18,7 @@ from hc_estimator.multiple_model import (
     tempering,
     zero_fit,
 )
+from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
@@ -34,9 +35,9 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.rows import (
     free_parameters,
+    is_held,
     is_sound,
     limit,
-    prior_deviation,
     reset,
     take_motion,
 )
@@ -71,6 +72,7 @@ def start(settings: Any, bank: Any) -> None:
     _choose_anew(bank)
     histories.reset(bank.history)
     contact_onset.restart(bank.onset)
+    air_zero.reset(bank.air)
     zero_fit.restart(bank.zeros)
 
 
@@ -104,11 +106,11 @@ def begin_aligned(settings: Any, bank: Any) -> None:
         displacement = row.state[DEPTH]
         reset(settings, row, displacement)
         state = row.state
-        if settings.initial_stiffness_log_std > 0.0:
+        if not is_held(settings, 0):
             state[LOG_STIFFNESS] = math.log(stiffness)
-        if settings.initial_damping_log_std > 0.0:
+        if not is_held(settings, 1):
             state[LOG_DAMPING] = math.log(damping)
-        if settings.initial_displacement_exponent_std > 0.0:
+        if not is_held(settings, 2):
             state[EXPONENT] = fit[2]
         free_parameters(settings, row, ALIGNED_DEVIATIONS)
         limit(settings, row)
@@ -138,7 +140,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
         state = row.state
         reset(settings, row, state[DEPTH])
         for i in range(4):
-            if prior_deviation(settings, i) > 0.0:
+            if not is_held(settings, i):
                 state[LOG_STIFFNESS + i] = fit[i]
         free_parameters(settings, row, ALIGNED_DEVIATIONS)
         limit(settings, row)

@@ -23,8 +23,8 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import plausible, zero_fit
+from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
-from hc_estimator.multiple_model.records import RAW
 
 SURE = 5.0  # deviations of the force sensor beyond which there is a force
 # Two-sided cumulative sum of the force about its mean: in the air it passes once in 1e5 readings.
@@ -241,7 +241,7 @@ def _rises(onset: Any, displacement: float, force: float) -> bool:
     onset.rise_lowest = min(onset.rise_lowest, force)
     onset.rise_highest = max(onset.rise_highest, force)
     onset.rise_count += 1
-    _add(onset.rise_count, mean, moment, displacement, force)
+    add(onset.rise_count, mean, moment, displacement, force)
     if onset.rise_count < FEWEST_RISING or moment[1] <= 0.0:
         return False
     if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
@@ -261,7 +261,7 @@ def _extrapolated(onset: Any) -> float:
 
 
 @compiled
-def _add(count: int, mean: Any, moment: Any, displacement: float, force: float) -> None:
+def add(count: int, mean: Any, moment: Any, displacement: float, force: float) -> None:
     """Take a reading into means and sums of squares about them (Welford, Technometrics 4, 1962)."""
     way, change = displacement - mean[0], force - mean[1]
     mean[0] += way / count
@@ -296,7 +296,7 @@ def _leaves_window(
         term = min(max(term, -LARGEST_TERM), LARGEST_TERM)
         onset.upward = max(onset.upward + term - DRIFT, 0.0)
         onset.downward = max(onset.downward - term - DRIFT, 0.0)
-    _add(onset.count, mean, moment, displacement, force)
+    add(onset.count, mean, moment, displacement, force)
     onset.lowest = min(onset.lowest, displacement)
     onset.highest = max(onset.highest, displacement)
     onset.fastest = max(onset.fastest, velocity)
@@ -362,6 +362,13 @@ def take_back(bank: Any) -> None:
 @compiled
 def move_zeros(bank: Any) -> None:
     """Move the zeros by onset.shift, and with them all readings that are remembered."""
+    move_readings(bank)
+    histories.move(bank.history, bank.onset.shift[0], bank.onset.shift[1])
+
+
+@compiled
+def move_readings(bank: Any) -> None:
+    """The same, but for the points of `history`."""
     onset, finder, held = bank.onset, bank.delay, bank.held
     for i in range(2):
         shift = onset.shift[i]
@@ -375,7 +382,6 @@ def move_zeros(bank: Any) -> None:
         if (finder.delay > 0.0) == (i == 0):
             held.value -= shift
     displacement, force = onset.shift[0], onset.shift[1]
-    histories.move(bank.history, displacement, force)
     for m in range(bank.rows.shape[0]):
         bank.rows[m].state[DEPTH] -= displacement
     plausible.move(bank.tool, displacement, force)

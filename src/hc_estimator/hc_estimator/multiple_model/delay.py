@@ -22,8 +22,8 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_evidence, delay_fit, delay_points, smoothing
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_points import count_of
+from hc_estimator.multiple_model.delay_records import CANDIDATES
 from hc_estimator.multiple_model.delay_rules import APART, CORRECTION, FAR, LEAD, RIVAL
-from hc_estimator.multiple_model.records import CANDIDATES
 
 LEAST_CONTACT = 0.3  # share of a window that must be in contact
 FEWEST_IN_CONTACT = 12  # points of a window that must be

@@ -22,6 +22,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.delay_records import WINDOWS
 from hc_estimator.multiple_model.delay_rules import (
     CORRECTED,
     CORRECTION,
@@ -29,7 +30,6 @@ from hc_estimator.multiple_model.delay_rules import (
     SMALLEST_DEVIATION,
 )
 from hc_estimator.multiple_model.hypotheses import EXPONENT, LOG_DAMPING, LOG_STIFFNESS
-from hc_estimator.multiple_model.records import WINDOWS
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (

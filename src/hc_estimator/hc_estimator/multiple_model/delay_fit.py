@@ -25,8 +25,8 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import leading_cholesky
 from hc_estimator.multiple_model import delay_points
 from hc_estimator.multiple_model.delay_points import count_of
+from hc_estimator.multiple_model.delay_records import CANDIDATES, DELAY_POINTS, TEMPERED
 from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, TEMPERED
 from hc_estimator.multiple_model.rows import (
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,

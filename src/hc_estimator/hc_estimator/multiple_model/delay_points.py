@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import smoothing
-from hc_estimator.multiple_model.records import CANDIDATES, DELAY_POINTS, GRID
+from hc_estimator.multiple_model.delay_records import CANDIDATES, DELAY_POINTS, GRID
 
 LEAST_DEPTH = 0.05  # [mm]
 SLOWEST = 1e-3  # speed that is kept at least [mm/s]

@@ -11,6 +11,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import plausible
 from hc_estimator.multiple_model.hypotheses import DEPTH, EXPONENT, LOG_DAMPING, LOG_STIFFNESS
+from hc_estimator.multiple_model.rows import is_held
 
 # From which a force says the order of magnitude of K [mm], and in deviations of the depth.
 SMALLEST_DEPTH = 0.05
@@ -43,7 +44,7 @@ def centre_prior(settings: Any, bank: Any) -> None:
         return
     if pressed:  # until calibrated each sample says it anew, for no force is used
         bank.guessed = bank.calibrated
-    if settings.initial_stiffness_log_std == 0.0:
+    if is_held(settings, 0):
         return
     log_force = math.log(max(clock.measurement[1], sure))
     for m in range(bank.rows.shape[0]):
@@ -56,5 +57,5 @@ def centre_prior(settings: Any, bank: Any) -> None:
             most -= state[EXPONENT] * math.log(bank.tool.deepest)
             shift = min(shift, most - state[LOG_STIFFNESS])
         state[LOG_STIFFNESS] += shift
-        if settings.initial_damping_log_std > 0.0:
+        if not is_held(settings, 1):
             state[LOG_DAMPING] += shift

@@ -25,7 +25,7 @@ from hc_estimator.multiple_model.normal_equations import (
     velocity_at,
 )
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import prior_deviation
+from hc_estimator.multiple_model.rows import is_held, prior_deviation
 
 LEAST_SHARE = 1e-6  # of the information that stays in any direction
 
@@ -41,7 +41,7 @@ def invert(settings: Any, history: Any) -> bool:
             column[j] = 1.0 if i == j else 0.0
         solve(history.factor, column, 4)
         for j in range(i + 1):
-            fixed = prior_deviation(settings, i) <= 0.0 or prior_deviation(settings, j) <= 0.0
+            fixed = is_held(settings, i) or is_held(settings, j)
             element = 0.0 if fixed else column[j]
             history.covariance[i, j] = element
             history.covariance[j, i] = element
@@ -59,7 +59,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
     moved = history.information
     copy_matrix(history.covariance, history.damped)
     for i in range(4):
-        if prior_deviation(settings, i) <= 0.0:
+        if is_held(settings, i):
             history.damped[i, i] = 1.0
     if not cholesky(history.damped, factor):
         return False
@@ -73,7 +73,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
         depth, velocity = point[0], velocity_at(history, point)
         centre = law_at(settings, stiffness, damping, fit[2], fit[3], depth, velocity, gradient)
         for j in range(4):
-            if prior_deviation(settings, j) <= 0.0:
+            if is_held(settings, j):
                 continue
             second = -2.0 * centre
             for sign in (-1.0, 1.0):
@@ -83,7 +83,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
                     settings, depth, velocity, values[0], values[1], values[2], values[3]
                 )
             for i in range(4):
-                if prior_deviation(settings, i) > 0.0:
+                if not is_held(settings, i):
                     moved[i, j] += weight * point[3] * gradient[2 + i] * second
     copy_matrix(history.covariance, history.damped)
     for j in range(4):
@@ -102,7 +102,7 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
 @compiled
 def _limit_by_prior(settings: Any, way: Any) -> None:
     """Bring a way in ln K, ln B, n, p down to the prior's deviations of ln K, ln (B / K), n, p."""
-    joined = prior_deviation(settings, 0) > 0.0 and prior_deviation(settings, 1) > 0.0
+    joined = not (is_held(settings, 0) or is_held(settings, 1))
     if joined:
         way[1] -= way[0]
     for i in range(4):
@@ -146,7 +146,7 @@ def take_off_velocity_noise(settings: Any, history: Any, weight: float, independ
     # In coordinates in which all information, that of the prior included, is the unit matrix.
     copy_matrix(history.covariance, history.damped)
     for i in range(4):
-        if prior_deviation(settings, i) <= 0.0:
+        if is_held(settings, i):
             history.damped[i, i] = 1.0
     if not cholesky(history.damped, factor):
         return
@@ -175,7 +175,7 @@ def take_off_velocity_noise(settings: Any, history: Any, weight: float, independ
         left = max(1.0 - share[m], min(_prior_information(settings, way), 1.0), LEAST_SHARE)
         for i in range(4):
             for j in range(4):
-                free = prior_deviation(settings, i) > 0.0 and prior_deviation(settings, j) > 0.0
+                free = not (is_held(settings, i) or is_held(settings, j))
                 history.covariance[i, j] += way[i] * way[j] / left if free else 0.0
 
 
@@ -186,6 +186,6 @@ def _prior_information(settings: Any, way: Any) -> float:
     for i in range(4):
         deviation = prior_deviation(settings, i)
         if deviation > 0.0:
-            off = way[1] - way[0] if i == 1 and prior_deviation(settings, 0) > 0.0 else way[i]
+            off = way[1] - way[0] if i == 1 and not is_held(settings, 0) else way[i]
             total += (off / deviation) ** 2
     return total

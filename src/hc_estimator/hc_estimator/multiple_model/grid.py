@@ -12,7 +12,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_points, smoothing
-from hc_estimator.multiple_model.records import CANDIDATES, GRID, RAW
+from hc_estimator.multiple_model.delay_records import CANDIDATES, GRID, RAW
 
 STEP = 0.010  # between two points of the grid, at least [s]
 HALF_WIDTH = 0.015  # of the local parabola [s]

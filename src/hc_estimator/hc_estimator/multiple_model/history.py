@@ -18,7 +18,8 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import smoothing
-from hc_estimator.multiple_model.records import GRID, POINTS
+from hc_estimator.multiple_model.delay_records import GRID
+from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import MEMORIES
 
 LONGEST = 0.02  # time between two remembered points [s]
@@ -53,6 +54,18 @@ def move(history: Any, displacement: float, force: float) -> None:
     history.points[:, 0] -= displacement
     history.points[:, 2] -= force
     history.points[:, MEMORY:] -= force
+    history.memory -= force
+    history.last_force -= force
+
+
+@compiled
+def move_along(history: Any, force: float, begun: float, now: float) -> None:
+    """The force's zero has moved by so much [N], evenly from one time to another [s]."""
+    for k in range(max(history.count - POINTS, 0), history.count):
+        point = history.points[k % POINTS]
+        share = min(max((point[8] - begun) / (now - begun), 0.0), 1.0) if now > begun else 1.0
+        point[2] -= share * force
+        point[MEMORY:] -= share * force
     history.memory -= force
     history.last_force -= force
 

@@ -18,7 +18,7 @@ from hc_estimator.multiple_model.rows import (
     SMALLEST_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
     guess_of,
-    prior_deviation,
+    is_held,
 )
 
 STEPS = 8  # at most
@@ -83,7 +83,7 @@ def _put_back(settings: Any, values: Any) -> bool:
     """Put what is held fixed where it was given; True if it was elsewhere (B beside another K)."""
     moved = False
     for i in range(4):
-        if prior_deviation(settings, i) <= 0.0:
+        if is_held(settings, i):
             guess = guess_of(settings, i)
             moved = moved or values[i] != guess
             values[i] = guess

@@ -41,7 +41,7 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import limit, prior_deviation, seed
+from hc_estimator.multiple_model.rows import is_held, limit, seed
 from hc_estimator.multiple_model.spline import has
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
@@ -143,7 +143,7 @@ def look(settings: Any, bank: Any, period: float) -> None:
     """
     moving, judge, clock = bank.moving, bank.judge, bank.tool.contact_clock
     wanted = settings.fit_movement != 0 and bank.tool.retreated != 0 and judge.needed_time > 0.0
-    wanted = wanted and prior_deviation(settings, 0) > 0.0  # these fits all look for K
+    wanted = wanted and not is_held(settings, 0)  # these fits all look for K
     finder = bank.delay
     noise, scatter = histories.noise_of_points(bank.history, finder, bank.sensor_noise, period)
     if not wanted or bank.change.testing != 0:
@@ -218,7 +218,7 @@ def _fit_kind(
 @compiled
 def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> bool:
     """Lay out a fit of a kind with the zeros as they are; False if points are too far apart."""
-    if kind & BENDS != 0 and prior_deviation(settings, 2) <= 0.0:
+    if kind & BENDS != 0 and is_held(settings, 2):
         return False
     spline.free_all(fit)
     fit.held[spline.FORCE_ZERO] = 1
@@ -388,4 +388,4 @@ def _take(settings: Any, bank: Any, row: Any, clock: float) -> None:
 def _is_taken(settings: Any, row: Any, i: int) -> bool:
     """True if a row takes a number of the outcome: a state of its own that is not held fixed."""
     has_it = TARGETS[row.index, i] < COUNTS[row.index]
-    return bool(has_it and (i >= 4 or prior_deviation(settings, i) > 0.0))
+    return bool(has_it and (i >= 4 or not is_held(settings, i)))

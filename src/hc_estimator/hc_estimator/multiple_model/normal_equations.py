@@ -24,9 +24,7 @@ from hc_estimator.linear_algebra import (
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.kalman import LARGEST_LOG
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import (
-    prior_deviation,
-)
+from hc_estimator.multiple_model.rows import is_held, prior_deviation
 
 HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
 
@@ -224,7 +222,7 @@ def deviation_in(settings: Any, history: Any, i: int) -> float:
 def prior_off(settings: Any, history: Any, values: Any, i: int) -> float:
     """Distance of an unknown from its first guess, in deviations; 0 if it is none."""
     deviation = deviation_in(settings, history, i)
-    if deviation == 0.0 or (i == 1 and prior_deviation(settings, 0) == 0.0):
+    if deviation == 0.0:
         return 0.0
     if i == 0:
         off = values[0] - math.log(settings.initial_stiffness)
@@ -271,7 +269,7 @@ def add_prior(settings: Any, history: Any, values: Any, weight: float) -> None:
         square = 1.0 / (deviation * deviation)
         slope[i] -= off
         information[i, i] += square
-        if i == 1 and prior_deviation(settings, 0) > 0.0:
+        if i == 1 and not is_held(settings, 0):
             slope[0] += off
             information[0, 0] += square
             information[1, 0] -= square

@@ -24,7 +24,7 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY_EXPONENT,
 )
 from hc_estimator.multiple_model.kalman import force_of, force_of_row
-from hc_estimator.multiple_model.rows import free_parameters, seed
+from hc_estimator.multiple_model.rows import free_parameters, is_held, seed
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -135,9 +135,9 @@ def limited_law(settings: Any, row: Any, tool: Any, force_noise: float) -> tuple
     at_rest = _foretold(settings, row, tool, 0.0)
     damping = foretold - at_rest
     largest_damping = LARGEST_FORETOLD * largest - min(at_rest, LARGEST_FACTOR * largest)
-    if at_rest > LARGEST_FACTOR * largest and settings.initial_stiffness_log_std > 0.0:
+    if at_rest > LARGEST_FACTOR * largest and not is_held(settings, 0):
         k += math.log(LARGEST_FACTOR * largest / at_rest)
-    if damping > largest_damping and settings.initial_damping_log_std > 0.0:
+    if damping > largest_damping and not is_held(settings, 1):
         b += math.log(largest_damping / damping)
     return k, b
 

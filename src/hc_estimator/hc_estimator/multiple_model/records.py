@@ -11,6 +11,7 @@ import numpy as np
 from hc_estimator.adaptation.difference_noise import NOISE
 from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
+from hc_estimator.multiple_model.delay_records import DELAY, GRID
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
 from hc_estimator.multiple_model.spline_records import MEMORIES, MOVING, SPLINE_FIT
 from hc_estimator.multiple_model.zero_records import ZEROS
@@ -222,93 +223,6 @@ HELD_READINGS = record_type(
     )
 )
 
-RAW = 256  # readings of each channel, for the local parabolas
-GRID = 80  # points of the grid: a window of half a second at 100 a second, and its margins
-NEIGHBOURS = 4  # points of the grid to either side that a smoothed one is made of, at most
-CANDIDATES = 15  # delays at steps of the grid, about zero
-WINDOWS = 24  # half seconds of innovations that are remembered
-DELAY_POINTS = 240  # that are kept to fit the delay
-TEMPERED = 128  # half seconds that they may be of
-
-# By how much is the force late?
-DELAY = record_type(
-    (
-        Field("delay", np.float64),  # in use [s]
-        Field("deviation", np.float64, (), 0.0, finite=False),  # of it; NaN: not known [s]
-        Field("doubt", np.float64, (), 0.0),  # variance of its error that the estimate owes [s^2]
-        Field("raw_time", np.float64, (2, RAW)),  # rings, displacement and force [s]
-        Field("raw_value", np.float64, (2, RAW)),  # [mm], [N]
-        Field("raw_count", np.int64, (2,), 0),
-        # Ring: displacement, velocity, acceleration, force; mean squares left by the parabolas.
-        Field("grid", np.float64, (GRID, 7)),
-        Field("grid_count", np.int64, (), 0),
-        Field("grid_step", np.float64),  # [s]
-        Field("grid_width", np.float64),  # of the parabolas [s]
-        Field("grid_next", np.float64),  # time of the next point [s]
-        Field("reach", np.int64, (), 0, CANDIDATES // 2),  # candidates to either side of zero
-        Field("neighbours", np.int64, (), 0, NEIGHBOURS),  # points that smooth one, either side
-        Field("points", np.int64, (), 0, GRID),  # of a window
-        Field("first", np.int64, (), 0),  # grid_count at its first point
-        Field("windows", np.int64, (), 0),  # so far
-        Field("fit", np.float64, (3,)),  # K, B, n that go with the delay
-        # Within one window:
-        # Its points smoothed, slots as in `grid`; the last is the velocity by a cubic.
-        Field("smooth", np.float64, (GRID, 5)),
-        Field("sums", np.float64, (7,)),
-        Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
-        Field("in_contact", np.int64, (GRID,), 0, 1),
-        Field("parabola", np.float64, (5,)),  # the last: mean square left
-        # Points that are kept, a ring; see `delay_points`. By the candidate: ln d, ln |v|, v, 1/d.
-        Field("point", np.float64, (DELAY_POINTS, CANDIDATES, 4)),
-        # [N]; from a step of the grid before to two after.
-        Field("point_forces", np.float64, (DELAY_POINTS, 4)),
-        # Force [N] and its weight [1/N^2]; variances of the velocity's noise and of the force.
-        Field("point_force", np.float64, (DELAY_POINTS, 4)),
-        Field("point_window", np.int64, (DELAY_POINTS,), 0),  # that it is of
-        # Variances of depth and force, smoothed and as in `grid`; of the velocity by a parabola, by
-        # a cubic, and as in `grid`.
-        Field("depth_noise", np.float64, (2,), 0.0),
-        Field("force_noise", np.float64, (2,), 0.0),
-        Field("velocity_noise", np.float64, (3,), 0.0),
-        Field("kept", np.int64, (), 0),  # points so far
-        Field("kept_from", np.int64, (), 0),  # grid_count from which on it is this tissue
-        # The fit to them; see `delay_fit`.
-        Field("fitted", np.int64, (), 0),  # points at the last fit
-        Field("clear", np.int64, (), 0, 1),  # 1 if it said a delay clearly
-        Field("fits", np.int64, (), 0, 1),  # 1 if the best of it leaves no more than noise
-        Field("varies", np.int64, (), 0, 1),  # 1 if each window has a K of its own
-        Field("chosen", np.int64, (), 0, CANDIDATES - 1),  # candidate that leaves least
-        Field("found", np.float64),  # delay [s]
-        Field("found_deviation", np.float64, (), 0.0),  # of it [s]
-        Field("law", np.float64, (CANDIDATES + 1, 4)),  # K, B / K, n, p; the last at the delay
-        Field("left", np.float64, (CANDIDATES + 1,), finite=False),  # weighted squares left
-        Field("score", np.float64, (CANDIDATES + 1,)),  # derivative of half of them [1/s]
-        Field("information", np.float64, (CANDIDATES + 1,), 0.0),  # on the delay [1/s^2]
-        Field("bend", np.float64, (CANDIDATES + 1,), 0.0),  # of the squares, by the delay [1/s^2]
-        Field("noise_share", np.float64, (CANDIDATES + 1,), 0.0),  # of what shows B
-        Field("place", np.float64),  # of the delay, in candidates
-        # Within one fit:
-        Field("squares", np.float64),  # of the last law tried
-        # Of the velocity, from what is known of b, n and p (times a logarithm, of either sign).
-        Field("noise_taken", np.float64, (3,)),
-        Field("trial", np.float64, (4,)),
-        Field("direction", np.float64, (3,)),
-        Field("normal", np.float64, (4, 4)),
-        Field("slope", np.float64, (4,)),
-        Field("column", np.float64, (4,)),
-        Field("sums_of_k", np.float64, (9,)),  # of the points with one K
-        Field("moments", np.float64, (7, 4)),
-        Field("window_left", np.float64, (TEMPERED,), finite=False),  # weighted squares of each
-        Field("window_points", np.int64, (TEMPERED,), 0),
-        Field("window_added", np.int64, (), 0),  # the one that is being added up
-        Field("window_before", np.float64),  # squares of those before
-        Field("fine", np.float64, (2,)),  # delay and its deviation [s]
-        # Delay [s] and its variance [s^2] by the filter's innovations of each half second.
-        Field("evidence", np.float64, (WINDOWS, 2)),
-        Field("evidence_count", np.int64, (), 0),
-    )
-)
-
 # Where, and at which reading, does the force begin?
 ONSET = record_type(
     (
@@ -353,6 +267,22 @@ ONSET = record_type(
         Field("rise_moment", np.float64, (3,)),
         Field("rise_lowest", np.float64),  # force [N]
         Field("rise_highest", np.float64),
+    )
+)
+
+# What does the force read in the air by now?
+AIR = record_type(
+    (
+        Field("outside", np.float64, (), 0.0),  # time since the tool left [s]
+        Field("travelled", np.int64, (), 0, 1),  # 1 once the force stayed the same on the way there
+        Field("known_at", np.float64, (), finite=False),  # time at which the zero was seen [s]
+        # Of readings outside:
+        Field("count", np.int64, (), 0),
+        Field("time", np.float64, (), 0.0),  # that they span [s]
+        Field("lowest", np.float64, (), finite=False),  # displacement [mm]
+        Field("highest", np.float64, (), finite=False),
+        Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
     )
 )
 
@@ -406,5 +336,6 @@ BANK: tuple[Field, ...] = (
     Field("held", HELD_READINGS),
     Field("given", GIVEN),
     Field("onset", ONSET),
+    Field("air", AIR),
     Field("search", SEARCH),
 )

@@ -12,6 +12,7 @@ from hc_estimator import estimate as columns
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import levels, plausible, zero_doubt
+from hc_estimator.multiple_model.given_out import given_row
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
@@ -24,8 +25,7 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
 )
 from hc_estimator.multiple_model.kalman import depth_of, log_speed_of
-from hc_estimator.multiple_model.rows import prior_deviation
-from hc_estimator.multiple_model.sample import given_row
+from hc_estimator.multiple_model.rows import is_held, prior_deviation
 from hc_estimator.report import clear_row, write_fixed_parameters
 from hc_estimator.screening import ACCEPTED, OUTLIER
 
@@ -110,7 +110,7 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
 def _clear_held(settings: Any, out: NDArray[np.float64]) -> None:
     """Nothing is open of a parameter that is held fixed, whatever is of zeros or delay."""
     for i in range(4):
-        if prior_deviation(settings, i) <= 0.0:
+        if is_held(settings, i):
             for j in range(4):
                 out[COVARIANCE + 4 * i + j] = 0.0
                 out[COVARIANCE + 4 * j + i] = 0.0
@@ -179,6 +179,10 @@ def _write_zeros(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -
     if SURFACE[row.index]:
         surface = row
         out[CONTACT_POSITION] += row.state[OWN]
-    if surface.active == 0:
+    elif bank.zeros.off[0] > 0.0:
+        out[CONTACT_POSITION_STD] = bank.zeros.off[0]
         return
-    out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
+    if surface.active != 0:
+        out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
+    elif settings.contact_position_std > 0.0:
+        out[CONTACT_POSITION_STD] = settings.contact_position_std

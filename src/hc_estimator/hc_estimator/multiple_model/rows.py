@@ -59,6 +59,12 @@ def prior_deviation(settings: Any, parameter: int) -> float:
 
 
 @compiled
+def is_held(settings: Any, parameter: int) -> bool:
+    """True if K, B, n or p (0 to 3) is held fixed: by the law, or by a deviation of 0."""
+    return bool(prior_deviation(settings, parameter) <= 0.0)
+
+
+@compiled
 def guess_of(settings: Any, parameter: int) -> float:
     """First guess of ln K, ln B, n or p (0 to 3)."""
     if parameter == 0:
@@ -192,7 +198,7 @@ def free_parameters(settings: Any, row: Any, deviations: tuple[float, float, flo
         for j in range(STATES):
             row.covariance[k, j] = 0.0
             row.covariance[j, k] = 0.0
-        if prior_deviation(settings, i) > 0.0:
+        if not is_held(settings, i):
             row.covariance[k, k] = deviations[i] ** 2
 
 
@@ -231,11 +237,11 @@ def limit(settings: Any, row: Any) -> None:
     What is held fixed stays where it was given.
     """
     state = row.state
-    if settings.initial_stiffness_log_std > 0.0:
+    if not is_held(settings, 0):
         _keep(row, LOG_STIFFNESS, -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS)
     else:
         state[LOG_STIFFNESS] = guess_of(settings, 0)
-    if settings.initial_damping_log_std > 0.0:
+    if not is_held(settings, 1):
         ratio = state[LOG_DAMPING] - state[LOG_STIFFNESS]
         if not SMALLEST_LOG_RATIO <= ratio <= LARGEST_LOG_RATIO:
             ratio = min(max(ratio, SMALLEST_LOG_RATIO), LARGEST_LOG_RATIO)
@@ -243,11 +249,11 @@ def limit(settings: Any, row: Any) -> None:
             row.by_delay[LOG_DAMPING] = row.by_delay[LOG_STIFFNESS]
     else:
         state[LOG_DAMPING] = guess_of(settings, 1)
-    if settings.initial_displacement_exponent_std > 0.0:
+    if not is_held(settings, 2):
         _keep(row, EXPONENT, SMALLEST_EXPONENT, LARGEST_EXPONENT)
     else:
         state[EXPONENT] = guess_of(settings, 2)
-    if settings.initial_velocity_exponent_std > 0.0:
+    if not is_held(settings, 3):
         _keep(row, VELOCITY_EXPONENT, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
     else:
         state[VELOCITY_EXPONENT] = guess_of(settings, 3)

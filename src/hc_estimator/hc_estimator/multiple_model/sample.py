@@ -21,16 +21,19 @@ from hc_estimator.adaptation import motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
+    air_zero,
     beginning,
     contact_onset,
     departure,
     first_guess,
+    given_out,
     levels,
     lift_off,
     model_error,
     plausible,
     readings,
     tempering,
+    unknown_velocity,
 )
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import history as histories
@@ -40,13 +43,11 @@ from hc_estimator.multiple_model.choice import WAIT
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
     FITTED,
-    FRESH,
     SURFACE,
 )
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
-    force_of_row,
     innovate_force,
     predict,
     use_displacement,
@@ -70,14 +71,6 @@ AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is los
 FREE_DEVIATIONS = 3.0  # of the depth from which on free motion is certain
 STEADY_TIME = 0.5  # of contact before the jerk density is corrected [s]
 UNTEMPERED = 1.2  # force noise over the sensor's up to which that is done
-
-
-@compiled
-def given_row(bank: Any) -> int:
-    """Index of the row whose estimate is given out."""
-    if bank.change.leads != 0:
-        return FRESH
-    return bank.judge.chosen  # type: ignore[no-any-return]
 
 
 @compiled
@@ -106,8 +99,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     if anew and math.isnan(readings.last_displacement(bank)):
         # As long as nobody knows where the tool is, a force says nothing.
         bank.motion_anew = 1
-        _foretell(settings, bank)
-        bank.given.nis = 0.0
+        given_out.foretell(settings, bank)
         note_accepted(clock, time)
         readings.learn(settings, bank, place)
         clock.state_time = place
@@ -126,6 +118,8 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         clock.backward_count = 0
     if decision != NUMERICAL and contact_onset.learn(settings, bank, place):
         beginning.begin_at_onset(settings, bank)
+    elif decision == ACCEPTED:
+        air_zero.learn(settings, bank, place)
     beginning.recover(settings, bank, time, decision)
     return decision
 
@@ -143,11 +137,11 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
     plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
-    _foretell(settings, bank)
+    given_out.foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     log_speed = levels.log_usual_speed(bank.tool)
     if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
-        _give_refused(bank)
+        given_out.give_refused(bank)
         return OUTLIER
     for m in range(rows.shape[0]):
         row = rows[m]
@@ -166,7 +160,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
             return NUMERICAL
         open_before = clock.outlier_counts[1] > settings.outlier_limit
         if readings.is_outlier(settings, bank, chosen, 1):
-            _give(settings, bank, OUTLIER)
+            given_out.give(settings, bank, OUTLIER)
             limit_wild(settings, rows)
             return OUTLIER
         opens = not open_before and clock.outlier_counts[1] > settings.outlier_limit
@@ -179,58 +173,11 @@ def _update(settings: Any, bank: Any, place: float) -> int:
                 # What surprises now is the motion, and teaches nothing about the tissue.
                 hold = HOLD_ALL if departs else _hold(settings, bank, rows[m])
                 use_force(rows[m], hold, log_speed)
-    _give(settings, bank, ACCEPTED)
+    given_out.give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
     return ACCEPTED if _keep_sound(settings, bank) else NUMERICAL
-
-
-@compiled
-def _foretell(settings: Any, bank: Any) -> None:
-    """Note the force that the row in charge expects of the sample's own reading."""
-    row = bank.rows[given_row(bank)]
-    bank.given.row = row.index
-    bank.given.predicted_force = force_of_row(settings, row, bank.given.extrapolated)
-    bank.given.reconstructed_force = bank.given.predicted_force
-    bank.given.innovation[0] = math.nan
-    bank.given.innovation[1] = math.nan
-
-
-@compiled
-def _give_refused(bank: Any) -> None:
-    """Note what the row in charge expected of a displacement that is refused; the force waits."""
-    given = bank.given
-    innovation, variance = readings.innovation_of(bank, bank.rows[given.row], 0)
-    given.innovation[0] = innovation
-    given.nis = innovation * innovation / variance
-
-
-@compiled
-def _give(settings: Any, bank: Any, decision: int) -> None:
-    """Note what the row in charge made of the readings that were used.
-
-    The force is its mean given law and sensor, each weighed by what is known of its error; an error
-    of the linearisation that repeats itself counts once for the force of this moment.
-    """
-    clock, given, row = bank.clock, bank.given, bank.rows[bank.given.row]
-    given.nis = 0.0
-    if clock.present[0] != 0:
-        given.innovation[0] = row.innovation[0]
-        given.nis += row.nis[0]
-    if clock.present[1] == 0:
-        return
-    # The innovation of both readings together is against the state before either.
-    given.innovation[1] = clock.measurement[1] - row.predicted_force
-    given.nis += row.nis[1]
-    unsure = row.explained + row.model_error
-    share = unsure / (unsure + bank.sensor_noise[1]) if decision == ACCEPTED else 0.0
-    if given.extrapolated == 0.0:
-        law = clock.measurement[1] - row.innovation[1]
-        given.reconstructed_force = law + share * row.innovation[1]
-    else:
-        law = given.predicted_force
-        given.reconstructed_force = law + share * (given.latest_force - law)
 
 
 @compiled
@@ -268,7 +215,7 @@ def _hold(settings: Any, bank: Any, row: Any) -> int:
     spread = FREE_DEVIATIONS * math.sqrt(row.covariance[DEPTH, DEPTH])
     if row.state[DEPTH] + spread <= 0.0 and not SURFACE[row.index]:
         return HOLD_ALL
-    return maneuvers.hold(settings, bank.maneuver, row, bank.clock.period)
+    return unknown_velocity.hold(settings, bank.maneuver, row, bank.clock.period)
 
 
 @compiled
@@ -291,7 +238,7 @@ def _foresee(settings: Any, bank: Any) -> bool:
         if bank.calibrated != 0:
             force_noise = noise + row.model_error + max(row.force_noise, 0.0) * samples
             if settings.find_maneuvers != 0:
-                force_noise += maneuvers.product_variance(
+                force_noise += unknown_velocity.product_variance(
                     settings, bank.maneuver, row, clock.period, samples
                 )
         innovate_force(row, clock.measurement[1], force_noise)

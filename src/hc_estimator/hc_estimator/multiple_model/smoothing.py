@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model.records import GRID, NEIGHBOURS
+from hc_estimator.multiple_model.delay_records import GRID, NEIGHBOURS
 
 HALF_WIDTH = 0.05  # of grid and neighbours together [s]
 # Autocorrelation of the parabolas that the grid's values come from: kernel (9 - 15 x^2) / 8 on

@@ -18,6 +18,7 @@ import numpy as np
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import SMOOTH, TOUCHING
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
@@ -29,8 +30,13 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE_ROW,
 )
 from hc_estimator.multiple_model.kalman import squared_forces, squares_left
-from hc_estimator.multiple_model.records import GRID
-from hc_estimator.multiple_model.rows import SMALLEST_LOG_RATIO, free_parameters, limit, seed
+from hc_estimator.multiple_model.rows import (
+    SMALLEST_LOG_RATIO,
+    free_parameters,
+    is_held,
+    limit,
+    seed,
+)
 from hc_estimator.specification import ParameterSpecification
 
 SPECIFICATIONS = (
@@ -215,12 +221,12 @@ def _begin(settings: Any, bank: Any, row: Any, chosen: Any) -> None:
     best, clock = bank.search.best, bank.tool.contact_clock
     seed(chosen, row, clock, clock + WAIT)
     row.model_error = 0.0
-    if settings.initial_stiffness_log_std > 0.0:
+    if not is_held(settings, 0):
         row.state[LOG_STIFFNESS] = math.log(best[2])
-    if settings.initial_damping_log_std > 0.0:
+    if not is_held(settings, 1):
         least = math.exp(SMALLEST_LOG_RATIO) * best[2]
         row.state[LOG_DAMPING] = math.log(max(best[3], 10.0 * least))
-    if settings.initial_displacement_exponent_std > 0.0:
+    if not is_held(settings, 2):
         row.state[EXPONENT] = STEEPNESS
     free_parameters(settings, row, DEVIATIONS)
     row.position_deviation = 0.0

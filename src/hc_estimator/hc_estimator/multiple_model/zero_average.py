@@ -8,7 +8,8 @@ the average over none, either and both being off, each as likely beforehand (Bay
 averaging; Hoeting et al., Statistical Science 14, 1999). A zero that is off is normal, with a share
 of the largest depth or force as its deviation. A doubt begins with positive evidence (a Bayes
 factor of 3; Kass and Raftery, JASA 90, 1995), and lasts until exact zeros are likelier: where the
-motion says nothing at all of the zeros, they are what the user says.
+motion says nothing at all of the zeros, they are what the user says. One that the user knows to so
+much (`zero_doubt`) is not doubted, and tells of the other no more than that.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_matrix
+from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model.kalman import LARGEST_LOG
-from hc_estimator.multiple_model.zero_records import BOTH, OF_FORCE
-from hc_estimator.multiple_model.zero_sensitivity import note_slopes
+from hc_estimator.multiple_model.zero_records import BOTH, NONE, OF_FORCE, OF_POSITION
+from hc_estimator.multiple_model.zero_sensitivity import element_by_slopes, note_slopes
 
 # Deviations beforehand of zeros that are off, as a share of the largest depth and force.
 LIKELY_POSITION = 0.05
@@ -30,63 +31,88 @@ POSITIVE = 3.0  # Bayes factor that is evidence for zeros that are off
 
 
 @compiled
-def doubt(zeros: Any, possible: int, largest: tuple[float, float]) -> None:
+def forget(zeros: Any) -> None:
+    """Take the zeros in use for exact."""
+    clear_matrix(zeros.doubt)
+    clear_vector(zeros.off)
+
+
+@compiled
+def doubt(settings: Any, zeros: Any, possible: int, largest: tuple[float, float]) -> None:
     """Doubt zeros that are taken for exact, if the points of a fit give reason to.
 
     Args:
-        zeros: of a fit with all that may be unknown; its doubt is set.
+        settings: settings record.
+        zeros: of a fit with all that may be unknown; its doubt, and what is off, is set.
         possible: which may be off.
         largest: depth [mm] and force [N].
     """
     enough = 1.0 if zeros.doubt[0, 0] > 0.0 else POSITIVE
-    clear_matrix(zeros.doubt)
+    forget(zeros)
     note_slopes(zeros, possible)
-    first = max(LIKELY_POSITION * largest[0], SMALLEST) ** 2
-    second = max(LIKELY_ZERO * largest[1], SMALLEST) ** 2
+    known = (settings.contact_position_std**2, settings.force_zero_std**2)
+    likely = (
+        max(LIKELY_POSITION * largest[0], SMALLEST) ** 2,
+        max(LIKELY_ZERO * largest[1], SMALLEST) ** 2,
+    )
+    doubted = possible
+    if known[0] > 0.0:
+        doubted &= ~OF_POSITION
+    if known[1] > 0.0:
+        doubted &= ~OF_FORCE
     total, likeliest = 1.0, 0.0
     for choice in range(1, BOTH + 1):
-        if choice & ~possible != 0:
+        if choice & ~doubted != NONE:
             continue
-        bayes = _note_posterior(zeros, possible, choice, first, second)
+        bayes = _note_posterior(zeros, possible, choice, known, likely)
         if not math.isfinite(bayes):
             continue
         total += bayes
         likeliest = max(likeliest, bayes)
-        square = zeros.square
+        for i in range(2):
+            zeros.off[i] += bayes * zeros.square[i, i]
         for i in range(4):
             for j in range(4):
-                element = 0.0
-                for k in range(2):
-                    for m in range(2):
-                        element += zeros.slopes_by[i, k] * square[k, m] * zeros.slopes_by[j, m]
-                zeros.doubt[i, j] += bayes * element
+                zeros.doubt[i, j] += bayes * element_by_slopes(zeros, zeros.square, i, j)
+    if not likeliest > enough:
+        forget(zeros)
+        return
+    for i in range(2):
+        zeros.off[i] = math.sqrt(zeros.off[i] / total)
     for i in range(4):
         for j in range(4):
-            zeros.doubt[i, j] = zeros.doubt[i, j] / total if likeliest > enough else 0.0
+            zeros.doubt[i, j] /= total
 
 
 @compiled
-def _note_posterior(zeros: Any, possible: int, choice: int, first: float, second: float) -> float:
+def _note_posterior(
+    zeros: Any,
+    possible: int,
+    choice: int,
+    known: tuple[float, float],
+    likely: tuple[float, float],
+) -> float:
     """Mean squares of zeros that are off, in zeros.square, and the Bayes factor against none.
 
     Args:
         zeros: of a fit with all that may be unknown.
         possible: which were.
         choice: which are off.
-        first: variance of the position beforehand [mm^2].
-        second: of the force [N^2].
+        known: variances of position [mm^2] and force [N^2] where they are not; 0 for exact.
+        likely: the same beforehand where they are.
     """
     square = zeros.square
     clear_matrix(square)
     position, force = zeros.position, zeros.force
     a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
     if choice != BOTH:
-        if possible == BOTH:  # the other one is exact
-            position, force = position - b / c * force, force - b / a * position
-            a, c = a - b * b / c, c - b * b / a
-        mean, variance, prior, k = position, a, first, 0
+        if possible == BOTH:  # what the other one is known to be says something of it
+            by_force, by_position = b / (c + known[1]), b / (a + known[0])
+            position, force = position - by_force * force, force - by_position * position
+            a, c = a - by_force * b, c - by_position * b
+        mean, variance, prior, k = position, a, likely[0], 0
         if choice == OF_FORCE:
-            mean, variance, prior, k = force, c, second, 1
+            mean, variance, prior, k = force, c, likely[1], 1
         share = prior / (variance + prior)
         square[k, k] = share * (variance + share * mean * mean)
         return math.sqrt(1.0 - share) * math.exp(
@@ -95,7 +121,7 @@ def _note_posterior(zeros: Any, possible: int, choice: int, first: float, second
     # Precisions without and with the prior.
     determinant = a * c - b * b
     u, v, w = c / determinant, -b / determinant, a / determinant
-    x, z = u + 1.0 / first, w + 1.0 / second
+    x, z = u + 1.0 / likely[0], w + 1.0 / likely[1]
     posterior = x * z - v * v
     pull, push = u * position + v * force, v * position + w * force
     mean, other = (z * pull - v * push) / posterior, (x * push - v * pull) / posterior
@@ -103,5 +129,5 @@ def _note_posterior(zeros: Any, possible: int, choice: int, first: float, second
     square[0, 1] = square[1, 0] = -v / posterior + mean * other
     square[1, 1] = x / posterior + other * other
     gain = pull * mean + push * other
-    shrinks = 1.0 / (first * second * posterior)
+    shrinks = 1.0 / (likely[0] * likely[1] * posterior)
     return math.sqrt(shrinks) * math.exp(min(0.5 * gain, LARGEST_LOG))

@@ -65,11 +65,9 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
         row: whose estimate is given out.
         out: row of numbers; its covariance is changed.
     """
+    _add_joint(bank.zeros.doubt, out)
     if bank.zeros.unknown != NONE:
-        _add_joint(bank.zeros.doubt, out)
         return
-    if settings.contact_position_std <= 0.0 and settings.force_zero_std <= 0.0:
-        _add_joint(bank.zeros.doubt, out)
     exponent = row.state[EXPONENT]
     if not SURFACE[row.index]:
         variance = _position_variance(settings, bank)
@@ -83,6 +81,8 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
 @compiled
 def force_deviation(settings: Any, bank: Any) -> float:
     """Give the deviation of the force's zero [N]; NaN where nobody has said anything of it."""
+    if bank.zeros.off[1] > 0.0:
+        return bank.zeros.off[1]  # type: ignore[no-any-return]
     found = bank.onset.force_deviation
     given = settings.force_zero_std
     if given > 0.0 and not found < given:

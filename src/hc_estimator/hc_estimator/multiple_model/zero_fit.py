@@ -28,12 +28,12 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline, zero_average, zero_sensitivity
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import prior_deviation
+from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_records import SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.zero_choice import (
@@ -83,7 +83,15 @@ def reset(zeros: Any) -> None:
     zeros.unknown = NONE
     zeros.deviation = 0.0
     clear_vector(zeros.moved)
-    clear_matrix(zeros.doubt)
+    zero_average.forget(zeros)
+
+
+@compiled
+def take_setting(settings: Any, zeros: Any) -> None:
+    """Doubt nothing that is not looked for, or that the user knows better by now."""
+    known = settings.contact_position_std > 0.0 and settings.force_zero_std > 0.0
+    if zeros.unknown == NONE and (known or settings.find_zeros == 0):
+        zero_average.forget(zeros)
 
 
 @compiled
@@ -109,7 +117,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     """
     history, zeros, clock = bank.history, bank.zeros, bank.tool.contact_clock
     # A press in one direction leaves too much to K, B and n alone; and the fits all look for K.
-    if settings.find_zeros == 0 or bank.tool.retreated == 0 or prior_deviation(settings, 0) <= 0.0:
+    if settings.find_zeros == 0 or bank.tool.retreated == 0 or is_held(settings, 0):
         return False
     if clock - zeros.looked_at < EVERY:
         return False
@@ -133,7 +141,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     sinks = fit.kind == SINKS
     if zeros.unknown == NONE:
         asked = possible & OF_FORCE if sinks else possible
-        zero_average.doubt(zeros, asked, _largest(history, first))
+        zero_average.doubt(settings, zeros, asked, _largest(history, first))
     unknown = choose(settings, zeros, possible, sinks)
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
@@ -305,6 +313,7 @@ def _use(onset: Any, zeros: Any, unknown: int, sinks: bool) -> None:
     """Note by how much the zeros are to move, and what is then left open."""
     zeros.unknown = unknown
     zeros.waiting = 0
+    clear_vector(zeros.off)
     onset.shift[0] = zeros.position
     onset.shift[1] = zeros.force
     for i in range(2):

@@ -18,6 +18,9 @@ ZEROS = record_type(
         Field("moved", np.float64, (2,)),  # by how much they were moved for it [mm], [N]
         # Covariance of ln K, ln B, n and p that those owe to what is not known of the zeros.
         Field("doubt", np.float64, (4, 4)),
+        # By how much those that are taken for exact may be off, as far as the points give reason to
+        # think so: root mean squares of position [mm] and force [N].
+        Field("off", np.float64, (2,), 0.0),
         Field("deviation", np.float64, (), 0.0),  # of ln K by that, when they were found
         # The same by the last fit, and by one with both zeros unknown.
         Field("doubt_of_fit", np.float64, (4, 4)),

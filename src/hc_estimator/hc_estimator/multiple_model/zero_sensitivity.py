@@ -63,6 +63,16 @@ def note_slopes(zeros: Any, unknown: int) -> None:
 
 
 @compiled
+def element_by_slopes(zeros: Any, covariance: Any, i: int, j: int) -> float:
+    """Covariance of two of ln K, ln B, n and p (0 to 3) that a covariance of both zeros makes."""
+    first, second = zeros.slopes_by[i, 0], zeros.slopes_by[i, 1]
+    third, fourth = zeros.slopes_by[j, 0], zeros.slopes_by[j, 1]
+    element = first * (covariance[0, 0] * third + covariance[0, 1] * fourth)
+    element += second * (covariance[0, 1] * third + covariance[1, 1] * fourth)
+    return element  # type: ignore[no-any-return]
+
+
+@compiled
 def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
     """What zeros that are unknown leave open of ln K, ln B, n and p.
 
@@ -72,13 +82,9 @@ def note_doubt(zeros: Any, unknown: int, doubt: Any) -> None:
         doubt: takes the covariance, shape (4, 4).
     """
     note_slopes(zeros, unknown)
-    a, b, c = zeros.covariance[0, 0], zeros.covariance[0, 1], zeros.covariance[1, 1]
     for i in range(4):
         for j in range(4):
-            first, second = zeros.slopes_by[i, 0], zeros.slopes_by[i, 1]
-            element = first * (a * zeros.slopes_by[j, 0] + b * zeros.slopes_by[j, 1])
-            element += second * (b * zeros.slopes_by[j, 0] + c * zeros.slopes_by[j, 1])
-            doubt[i, j] = element
+            doubt[i, j] = element_by_slopes(zeros, zeros.covariance, i, j)
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -47,6 +48,10 @@ _LATE = {
     "input.pairing.maximum_wait, or give its publisher the clock of the tool's pose",
 }
 """What an input counts of readings for which the nearest pose had to do."""
+
+
+_CHANNELS = ("channel_delay", "contact_position", "force_zero")
+"""What an estimate says of the channels, where its filter says it: [s], [mm] and [N]."""
 
 
 class StatusReporter:
@@ -160,6 +165,11 @@ class StatusReporter:
             for i, name in enumerate(PARAMETER_NAMES):
                 values[name] = float(estimate.parameters[i])
                 values[f"{name}_std"] = float(deviations[i])
+            for name in _CHANNELS:
+                for said in (name, f"{name}_std"):
+                    value = getattr(estimate, said)
+                    if math.isfinite(value):
+                        values[said] = value
         return values
 
     def _judge(

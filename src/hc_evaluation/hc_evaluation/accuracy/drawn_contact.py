@@ -59,7 +59,7 @@ class _Plan:
     log_factor: FloatArray  # of K and B
     kept: NDArray[np.bool_]  # readings that arrive
     position_mm: float = 0.0
-    zero_share: float = 0.0  # of the largest force
+    zero_share: float | FloatArray = 0.0  # of the largest force
     delay_s: float = 0.0
     changed_s: float | None = None
     quanta: tuple[float, float] = (0.0, 0.0)  # deviations of a reading's noise
@@ -165,7 +165,13 @@ def _delay(draw: Draw, plan: _Plan) -> None:
 
 
 def _force_zero(draw: Draw, plan: _Plan) -> None:
-    plan.zero_share = _sign(draw) * float(draw.uniform(0.005, 0.03))
+    plan.zero_share = plan.zero_share + _sign(draw) * float(draw.uniform(0.005, 0.03))
+
+
+def _zero_drift(draw: Draw, plan: _Plan) -> None:
+    """A sensor that warms up."""
+    share = _sign(draw) * log_uniform(draw, 0.003, 0.02)
+    plan.zero_share = plan.zero_share - share * np.expm1(-plan.time / draw.uniform(5.0, 30.0))
 
 
 def _contact_position(draw: Draw, plan: _Plan) -> None:
@@ -216,6 +222,7 @@ TROUBLES: dict[str, Callable[[Draw, _Plan], None]] = {
     "coloured noise": _coloured,
     "coarse readings": _coarse,
     "gaps": _gaps,
+    "zero drift": _zero_drift,
 }
 """By name: what is wrong, drawn and put into the plan of a contact."""
 

@@ -1,0 +1,57 @@
+"""What an estimate says of contact position and force zero, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from hc_msgs_py.units import METRE_IN_MM
+
+
+class Zeros(NamedTuple):
+    """Where the contact begins [mm] and what the force reads without contact [N].
+
+    Beyond those given, with standard deviations; NaN where nothing is known.
+    """
+
+    contact_position: float
+    contact_position_std: float
+    force_zero: float
+    force_zero_std: float
+
+    @classmethod
+    def from_message(cls, field: Callable[[str], float]) -> Zeros:
+        """Take them from where the fields of hc_msgs/HuntCrossleyEstimate stand, in metres."""
+        position, position_std, force, force_std = (float(field(name)) for name in cls._fields)
+        return cls(METRE_IN_MM * position, METRE_IN_MM * position_std, force, force_std)
+
+    @property
+    def words(self) -> str:
+        """What was found, or how well those given are known; empty where neither is said."""
+        parts = " and ".join(self._parts())
+        if not parts:
+            return ""
+        if _is_off(self.contact_position) or _is_off(self.force_zero):
+            return f"{parts}; K, B, n and p count from there"
+        return f"{parts}; K, B, n and p are as unsure as that makes them"
+
+    def _parts(self) -> Iterator[str]:
+        if _is_off(self.contact_position) or self.contact_position_std > 0.0:
+            place = _with(self.contact_position, self.contact_position_std)
+            yield f"contact begins at {place} mm"
+        if _is_off(self.force_zero) or self.force_zero_std > 0.0:
+            force = _with(1e3 * self.force_zero, 1e3 * self.force_zero_std)
+            yield f"the force reads {force} mN without contact"
+
+
+def _is_off(zero: float) -> bool:
+    return zero != 0.0 and math.isfinite(zero)
+
+
+def _with(value: float, deviation: float) -> str:
+    """Return a value with its deviation, to two digits of that."""
+    if not (deviation > 0.0 and math.isfinite(deviation)):
+        return f"{value:.3g}"
+    decimals = max(1 - math.floor(math.log10(deviation)), 0)
+    return f"{value + 0.0:.{decimals}f} ± {deviation:.{decimals}f}"

@@ -1,0 +1,136 @@
+"""What does the force read in the air by now? A sensor's zero that wanders, after the first touch.
+
+A sensor that warms up or creeps takes its zero along (of a zero that had moved by half a per cent
+of the largest force K was 1.6 % wrong, by two per cent 6 %). Wherever the tool leaves the tissue
+again the zero is there to be read: where the row in charge says that the tool is surely outside,
+and the force stays the same while the tool travels, for as long as it is outside. Readings of
+several short visits count together. A mean that is significantly none is the zero from now on;
+what was felt since the zero was known last has its share of it, by the time.
+
+Not where the force changes with the place, or scatters more than the sensor does: the surface may
+have moved, or the force may be late. (Ours; `contact_onset` does the same before the first touch.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.multiple_model import contact_onset
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model.contact_onset import (
+    CALMEST,
+    FEWEST,
+    LEAST_DISTANCE,
+    LEAST_TRAVEL,
+    SAME,
+    SIGNIFICANT,
+    SMALLEST_ZERO,
+    SURE,
+    TRAVEL_DEVIATIONS,
+)
+from hc_estimator.multiple_model.hypotheses import DEPTH
+
+SURELY = 3.0  # deviations of the depth
+TOUCHED = 1.0  # time in contact after which the first touch is over [s]
+SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
+LONGEST = 1.0  # of readings that make one mean [s]
+WILDEST = 2.0  # scatter of a sensor in the air over its noise variance
+
+
+@compiled
+def reset(air: Any) -> None:
+    """Nothing is known of the zero beyond what the first touch shows."""
+    air.outside = 0.0
+    air.travelled = 0
+    air.known_at = math.nan
+    _begin(air)
+
+
+@compiled
+def _begin(air: Any) -> None:
+    """Begin another mean."""
+    air.count = 0
+    air.time = 0.0
+    air.lowest = math.inf
+    air.highest = -math.inf
+    clear_vector(air.mean)
+    clear_vector(air.moment)
+
+
+@compiled
+def learn(settings: Any, bank: Any, time: float) -> None:
+    """Take the sample's force, and move the force's zero if it is another by now.
+
+    Args:
+        settings: settings record.
+        bank: its record `air` is changed; where the zero moves, all that was remembered with it.
+        time: where the sample belongs [s].
+    """
+    air, clock = bank.air, bank.clock
+    if settings.find_zeros == 0 or bank.calibrated == 0:
+        return
+    # Before, it is for `contact_onset` to say.
+    if bank.onset.decided == 0 and bank.tool.contact_clock < TOUCHED:
+        return
+    if math.isnan(air.known_at):
+        air.known_at = time
+    if clock.restart != 0:
+        air.outside = 0.0
+        air.travelled = 0
+        _begin(air)
+        return
+    row = bank.rows[bank.judge.chosen]
+    depth = row.state[DEPTH]
+    if depth + SURELY * math.sqrt(row.covariance[DEPTH, DEPTH]) > -LEAST_DISTANCE:
+        if air.outside > 0.0:
+            _conclude(bank, time)
+        air.outside = 0.0
+        air.travelled = 0
+        return
+    air.outside += clock.elapsed
+    if air.outside < SETTLING:
+        return
+    air.time += clock.elapsed
+    if clock.present[1] != 0:
+        air.count += 1
+        contact_onset.add(air.count, air.mean, air.moment, depth, clock.measurement[1])
+        air.lowest = min(air.lowest, depth)
+        air.highest = max(air.highest, depth)
+    if air.time >= LONGEST:
+        _conclude(bank, time)
+
+
+@compiled
+def _conclude(bank: Any, time: float) -> None:
+    """Move the zero if the mean says so; a mean of too few readings waits for more."""
+    air, noise, moment = bank.air, bank.sensor_noise, bank.air.moment
+    if air.count < FEWEST:
+        return
+    scatter = moment[2] / (air.count - 1)
+    calm = scatter >= CALMEST * noise[1] and scatter <= WILDEST * noise[1]
+    if air.highest - air.lowest >= max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
+        same = moment[1] * moment[1] <= SAME * SAME * scatter * moment[0]
+        air.travelled = 1 if calm and same else 0
+    if calm and air.travelled != 0:
+        level, deviation = air.mean[1], math.sqrt(scatter / air.count)
+        if abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1])):
+            _move(bank, level, deviation, time)
+        air.known_at = time
+    _begin(air)
+
+
+@compiled
+def _move(bank: Any, level: float, deviation: float, time: float) -> None:
+    """Let the zero be what the force reads; what was felt while it moved has a share of that."""
+    onset = bank.onset
+    onset.in_air = 1
+    onset.force_deviation = deviation
+    onset.shift[0] = 0.0
+    onset.shift[1] = level
+    contact_onset.move_readings(bank)
+    # A step is more likely to have come while nobody touched anything.
+    if abs(level) <= SURE * math.sqrt(bank.sensor_noise[1]):
+        histories.move_along(bank.history, level, bank.air.known_at, time)

@@ -1,0 +1,45 @@
+"""What /diagnostics says of the channels: a value and its deviation, where the filter says them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from hc_estimator import create_estimator
+from hc_estimator.ros.status import StatusReporter
+from hc_estimator.stream.session import EstimationSession
+
+NOWHERE = SimpleNamespace(channels=(), problems=(), counters={}, undecodable=0)
+LATE_MS = 20
+
+
+def status_of(filter_name, recorder):
+    """Values after ten seconds of a force that is late, from a zero of 0.05 N in the air."""
+    session = EstimationSession(create_estimator(filter_name), recorder)
+    session.start()
+    reporter = StatusReporter(session)
+    draw = np.random.default_rng(0)
+    time = np.arange(0.0, 12.0, 0.002)
+    since = np.maximum(time - 2.0, 0.0)
+    swings = 1.2 * (1.0 - np.cos(5.0 * since)) + 0.8 * (1.0 - np.cos(13.7 * since))
+    depth = np.where(time < 2.0, -3.0 + 2.0 * time, 1.0 + swings)
+    force = 0.4 * np.maximum(depth, 0.0) ** 1.5
+    late = np.interp(time - 1e-3 * LATE_MS, time, force) + 0.05 + 0.005 * draw.standard_normal(time.size)
+    place = depth + 0.002 * draw.standard_normal(time.size)
+    for number, sample in enumerate(zip(time, place, late, strict=True)):
+        session.process(10**18 + round(sample[0] * 1e9), number, *map(float, sample[1:]))
+    return reporter.collect(NOWHERE, ()).values
+
+
+def test_delay_and_zeros_are_said_with_their_deviations(recorder):
+    values = status_of("self_tuning_ukf", recorder)
+    assert abs(values["channel_delay"] - 1e-3 * LATE_MS) < 0.002
+    assert 0.0 < values["channel_delay_std"] < 0.002
+    assert abs(values["force_zero"] - 0.05) < 0.002
+    assert 0.0 < values["force_zero_std"] < 0.005
+    assert abs(values["contact_position"]) < 0.1
+
+
+def test_a_filter_that_knows_nothing_of_them_says_nothing(recorder):
+    values = status_of("ekf", recorder)
+    assert "stiffness_std" in values
+    assert not {"channel_delay_std", "force_zero_std", "contact_position_std"} & set(values)
