@@ -141,11 +141,11 @@ def test_the_words_name_both_and_what_to_do():
     [
         (
             (-0.184, 0.0162, 0.0, math.nan),
-            "contact begins at -0.184 ± 0.016 mm; K, B, n and p count from there",
+            "contact begins at -0.184 ± 0.016 mm in the end; K, B, n and p count from there",
         ),
         (
             (0.0, math.nan, 0.012, 0.0),
-            "the force reads 12 mN without contact; K, B, n and p count from there",
+            "the force reads 12 mN without contact in the end; K, B, n and p count from there",
         ),
         (
             (-0.0, 0.41, 0.0, 0.02),

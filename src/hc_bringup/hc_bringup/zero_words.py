@@ -33,7 +33,7 @@ class Zeros(NamedTuple):
         if not parts:
             return ""
         if _is_off(self.contact_position) or _is_off(self.force_zero):
-            return f"{parts}; K, B, n and p count from there"
+            return f"{parts} in the end; K, B, n and p count from there"
         return f"{parts}; K, B, n and p are as unsure as that makes them"
 
     def _parts(self) -> Iterator[str]:
