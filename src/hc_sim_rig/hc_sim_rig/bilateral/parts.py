@@ -100,6 +100,17 @@ class LumpyTissue(Section):
     lump_stiffness_factor: float = number(2.2, above=0.0, maximum=100.0)
     lump_damping_factor: float = number(1.5, above=0.0, maximum=100.0)
 
+    def parameters_at(self, lateral_mm: float) -> tuple[float, float, float, float]:
+        """Return K, B, n, p at a place sideways, as `kernel.tissue_at` has them."""
+        distance = (lateral_mm - self.lump_centre_mm) / self.lump_width_mm
+        bell = math.exp(-0.5 * distance * distance)
+        return (
+            self.stiffness * (1.0 + (self.lump_stiffness_factor - 1.0) * bell),
+            self.damping * (1.0 + (self.lump_damping_factor - 1.0) * bell),
+            self.displacement_exponent,
+            self.velocity_exponent,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Network(Section):
