@@ -264,6 +264,25 @@ def test_same_seed_same_bytes(capsys: pytest.CaptureFixture[str], tmp_path: Path
     assert contents[0] == contents[1] != contents[2]
 
 
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("estimate", "a.csv", "--header-lines=--"), "--header-lines"),
+        (("estimate", "a.csv", "--units=--"), "--units"),
+        (("contacts", "a.csv", "--release=--"), "--release"),
+        (("simulate", "multisine", "-o=--"), "-o"),
+    ],
+)
+def test_two_dashes_are_no_value(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], option: str
+) -> None:
+    status, _, said = run(capsys, *words)
+    assert status == 2
+    assert option in said
+    assert "expected one argument" in said
+    assert one_line(said)
+
+
 def test_nothing_is_overwritten(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     target = tmp_path / "bag"
     run(capsys, "simulate", "multisine", "-o", str(target), "--duration", "0.5")

@@ -125,6 +125,7 @@ def test_a_time_offset_of_a_table_puts_every_reading_at_its_own_stamp(press_tabl
     [
         ("force.axis=z", "force.axis is for a bag: of a CSV say force.sign, "),
         ("force.sign=2", "force.sign=2 is not 1 or -1"),
+        ("position.time_offset=1e300", "position.time_offset=1e+300 s is not a number up to 1e+09"),
     ],
 )
 def test_what_a_table_does_not_have_is_refused(press_table, capsys, setting, expected) -> None:

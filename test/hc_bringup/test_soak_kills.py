@@ -9,7 +9,7 @@ import pytest
 from hc_msgs.msg import HuntCrossleyEstimate
 
 from hc_bringup import soak_kills
-from hc_bringup.runner import RunState
+from hc_bringup.run_state import RunState
 from hc_bringup.soak_kills import PERIOD_S, SETTLED_S, KillReport
 from hc_bringup.statistics import EstimateStatistics
 

@@ -8,7 +8,8 @@ import pytest
 from hc_bringup import runner
 from hc_bringup.errors import UserError
 from hc_bringup.monitor import NOT_STARTED
-from hc_bringup.runner import Runner, RunState
+from hc_bringup.run_state import RunState
+from hc_bringup.runner import Runner
 from hc_bringup.statistics import EstimateStatistics
 from hc_msgs_py.background import STARTING
 

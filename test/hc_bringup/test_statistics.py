@@ -11,7 +11,7 @@ import pytest
 
 from hc_bringup import live
 from hc_bringup.conclusion import conclude
-from hc_bringup.runner import RunState
+from hc_bringup.run_state import RunState
 from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_bringup.summary import run_summary, run_text, to_json
 from hc_bringup.terminal.numbers import NOTHING, engineering

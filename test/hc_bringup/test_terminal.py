@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from hc_bringup.live import Display, _load_line
-from hc_bringup.runner import RunState
+from hc_bringup.run_state import RunState
 from hc_bringup.statistics import EstimateStatistics
 from hc_bringup.terminal.numbers import SteadyDecimals, decimals_of, engineering, file_size
 from hc_bringup.terminal.panel import PanelPainter
@@ -212,6 +212,18 @@ def test_why_a_sensor_is_silent_is_said_to_the_end() -> None:
         assert {len(line) for line in lines} == {width}
         joined = " ".join(" ".join(line.strip("│ ").split()) for line in lines)
         assert reason in joined
+
+
+def test_a_node_that_is_stopped_is_not_said_to_wait_for_samples() -> None:
+    """Regression: of an estimator that was stopped (kill -STOP): "no samples come"."""
+    state = RunState(EstimateStatistics(), 0.0, phase="running", silent_s=1.7, mute_s=0.4)
+    assert state.silent_reason == ""
+    state.mute_s = 1.8
+    assert "it is stopped" in state.silent_reason
+    state.silent_s = 0.1
+    assert state.silent_reason == ""
+    state.mute_s = math.nan
+    assert state.silent_reason == ""
 
 
 @given(st.floats(1e-9, 1e6), st.integers(2, 4))

@@ -14,7 +14,7 @@ from hc_bringup.heartbeat import Heartbeat
 from hc_bringup.live import Display
 from hc_bringup.plan import NodePlan
 from hc_bringup.processes import NodeProcess
-from hc_bringup.runner import RunState
+from hc_bringup.run_state import RunState
 from hc_bringup.statistics import EstimateStatistics
 from hc_bringup.wrapping import say
 from hc_estimator.stream.readings import MEANINGS

@@ -135,7 +135,7 @@ def test_a_node_that_falls_behind_says_so_drops_display_and_catches_up(start_pro
 def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, probe, plant):
     from rosgraph_msgs.msg import Clock
 
-    from hc_msgs_py.units import stamp_from_nanoseconds
+    from hc_msgs_py.units import set_stamp
 
     start_process(use_sim_time=True)
     clock = probe.node.create_publisher(Clock, "/clock", 10)
@@ -143,7 +143,9 @@ def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, prob
     probe.wait(lambda: clock.get_subscription_count() > 0, what="the clock's subscriber")
 
     def publish(stamp_ns, sequence, displacement, force):
-        clock.publish(Clock(clock=stamp_from_nanoseconds(stamp_ns)))
+        now = Clock()
+        set_stamp(now.clock, stamp_ns)
+        clock.publish(now)
         probe.publish(stamp_ns, sequence, displacement, force)
 
     number = probe.stream(plant.samples(400), start_ns=5 * 10**9, publish=publish)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -116,6 +117,20 @@ def test_an_empty_bag_is_one_line(start_node: Start, make_bag: MakeBag) -> None:
     assert node.wait() == 2
     assert "has no messages" in node.error
     assert len(node.error.splitlines()) == 1
+
+
+def test_a_damaged_file_with_any_name_is_played(
+    start_node: Start, make_bag: MakeBag, tmp_path: Path
+) -> None:
+    """Regression: a name that is not UTF-8 ended the player, in its log and its diagnostics."""
+    whole = (make_bag(count=500, chunk_bytes=4096) / "bag_0.mcap").read_bytes()
+    folder = tmp_path / "odd"
+    folder.mkdir()
+    (folder / os.fsdecode(b"\xff_0.mcap")).write_bytes(whole[: len(whole) // 2])
+    node = start_node(PLAYER, bag=folder, exit_when_done=True)
+    assert node.wait() == 0
+    assert "\\udcff_0.mcap: cut off at byte" in node.error
+    assert "Traceback" not in node.error
 
 
 def values(graph: Any) -> dict[str, str]:

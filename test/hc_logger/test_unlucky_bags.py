@@ -12,6 +12,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from hc_bringup.cli import main
+from hc_logger.decoder import decoder
 from hc_logger.definitions import TypeDefinition, installed_definition, same_definition
 from hc_logger.edit import merge_bags
 from hc_logger.errors import BagError
@@ -91,6 +92,17 @@ def test_definitions_that_differ_in_a_dependency_are_not_the_same() -> None:
     assert changed.text != pose.text
     assert not same_definition(pose, changed)
     assert same_definition(pose, pose._replace(type_hash=""))
+
+
+@pytest.mark.parametrize("damage", [("uint8 KIND=1", "uint8 KI D=1"), ("string", "stRing")])
+def test_a_definition_that_cannot_be_read_is_one_line(
+    capsys: pytest.CaptureFixture[str], damage: tuple[str, str]
+) -> None:
+    """Regression: the library printed a line of its own beside ours."""
+    text = "uint8 KIND=1\nstring reason\n".replace(*damage)
+    with pytest.raises(BagError, match="definition of 'a_msgs/msg/Note' in the bag cannot be und"):
+        decoder(TypeDefinition("a_msgs/msg/Note", text, ""))
+    assert capsys.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("words", [["filter"], ["split", "--every", "10"], ["merge", "-o"]])

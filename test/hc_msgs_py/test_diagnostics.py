@@ -10,6 +10,13 @@ from hc_msgs_py.diagnostics import Level, encode
 TEXT = st.text(st.characters(blacklist_characters="\0", blacklist_categories=["Cs"]), max_size=20)
 
 
+def test_the_name_of_a_file_may_hold_any_bytes():
+    data = encode(0, 1, ("player", "\udcff.mcap", "/a/\udcfe"), {"bag": "\udc80"})
+    (status,) = deserialize_message(data, DiagnosticArray).status
+    assert (status.message, status.hardware_id) == ("\\udcff.mcap", "/a/\\udcfe")
+    assert status.values[0].value == "\\udc80"
+
+
 @given(
     st.integers(0, (2**31 - 1) * 10**9),
     st.sampled_from(Level),

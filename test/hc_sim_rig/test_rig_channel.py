@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from hc_sim_rig import Rig, RigSeries, ScenarioError, load_scenario
+from hc_sim_rig.bilateral import Bilateral, Network
 from hc_sim_rig.channel_kernel import receive, send
 from hc_sim_rig.drives import Channel, Link
 from hc_sim_rig.layout import (
@@ -184,6 +185,19 @@ def test_the_delay_glides_while_the_rig_runs() -> None:
         for k in range(20, 150)
     ]
     assert abs(20 + int(np.argmin(error)) - 50) < 15  # variation and jitter stay as they were
+
+
+def test_a_delay_that_the_rig_cannot_keep_is_refused_while_it_runs_too() -> None:
+    """Regression: it was cut to 4095 samples without a word."""
+    scenario = dataclasses.replace(load_scenario("teleoperation"), rate_hz=8000.0)
+    rig = Rig(scenario)
+    with pytest.raises(
+        ScenarioError, match=r"channel\.backward can take 0\.515 s, must stay below"
+    ):
+        rig.tune(backward_delay_s=0.5)
+    rig.tune(backward_delay_s=0.4, forward_delay_s=0.0)
+    with pytest.raises(ScenarioError, match=r"round_trip_ms is 1000: a packet can take 0\.8 s"):
+        Bilateral(rate_hz=8000.0, network=Network(round_trip_ms=1000.0))
 
 
 def test_delays_that_cannot_be_are_refused() -> None:

@@ -31,7 +31,8 @@ from hc_bringup.errors import UserError
 from hc_bringup.machine_wake_ups import FASTEST_HZ
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
-from hc_bringup.runner import Runner, RunState
+from hc_bringup.run_state import RunState
+from hc_bringup.runner import Runner
 from hc_sim_rig.scenario import SCENARIO_FOLDER
 
 if TYPE_CHECKING:

@@ -20,7 +20,8 @@ from hc_bringup.commands.run import with_dashboard, with_parameters
 from hc_bringup.errors import UserError
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
-from hc_bringup.runner import Runner, RunState
+from hc_bringup.run_state import RunState
+from hc_bringup.runner import Runner
 from hc_msgs_py.histogram import DurationHistogram
 
 CASES: Final = ((0, 0), (1, 0), (4, 1))

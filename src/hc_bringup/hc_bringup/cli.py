@@ -80,6 +80,12 @@ class _Parser(argparse.ArgumentParser):
         line = _nearer(message[:1].lower() + message[1:], self)
         self.exit(WRONG_USE, f"{self.prog}: {line} (see {self.prog} --help)\n")
 
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """Refuse --option=--: argparse drops the -- and gives an empty list for the value."""
+        if action.nargs is None and action.option_strings and arg_strings == ["--"]:
+            raise argparse.ArgumentError(action, "expected one argument")
+        return super()._get_values(action, arg_strings)
+
 
 def _nearer(line: str, parser: argparse.ArgumentParser) -> str:
     """Return what argparse says with the word that was probably meant."""

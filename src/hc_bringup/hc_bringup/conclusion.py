@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from hc_bringup.errors import FAILURE, UserError
-from hc_bringup.runner import RunState
+from hc_bringup.run_state import RunState
 from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
 from hc_bringup.wrapping import say
 from hc_logger.writer import numbered_bags

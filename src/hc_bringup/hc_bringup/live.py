@@ -18,7 +18,7 @@ from rich.live import Live
 from hc_bringup import heartbeat
 from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.phrases import without_numbers
-from hc_bringup.runner import DONE, RUNNING, RunState
+from hc_bringup.run_state import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS
 from hc_bringup.terminal.keys import Keys
 from hc_bringup.terminal.numbers import engineering

@@ -84,6 +84,7 @@ class Monitor:
         self.last_estimate_at = self._estimate_at = 0.0  # the second: of hc/estimate
         self.answer = ""
         self._truth: list[float] | None = None
+        self._heard_at: dict[str, float] = {}
 
     def __enter__(self) -> Monitor:
         speak_to_nodes()
@@ -147,6 +148,10 @@ class Monitor:
     def silent_s(self) -> float:
         """Return the time since the last estimate; NaN before the first one."""
         return time.monotonic() - self.last_estimate_at if self.last_estimate_at else math.nan
+
+    def mute_s(self, node_name: str) -> float:
+        """Return the time since a node said anything of itself; NaN before it has."""
+        return time.monotonic() - self._heard_at.get(node_name, math.nan)
 
     def namesakes(self, node_name: str) -> int:
         """Return how many nodes of this name there are in the domain, outside namespaces."""
@@ -283,5 +288,6 @@ class Monitor:
             values["level"] = str(int.from_bytes(status.level, "little"))
             values["message"] = status.message
             self.diagnostics[status.name] = values
+            self._heard_at[status.name] = time.monotonic()
             if status.name == NODE_RECORDER and "bag" in values:
                 self.dropped[values["bag"]] = int(number_said(values, "dropped"))

@@ -218,6 +218,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     """
     from hc_logger.errors import BagError
     from hc_logger.recording import is_text, read_recording
+    from hc_logger.sensors import LONGEST_S
 
     check(arguments)
     sensors = dict(arguments.sensors)
@@ -232,6 +233,10 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             )
         if table and name.endswith(".sign") and value not in (1, -1):
             raise UserError(f"--input {name}={value} is not 1 or -1", WRONG_USE)
+        if table and name.endswith(".time_offset") and abs(value) > LONGEST_S:
+            raise UserError(
+                f"--input {name}={value:g} s is not a number up to {LONGEST_S:g}", WRONG_USE
+            )
     try:
         if table or set(sensors) <= set(ZEROS):
             options = csv_options(arguments)

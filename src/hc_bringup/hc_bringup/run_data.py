@@ -176,8 +176,7 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         raise UserError(str(error)) from error
     if not len(table):
         return None
-    order = {int(s): i for i, s in enumerate(recording.sequence)}
-    rows = np.array([order.get(int(s), -1) for s in table["sequence"]])
+    rows = _places_of(stamps(table), table["sequence"], recording.stamps, recording.sequence)
     table, rows = table[rows >= 0], rows[rows >= 0]
     if not len(table):
         return None
@@ -191,7 +190,7 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
         settings = {"contact_model": last.contact_model, **last.parameters}
         versions["hc_estimator that made the estimates"] = last.software_version
     with open_bag(recording.path) as bag:
-        beside = _beside(bag, recording, table["sequence"], tip)
+        beside = _beside(bag, recording, stamps(table), table["sequence"], tip)
         versions |= {
             name: value for name, value in bag.custom_data.items() if name.endswith("version")
         }
@@ -245,7 +244,8 @@ def of_series(
     beside: dict[str, Any] = {"findings": tuple(recording.findings.lines())}
     if recording.is_bag:
         with open_bag(recording.path) as bag:
-            beside = _beside(bag, recording, recording.sequence, tip) | {"events": None}
+            beside = _beside(bag, recording, recording.stamps, recording.sequence, tip)
+            beside |= {"events": None}
     elif tip is not None:
         raise UserError(
             f"{recording.path} is a CSV file: it holds no position of the tip", WRONG_USE
@@ -294,8 +294,36 @@ def _filled(table: NDArray[Any]) -> NDArray[Any]:
     return filled
 
 
+def _places_of(
+    wanted_ns: NDArray[Any], wanted: NDArray[Any], stamps_ns: NDArray[Any], numbers: NDArray[Any]
+) -> NDArray[np.intp]:
+    """Return where the samples of these stamps and numbers are, -1 where there is none.
+
+    The number alone names no sample: a source that is started again counts anew.
+
+    Args:
+        wanted_ns: stamps that are looked for, shape (n,).
+        wanted: their sequence numbers, shape (n,).
+        stamps_ns: those among which they are looked for, shape (m,).
+        numbers: their sequence numbers, shape (m,).
+    """
+    pairs = (stamps_ns, wanted_ns), [one.astype(np.uint64) for one in (numbers, wanted)]
+    times, counts = (np.unique(np.concatenate(pair), return_inverse=True)[1] for pair in pairs)
+    keys = times.astype(np.int64) * (int(counts.max(initial=0)) + 1) + counts
+    there, looked_for = keys[: len(numbers)], keys[len(numbers) :]
+    if not len(there):
+        return np.full(len(wanted), -1, np.intp)
+    order = np.argsort(there, kind="stable")
+    place = np.maximum(np.searchsorted(there[order], looked_for, side="right") - 1, 0)
+    return np.where(there[order][place] == looked_for, order[place], -1)
+
+
 def _beside(
-    bag: Bag, recording: Recording, sequence: NDArray[Any], tip: TipSource | None
+    bag: Bag,
+    recording: Recording,
+    stamps_ns: NDArray[Any],
+    sequence: NDArray[Any],
+    tip: TipSource | None,
 ) -> dict[str, Any]:
     """Return what a bag holds beside samples and estimates: truth, tip and events.
 
@@ -308,7 +336,7 @@ def _beside(
     result: dict[str, Any] = {}
     damaged = []
     for name, read in (
-        ("truth", lambda: _truth(bag, sequence)),
+        ("truth", lambda: _truth(bag, stamps_ns, sequence)),
         ("tip", lambda: _tip(bag, start_ns, tip)),
         ("events", lambda: _events(bag, start_ns)),
     ):
@@ -322,16 +350,15 @@ def _beside(
     return result | {"findings": (*recording.findings.lines(), *damaged)}
 
 
-def _truth(bag: Bag, sequence: NDArray[Any]) -> Array | None:
-    """Return the true parameters (samples, 4) at these sequence numbers, or None."""
+def _truth(bag: Bag, stamps_ns: NDArray[Any], sequence: NDArray[Any]) -> Array | None:
+    """Return the true parameters (samples, 4) of these samples, or None."""
     topic = only_topic(bag, TRUTH_TYPE, TRUTH)
     if topic is None:
         return None
     fields = {"sequence": INTEGER, **dict.fromkeys(PARAMETER_NAMES, REAL)}
     table = records(bag.topics[topic].definition, bag.columns(topic), fields)
-    at = np.searchsorted(table["sequence"], sequence)
-    found = at < len(table)
-    found[found] = table["sequence"][at[found]] == sequence[found]
+    at = _places_of(stamps_ns, sequence, stamps(table), table["sequence"])
+    found = at >= 0
     if not found.any():
         return None
     truth = np.full((len(sequence), 4), np.nan)

@@ -8,7 +8,6 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
@@ -18,16 +17,12 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.monitor import NOT_STARTED, Monitor
 from hc_bringup.plan import RunPlan
 from hc_bringup.processes import NodeProcess, describe_exit, end_all
-from hc_bringup.silence import is_silent
-from hc_bringup.statistics import EstimateStatistics
-from hc_estimator.stream.readings import SUSPECT
+from hc_bringup.run_state import DONE, RUNNING, RunState
 from hc_logger.session import INCOMPLETE
 from hc_msgs_py.background import STARTING
-from hc_msgs_py.diagnostics import Level, number_said
+from hc_msgs_py.diagnostics import number_said
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
-RUNNING, DONE = "running", "done"
-"""Phases of a run in which it waits for nobody."""
 POLL_S = 0.1
 START_TIMEOUT_S = 240.0
 """Until a node offers ~/ready: the first start on a machine compiles the estimator."""
@@ -36,96 +31,6 @@ MATCH_TIMEOUT_S = 15.0
 DRAIN_QUIET_S = 1.0
 """Without an estimate, and some still missing: they are lost."""
 DRAIN_TIMEOUT_S = 10.0
-_UNHEARD = (int(Level.ERROR), int(Level.STALE))
-
-
-_LEFT_OUT = {"skipped": "skipped", "alone": "pairing_unpaired"}
-"""Reasons, and the estimator's counters in /diagnostics."""
-
-
-@dataclass
-class RunState:
-    """What the live display shows, and what a summary is made of.
-
-    Attributes:
-        phase: what the run is doing now, in words.
-        elapsed_s: time since the source was started.
-        duration_s: how long it shall last; 0 for no end.
-        cpu_percent: processor use of each node since the source was started, in percent of a core.
-        silent_s: time since the last estimate, as it was when the run was ended; NaN before the
-            first one, and where the source ended by itself.
-        samples: how many samples the source says that it has published; None if it did not say.
-        problems: what nodes call an error in their diagnostics now, by name.
-        failures: what makes the run a failure although it went on to its end.
-        diagnostics: what each node said last of itself, by name.
-        dropped: messages that the recorder did not get, by the bag that it said it made.
-        truth: the rig's true K, B, n, p; None where nobody tells, or nobody asked for it.
-        page: address of the live page with its token, once it is served.
-        requests: what was asked for by keys; the runner takes them out.
-        answer: what became of the last of them.
-        pids: process of each node that runs, by name.
-    """
-
-    statistics: EstimateStatistics
-    duration_s: float
-    phase: str = "starting"
-    elapsed_s: float = 0.0
-    cpu_percent: dict[str, float] = field(default_factory=dict)
-    silent_s: float = math.nan
-    samples: int | None = None
-    respawns: int = 0
-    problems: dict[str, str] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
-    diagnostics: dict[str, dict[str, str]] = field(default_factory=dict)
-    dropped: dict[str, int] = field(default_factory=dict)
-    truth: list[float] | None = None
-    page: str = ""
-    requests: list[str] = field(default_factory=list)
-    answer: str = ""
-    pids: dict[str, int] = field(default_factory=dict)
-
-    @property
-    def silent(self) -> bool:
-        """Whether estimates came and come no more, or came no more when the run was ended."""
-        return is_silent(self.silent_s)
-
-    @property
-    def suspicions(self) -> dict[str, str]:
-        """What the estimator doubts of its readings: a sentence by check and channel."""
-        said = self.diagnostics.get(NODE_ESTIMATOR, {})
-        return {
-            name.removeprefix(SUSPECT): sentence
-            for name, sentence in said.items()
-            if name.startswith(SUSPECT)
-        }
-
-    @property
-    def left_out(self) -> dict[str, int]:
-        """Samples that the estimator left out, by the reason that its counters name."""
-        said = self.diagnostics.get(NODE_ESTIMATOR, {})
-        counts = {name: int(number_said(said, key)) for name, key in _LEFT_OUT.items()}
-        return {name: count for name, count in counts.items() if count}
-
-    @property
-    def unseen(self) -> int:
-        """Estimates that were made and did not come here: the terminal stood still, or the machine.
-
-        By what the estimator said last; it counts anew when it is started again.
-        """
-        made = int(number_said(self.diagnostics.get(NODE_ESTIMATOR, {}), "estimates"))
-        heard = self.statistics.estimates
-        return max(0, made - heard) if heard else 0  # or somebody else hears them
-
-    @property
-    def silent_reason(self) -> str:
-        """What the estimator says of its silence; empty as long as it says nothing.
-
-        Before the first estimate a warning of it is about nothing else.
-        """
-        said = self.diagnostics.get(NODE_ESTIMATOR, {})
-        level = int(said.get("level", 0))
-        waits = not self.statistics.estimates and level == int(Level.WARN)
-        return said.get("message", "") if waits or level in _UNHEARD else ""
 
 
 class Runner:
@@ -287,6 +192,7 @@ class Runner:
             state.truth = monitor.truth()
             state.page = monitor.page()
             state.silent_s = monitor.silent_s()
+            state.mute_s = monitor.mute_s(NODE_ESTIMATOR)
             self._show(state)
             while state.requests:
                 monitor.ask(state.requests.pop(0))

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from hc_bringup.commands.run import with_parameters
 from hc_bringup.paths import find_config
 from hc_bringup.plan import load_plan
-from hc_bringup.runner import Runner, RunState
+from hc_bringup.run_state import RunState
+from hc_bringup.runner import Runner
 from hc_bringup.soak_disturbers import ParameterStorm, Viewers
 from hc_bringup.soak_resources import Resources
 from hc_logger.recording import read_recording

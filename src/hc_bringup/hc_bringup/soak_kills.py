@@ -23,7 +23,8 @@ import numpy as np
 from hc_bringup.commands.run import with_parameters
 from hc_bringup.paths import find_config
 from hc_bringup.plan import RunPlan, load_plan
-from hc_bringup.runner import Runner, RunState
+from hc_bringup.run_state import RunState
+from hc_bringup.runner import Runner
 from hc_bringup.soak import PARAMETERS, count_invalid, endless
 from hc_bringup.soak_disturbers import ParameterStorm, Viewers
 from hc_bringup.statistics import EstimateStatistics

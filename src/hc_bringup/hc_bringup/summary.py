@@ -9,7 +9,7 @@ from typing import Any
 
 from hc_bringup.live import SYMBOLS
 from hc_bringup.plain_json import finite
-from hc_bringup.runner import RunState
+from hc_bringup.run_state import RunState
 from hc_bringup.statistics import PARAMETERS
 from hc_bringup.zero_effect import ZeroEffect
 from hc_bringup.zero_words import Zeros

@@ -6,7 +6,9 @@ for streams. mcap-ros2-support does the decoding.
 
 from __future__ import annotations
 
+import contextlib
 import functools
+import io
 from collections.abc import Callable
 from typing import Any
 
@@ -29,7 +31,8 @@ def decoder(definition: TypeDefinition) -> Callable[[bytes], Any]:
     """
     schema = Schema(id=1, name=definition.name, encoding="ros2msg", data=definition.text.encode())
     try:
-        decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
+        with contextlib.redirect_stderr(io.StringIO()):  # its parser prints what it cannot read
+            decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
     except Exception as error:  # its errors over a damaged text are of many kinds
         raise BagError(damaged_definition(definition)) from error
     if decode is None:

@@ -83,7 +83,8 @@ class PlayerNode(Node):  # type: ignore[misc]  # rclpy ships no types
         try:
             self._reader = open_bag(bag)
             for problem in self._reader.problems:
-                self.get_logger().warning(problem)
+                # The name of a file may hold any bytes; a log takes what UTF-8 can hold.
+                self.get_logger().warning(problem.encode(errors="backslashreplace").decode())
             self._skipped: dict[str, str] = {}
             self._publishers_by_topic = self._make_publishers(selection, renames)
             self._playback = Playback(

@@ -167,8 +167,11 @@ def _align(data: bytearray) -> None:
 
 
 def _add(data: bytearray, text: str) -> None:
-    """Add a text: its length with the closing zero, and its bytes."""
-    content = text.encode()
+    """Add a text: its length with the closing zero, and its bytes.
+
+    The name of a file, which may hold any bytes, is readable all the same.
+    """
+    content = text.encode(errors="backslashreplace")
     _align(data)
     data += (len(content) + 1).to_bytes(4, "little")
     data += content

@@ -17,7 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-_NANOSECONDS: Final = 1e9  # here, for units imports messages, and cores count durations too
+from hc_msgs_py.units import NANOSECONDS
+
 _SUB_BITS: Final = 6
 _LARGEST_BITS: Final = 62  # 2^62 ns is 146 years
 _LARGEST: Final = (1 << _LARGEST_BITS) - 1
@@ -56,7 +57,7 @@ class DurationHistogram:
 
     def add_s(self, duration_s: float) -> None:
         """Count a duration [s]; NaN counts as zero."""
-        self.add(int(min(duration_s, 1e9) * _NANOSECONDS) if duration_s > 0.0 else 0)
+        self.add(int(min(duration_s, 1e9) * NANOSECONDS) if duration_s > 0.0 else 0)
 
     def add_many(self, durations_ns: NDArray[np.int64]) -> None:
         """Count durations [ns], (n,); the same as `add` one by one."""
@@ -74,7 +75,7 @@ class DurationHistogram:
     @property
     def maximum_s(self) -> float:
         """Largest duration [s]."""
-        return self.maximum_ns / _NANOSECONDS
+        return self.maximum_ns / NANOSECONDS
 
     def quantile_ns(self, fraction: float) -> float:
         """Return the duration [ns] that a fraction of all durations does not exceed.
@@ -116,7 +117,7 @@ class DurationHistogram:
 
     def quantile_s(self, fraction: float) -> float:
         """The same in s."""
-        return self.quantile_ns(fraction) / _NANOSECONDS
+        return self.quantile_ns(fraction) / NANOSECONDS
 
     def between(self, edges_ns: NDArray[Any]) -> NDArray[np.int64]:
         """Return how many lie below the first edge, between the edges and above the last one.

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from builtin_interfaces.msg import Time
-
 METRE_IN_MM: Final = 1000.0
 NANOSECONDS: Final = 1_000_000_000
 
@@ -27,23 +25,6 @@ def nanoseconds_from_stamp(stamp: Any) -> int:
     return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
 
 
-def stamp_from_nanoseconds(nanoseconds: int) -> Any:
-    """Return whole nanoseconds as a builtin_interfaces/Time.
-
-    Raises:
-        ValueError: if the time is outside what the message can hold (1901 to 2038).
-    """
-    seconds, rest = divmod(int(nanoseconds), NANOSECONDS)
-    if not -(2**31) <= seconds < 2**31:
-        raise ValueError(f"time {nanoseconds} ns is outside the range of a ROS stamp")
-    return Time(sec=seconds, nanosec=rest)
-
-
 def set_stamp(stamp: Any, nanoseconds: int) -> None:
     """Write whole nanoseconds into an existing builtin_interfaces/Time (no allocation)."""
     stamp.sec, stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
-
-
-def seconds_since(origin_nanoseconds: int, nanoseconds: int) -> float:
-    """Return the time since an origin in seconds, exact to 1e-9 s for months."""
-    return (nanoseconds - origin_nanoseconds) * 1e-9

@@ -181,12 +181,17 @@ class Channel(Section):
 
     def check(self, rate_hz: float) -> None:
         """Raise ScenarioError if packets could travel longer than the rig can keep them."""
-        for name, link in (("forward", self.forward), ("backward", self.backward)):
-            if link.longest_s() * rate_hz > RING - 2:
-                raise ScenarioError(
-                    f"drive.channel.{name} can take {link.longest_s():g} s, must stay below "
-                    f"{(RING - 2) / rate_hz:g} s at {rate_hz:g} Hz"
-                )
+        for side in ("forward", "backward"):
+            self.check_link(side, rate_hz)
+
+    def check_link(self, side: str, rate_hz: float, longer_s: float = 0.0) -> None:
+        """Check one direction, "forward" or "backward", with a delay that is so much longer."""
+        longest_s = getattr(self, side).longest_s() + longer_s
+        if longest_s * rate_hz > RING - 2:
+            raise ScenarioError(
+                f"drive.channel.{side} can take {longest_s:g} s, must stay below "
+                f"{(RING - 2) / rate_hz:g} s at {rate_hz:g} Hz"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -219,7 +219,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
     if origin is dict and not isinstance(value, dict):
         raise ScenarioError(f"{where} is {_short(value)}, must be a mapping of keys to values")
     if hint is float and isinstance(value, str):
-        raise ScenarioError(f"{where} is {value!r}, must be a number (1.0e-3, not 1e-3, in YAML)")
+        raise ScenarioError(f"{where} is {value!r}, must be a number (in YAML 1.0e-3, 1.0e+6)")
     return value
 
 

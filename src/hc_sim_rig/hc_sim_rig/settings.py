@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from hc_msgs_py.specification import ParameterSpecification
-from hc_sim_rig.drives import Teleoperation
+from hc_sim_rig.drives import Channel, Teleoperation
 from hc_sim_rig.layout import (
     TUNE_AMPLITUDE,
     TUNE_BACKWARD_DELAY,
@@ -130,3 +130,13 @@ def check_settings(scenario: Scenario, values: Mapping[str, float]) -> None:
                 f"{name} = {values[name]:g} would be {lowest:g} after the scenario's changes, "
                 f"must stay >= {LEAST_EXPONENT:g}"
             )
+    if isinstance(scenario.drive, Teleoperation):
+        _check_delays(scenario.drive.channel, values, scenario.rate_hz)
+
+
+def _check_delays(channel: Channel, values: Mapping[str, float], rate_hz: float) -> None:
+    """Raise ScenarioError where packets could travel longer than the rig can keep them."""
+    for side in ("forward", "backward"):
+        wanted = values.get(f"{side}_delay_s")
+        if wanted is not None:
+            channel.check_link(side, rate_hz, wanted - getattr(channel, side).delay_s)

@@ -218,14 +218,7 @@ class SlaveNode(Node):  # type: ignore[misc]  # rclpy ships no types
         """The readings as the rig's topics have them; joints are as read, not true."""
         tissue = self._tissue
         depth = sample.true_position_mm - tissue.surface_mm
-        parameters = np.array(
-            [
-                tissue.stiffness,
-                tissue.damping,
-                tissue.displacement_exponent,
-                tissue.velocity_exponent,
-            ]
-        )
+        parameters = np.array(tissue.parameters_at(sample.lateral_mm))
         truth = Truth(
             depth, sample.true_velocity_mm_s, sample.true_force_n, parameters, depth > 0.0
         )

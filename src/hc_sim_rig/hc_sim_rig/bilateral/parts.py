@@ -15,6 +15,7 @@ from hc_estimator.stream.effort_filters import METHODS as FORCE_FILTERS
 from hc_sim_rig.bilateral.layout import LARGEST_IMPEDANCE, LEAST_IMPEDANCE, METHODS, Constants
 from hc_sim_rig.bilateral.playout import PLAYOUT_DEVIATIONS, PLAYOUT_SAMPLES
 from hc_sim_rig.drives import Link
+from hc_sim_rig.layout import RING
 from hc_sim_rig.schema import ScenarioError, Section, number, section, word
 
 TONNE_PER_KG = 1e-3
@@ -99,6 +100,17 @@ class LumpyTissue(Section):
     lump_stiffness_factor: float = number(2.2, above=0.0, maximum=100.0)
     lump_damping_factor: float = number(1.5, above=0.0, maximum=100.0)
 
+    def parameters_at(self, lateral_mm: float) -> tuple[float, float, float, float]:
+        """Return K, B, n, p at a place sideways, as `kernel.tissue_at` has them."""
+        distance = (lateral_mm - self.lump_centre_mm) / self.lump_width_mm
+        bell = math.exp(-0.5 * distance * distance)
+        return (
+            self.stiffness * (1.0 + (self.lump_stiffness_factor - 1.0) * bell),
+            self.damping * (1.0 + (self.lump_damping_factor - 1.0) * bell),
+            self.displacement_exponent,
+            self.velocity_exponent,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Network(Section):
@@ -162,6 +174,21 @@ class Bilateral(Section):
     rate_hz: float = number(1000.0, minimum=100.0, maximum=1e4, unit="Hz")
     substeps: int = number(2, minimum=1, maximum=100)
     velocity_bandwidth_hz: float = number(60.0, above=0.0, maximum=1e4, unit="Hz")
+
+    def __post_init__(self) -> None:
+        """Check that no packet travels longer than it can be kept.
+
+        Raises:
+            ScenarioError: if one could.
+        """
+        super().__post_init__()
+        longest_s = self.network.link().longest_s()
+        if longest_s * self.rate_hz > RING - 2:
+            raise ScenarioError(
+                f"network.round_trip_ms is {self.network.round_trip_ms:g}: a packet can take "
+                f"{longest_s:g} s, must stay below {(RING - 2) / self.rate_hz:g} s at "
+                f"{self.rate_hz:g} Hz"
+            )
 
     def constants(self) -> Constants:
         """What the compiled loop takes."""
