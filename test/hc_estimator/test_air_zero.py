@@ -29,7 +29,7 @@ def taps(rate=500.0, seconds=20.0, *, seed=0, period=1.5, home=-1.5, deepest=4.0
 
 
 def test_a_zero_that_drifts_is_followed():
-    time, place, force, law = taps()
+    time, place, force, _law = taps()
     drift = 0.06 * (1.0 - np.exp(-time / 8.0))
     series = hc.create_estimator(FILTER).run(time, place, force + drift)
     late = time > 8.0

@@ -23,7 +23,11 @@ def status_of(filter_name, recorder):
     swings = 1.2 * (1.0 - np.cos(5.0 * since)) + 0.8 * (1.0 - np.cos(13.7 * since))
     depth = np.where(time < 2.0, -3.0 + 2.0 * time, 1.0 + swings)
     force = 0.4 * np.maximum(depth, 0.0) ** 1.5
-    late = np.interp(time - 1e-3 * LATE_MS, time, force) + 0.05 + 0.005 * draw.standard_normal(time.size)
+    late = (
+        np.interp(time - 1e-3 * LATE_MS, time, force)
+        + 0.05
+        + 0.005 * draw.standard_normal(time.size)
+    )
     place = depth + 0.002 * draw.standard_normal(time.size)
     for number, sample in enumerate(zip(time, place, late, strict=True)):
         session.process(10**18 + round(sample[0] * 1e9), number, *map(float, sample[1:]))

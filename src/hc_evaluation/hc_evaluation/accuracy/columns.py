@@ -261,6 +261,16 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
         ("misfit told", _share("mismatch")),
         ("changes", _plain("changes")),
     ),
+    "mechanics": (
+        ("what lies between", _plain("trouble")),
+        ("told wrong", _share("wrong")),
+        ("runs with a tenth told wrong", _share("often")),
+        ("K off, median", _share("K")),
+        ("9 of 10 runs", _share("K_90")),
+        ("its deviation", _share("deviation")),
+        ("misfit told", _share("mismatch")),
+        ("changes", _plain("changes")),
+    ),
     "together": (
         ("contact", _plain("pair")),
         ("K off, median", _share("K")),

@@ -18,6 +18,8 @@ from hc_evaluation.accuracy.scenarios import log_uniform
 
 FloatArray = NDArray[np.float64]
 Draw = np.random.Generator
+Between = Callable[[Draw, FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
+"""Takes stamps, place of the tool [mm] and its force [N]; returns both as sensors find them."""
 
 DURATION_S = 20.0
 RATES_HZ = (66.0, 100.0, 200.0, 500.0, 1000.0, 2000.0)
@@ -227,12 +229,15 @@ TROUBLES: dict[str, Callable[[Draw, _Plan], None]] = {
 """By name: what is wrong, drawn and put into the plan of a contact."""
 
 
-def drawn_contact(troubles: tuple[str, ...], seed: int) -> DrawnContact:
+def drawn_contact(
+    troubles: tuple[str, ...], seed: int, between: Between | None = None
+) -> DrawnContact:
     """The contact that a seed draws with some troubles; without them it is otherwise the same.
 
     Args:
         troubles: of `TROUBLES`.
         seed: of everything.
+        between: what lies between tissue and readings, if anything does.
 
     Raises:
         KeyError: no such trouble.
@@ -261,9 +266,12 @@ def drawn_contact(troubles: tuple[str, ...], seed: int) -> DrawnContact:
     # Tissue cannot pull.
     law = np.maximum(depth, 0.0) ** exponent * factor * np.maximum(stiffness + drag, 0.0)
     largest = float(np.max(law))
+    tool = plan.tool
+    if between is not None:
+        tool, law = between(np.random.default_rng([seed, 780]), time, tool, law)
     acting = np.interp(time - plan.delay_s, time, law) + plan.zero_share * largest
     force = _read(acting, noise[0] * largest, white[0], plan.colour, plan.quanta[0])
-    place_read = _read(plan.tool, noise[1], white[1], plan.colour, plan.quanta[1])
+    place_read = _read(tool, noise[1], white[1], plan.colour, plan.quanta[1])
     parameters = np.column_stack(
         [
             stiffness * factor,

@@ -14,6 +14,7 @@ from hc_evaluation.accuracy import (
     comparisons,
     corners,
     delay,
+    mechanics,
     misfit,
     multirate,
     possible,
@@ -107,6 +108,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "troubles": Experiment(
         "everything drawn, each trouble alone and several at once: what is told wrong",
         troubles.troubles,
+    ),
+    "mechanics": Experiment(
+        "what lies between tissue and readings and is in no law: mass, friction, memory, play",
+        mechanics.mechanics,
     ),
     "ablation": Experiment(
         "every mechanism of the default filter off in turn, on every experiment",

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hc_estimator import EstimateSeries
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
-from hc_evaluation.accuracy.drawn_contact import TROUBLES, drawn_contact
+from hc_evaluation.accuracy.drawn_contact import TROUBLES, DrawnContact, drawn_contact
 from hc_evaluation.accuracy.measure import Numbers, Setup
 
 START_S = 8.0  # from when on the estimate counts
@@ -57,6 +58,11 @@ def trouble_run(task: TroubleTask) -> Numbers:
     """Errors of K, what was claimed of them, changes and misfit told."""
     contact = drawn_contact(troubles_of(task.trouble, task.seed), task.seed)
     series = task.setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
+    return score(contact, series)
+
+
+def score(contact: DrawnContact, series: EstimateSeries) -> Numbers:
+    """Errors of K along a contact, what was claimed of them, changes and misfit told."""
     time, changed = contact.time_s, contact.changed_s
     counted = time >= START_S
     called = np.asarray(series.change_detected, np.bool_) & (time >= CALLED_S)
@@ -76,7 +82,8 @@ def trouble_run(task: TroubleTask) -> Numbers:
     }
 
 
-def _row(name: str, runs: Sequence[Numbers]) -> Row:
+def row_of(name: str, runs: Sequence[Numbers]) -> Row:
+    """One row of the table: over the runs of a trouble."""
     columns = {key: np.array([run[key] for run in runs]) for key in runs[0]}
     return {
         "trouble": name,
@@ -99,7 +106,7 @@ def troubles(bench: Bench) -> Result:
         for seed in range(bench.seeds)
     ]
     rows = [
-        _row(name, runs)
+        row_of(name, runs)
         for name, runs in zip(names, bench.by_seed(trouble_run, tasks), strict=True)
     ]
     alone = [row for row in rows if row["trouble"] in TROUBLES]

@@ -1,0 +1,123 @@
+"""What lies between tissue and readings, and is in no contact law: mass, friction, memory, play.
+
+The contacts of `drawn_contact` with one of them each. No filter here knows of any. What counts is
+the same as in `troubles`: whether a user is told something wrong without being told that the law
+does not fit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, lfilter
+
+from hc_evaluation.accuracy.bench import Bench, Result, Row, target
+from hc_evaluation.accuracy.drawn_contact import Between, Draw, drawn_contact
+from hc_evaluation.accuracy.measure import Numbers, Setup
+from hc_evaluation.accuracy.scenarios import log_uniform
+from hc_evaluation.accuracy.troubles import NOTHING, row_of, score
+
+FloatArray = NDArray[np.float64]
+Read = tuple[FloatArray, FloatArray]
+"""Place of the tool [mm] and force [N] as sensors find them."""
+
+TOLD_WRONG = 0.1
+SLOWEST_MM_S = 0.2  # from which on friction is that of motion
+
+
+def _with_memory(value: FloatArray, half_width: float) -> FloatArray:
+    """Play: what follows moves only once it is touched at either end of a gap."""
+    follows, out = float(value[0]), np.empty_like(value)
+    for i, now in enumerate(value.tolist()):
+        follows = min(max(follows, now - half_width), now + half_width)
+        out[i] = follows
+    return out
+
+
+def _inertia(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """The mass between sensor and tip; the sensor holds it, too."""
+    mass_kg = log_uniform(draw, 0.02, 0.5)
+    acceleration = np.gradient(np.gradient(place, time), time)
+    return place, force + 1e-3 * mass_kg * acceleration
+
+
+def _friction(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """A trocar or a guide holds the tool back, whichever way it goes."""
+    largest = log_uniform(draw, 0.005, 0.05) * float(np.max(force))
+    return place, force + largest * np.tanh(np.gradient(place, time) / SLOWEST_MM_S)
+
+
+def _hysteresis(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """A force sensor whose spring remembers."""
+    del time
+    return place, _with_memory(force, log_uniform(draw, 0.002, 0.02) * float(np.max(force)))
+
+
+def _play(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """Play between the tool and what its position is read from."""
+    del time
+    return _with_memory(place, log_uniform(draw, 0.01, 0.1)), force
+
+
+def _low_pass(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """A force sensor with a filter of its own (second order, Butterworth)."""
+    rate_hz = 1.0 / float(np.median(np.diff(time)))
+    corner_hz = min(log_uniform(draw, 5.0, 50.0), 0.4 * rate_hz)
+    numerator, denominator = butter(2, corner_hz, fs=rate_hz)
+    return place, force[0] + lfilter(numerator, denominator, force - force[0])
+
+
+def _compliance(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """A robot that gives way, ten to a hundred times as stiff as the tissue."""
+    del time
+    deepest = max(float(np.max(place)), 1e-3)
+    return place + deepest / log_uniform(draw, 10.0, 100.0) * force / float(np.max(force)), force
+
+
+MECHANICS: dict[str, Between] = {
+    "inertia": _inertia,
+    "friction": _friction,
+    "hysteresis": _hysteresis,
+    "play": _play,
+    "low-pass": _low_pass,
+    "compliance": _compliance,
+}
+
+
+@dataclass(frozen=True)
+class MechanicsTask:
+    """One run: estimator, what lies between, and seed."""
+
+    setup: Setup
+    name: str
+    seed: int
+
+
+def mechanics_run(task: MechanicsTask) -> Numbers:
+    """Errors of K, what was claimed of them, changes and misfit told."""
+    contact = drawn_contact((), task.seed, MECHANICS.get(task.name))
+    series = task.setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
+    return score(contact, series)
+
+
+def mechanics(bench: Bench) -> Result:
+    """Everything drawn, with what lies between tissue and readings."""
+    names = (NOTHING, *MECHANICS)
+    tasks = [
+        MechanicsTask(bench.setup, name, bench.first_seed + seed)
+        for name in names
+        for seed in range(bench.seeds)
+    ]
+    rows = [
+        row_of(name, runs)
+        for name, runs in zip(names, bench.by_seed(mechanics_run, tasks), strict=True)
+    ]
+    # What a robot gives way is part of the tissue for all who look at these readings.
+    judged: list[Row] = [row for row in rows if row["trouble"] != "compliance"]
+    targets = [
+        target(f"{row['trouble']}: share told wrong", row["wrong"], high=TOLD_WRONG)
+        for row in judged
+    ]
+    return {"rows": rows, "targets": targets}

@@ -1,0 +1,58 @@
+"""What lies between tissue and readings changes what it should, and nothing else."""
+
+import numpy as np
+import pytest
+
+from hc_evaluation.accuracy.drawn_contact import drawn_contact
+from hc_evaluation.accuracy.mechanics import MECHANICS
+
+SEEDS = (1000, 1003, 1007)
+
+
+def pair(name, seed):
+    """The same contact without and with it."""
+    return drawn_contact((), seed), drawn_contact((), seed, MECHANICS[name])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", MECHANICS)
+def test_one_channel_differs_and_the_truth_stays(name, seed):
+    plain, other = pair(name, seed)
+    np.testing.assert_array_equal(plain.time_s, other.time_s)
+    np.testing.assert_array_equal(plain.parameters, other.parameters)
+    of_place = name in ("play", "compliance")
+    assert np.array_equal(plain.displacement_mm, other.displacement_mm) is not of_place
+    assert np.array_equal(plain.force_n, other.force_n) is of_place
+    again = drawn_contact((), seed, MECHANICS[name])
+    np.testing.assert_array_equal(other.force_n, again.force_n)
+    np.testing.assert_array_equal(other.displacement_mm, again.displacement_mm)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_play_and_memory_are_never_off_by_more_than_half_their_width(seed):
+    plain, other = pair("play", seed)
+    off = np.abs(other.displacement_mm - plain.displacement_mm)
+    assert 0.01 <= np.max(off) <= 0.1
+    plain, other = pair("hysteresis", seed)
+    off = np.abs(other.force_n - plain.force_n) / np.max(plain.force_n)
+    assert 0.001 < np.max(off) < 0.021
+
+
+def test_a_mass_adds_its_share_of_the_acceleration():
+    time = np.linspace(0.0, 2.0, 4001)
+    place = 3.0 + 1.5 * np.sin(6.0 * time)
+    read, force = MECHANICS["inertia"](np.random.default_rng(1), time, place, np.zeros(time.size))
+    acceleration_m_s2 = -1.5e-3 * 36.0 * np.sin(6.0 * time)
+    mass = force[5:-5] @ acceleration_m_s2[5:-5] / (acceleration_m_s2[5:-5] ** 2).sum()
+    assert 0.02 <= mass <= 0.5
+    np.testing.assert_allclose(force[5:-5], mass * acceleration_m_s2[5:-5], atol=1e-4)
+    np.testing.assert_array_equal(read, place)
+
+
+def test_friction_is_against_the_motion_and_gone_at_rest():
+    time = np.linspace(0.0, 3.0, 3001)
+    place = np.interp(time, [0.0, 1.0, 2.0, 3.0], [0.0, 4.0, 4.0, 0.0])
+    _read, force = MECHANICS["friction"](np.random.default_rng(1), time, place, np.ones(time.size))
+    largest = force[500] - 1.0
+    assert 0.005 <= largest <= 0.05
+    np.testing.assert_allclose(force[[1500, 2500]], [1.0, 1.0 - largest])
