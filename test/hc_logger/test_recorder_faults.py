@@ -191,6 +191,50 @@ def test_a_recorder_that_stands_still_for_five_seconds_loses_nothing(
     }
 
 
+@pytest.mark.process
+def test_a_recorder_that_is_ended_as_it_wakes_gets_what_it_missed(
+    start_node: Start, processes: Any, tmp_path: Path
+) -> None:
+    """Regression: what waited in the system's buffers was lost, and not counted (every other time).
+
+    The publisher is a process of its own: the test's has other buffers than the suite's nodes.
+    """
+    node = start_node(RECORDER, output=tmp_path / "bag", topics="[a]", expected_topics="[a]")
+    publisher = processes.start("-c", WAKING, str(node.process.pid))
+    assert publisher.wait(timeout=60) == 0
+    assert node.wait() == 0, node.error
+    (topic,) = (t for t in bag_info(tmp_path / "bag").topics if t.name == "/a")
+    assert (topic.message_count, topic.lost) == (4000, 0)
+
+
+WAKING = """
+import os, signal, sys, time
+from hc_msgs_py.middleware import set_defaults
+set_defaults()
+import rclpy
+from hc_msgs.msg import IndenterSample
+from hc_msgs_py.qos import SAMPLE_PUBLISHER_QOS
+from hc_msgs_py.wire import SampleEncoder
+rclpy.init()
+publisher = rclpy.create_node("p").create_publisher(IndenterSample, "a", SAMPLE_PUBLISHER_QOS)
+while not publisher.get_subscription_count():
+    time.sleep(0.05)
+time.sleep(0.5)
+recorder, begin = int(sys.argv[1]), time.monotonic()
+for number in range(4000):
+    if number == 500:
+        os.kill(recorder, signal.SIGSTOP)
+    time.sleep(max(0.0, begin + number * 1e-3 - time.monotonic()))
+    publisher.publish(SampleEncoder().encode(number, number, 1.0, 1.0))
+os.kill(recorder, signal.SIGTERM)
+os.kill(recorder, signal.SIGCONT)
+for _ in range(100):
+    time.sleep(0.1)
+    if not publisher.get_subscription_count():
+        break
+"""
+
+
 @pytest.mark.slow
 def test_it_gets_every_sample_of_the_rig_after_it_stood_still(
     start_node: Start, graph: Any, tmp_path: Path

@@ -16,19 +16,16 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from hc_logger import __version__
 from hc_logger.errors import BagError
 from hc_logger.reception_clock import ReceptionClock
 from hc_logger.ros.qos_profiles import mapping_from_profile, subscription_profile
-from hc_logger.selection import TopicSelection, full_name, is_pattern
-from hc_logger.session import FLUSH_INTERVAL_S, INCOMPLETE, RecordingSession
+from hc_logger.ros.recorder_options import declare_options
+from hc_logger.session import INCOMPLETE, RecordingSession
 from hc_logger.writer import BagWriter, new_numbered_bag
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.interface_class import UnknownInterfaceError, interface_class
 from hc_msgs_py.nearest import hint
 from hc_msgs_py.node_main import NodeStartError, run_node
-from hc_msgs_py.parameters import declare
-from hc_msgs_py.qos import KEPT_DEPTH
 from hc_msgs_py.services import add_ready_service
 from hc_msgs_py.topics import NODE_RECORDER
 
@@ -42,6 +39,11 @@ FULL_DISCOVERY_EVERY = 10
 """Looks at all that is known of every publisher; in between, at topics whose number changed."""
 MOST_AT_ONCE = 5000
 """Messages taken from one queue before the others and the services get their turn."""
+STANDSTILL_S = 0.3
+"""Without a look at the queues for so long the process stood still, or was held up by a disk."""
+QUIET_S = 0.3
+"""Publishers are asked for what was missed within 0.1 s (fast_dds.xml); then all has come."""
+LONGEST_CATCH_UP_S = 2.0
 
 
 @dataclass
@@ -70,100 +72,26 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._looks = 0
         self._numbers: dict[str, int] = {}  # of publishers, at the last look
         super().__init__(NODE_RECORDER)
-        output = declare(self, "output", "", "folder of the new bag", read_only=True)
-        when_exists = declare(
-            self,
-            "when_exists",
-            "refuse",
-            "what to do when the folder exists: refuse, or record into NAME_2, NAME_3 and so on",
-            choices=("refuse", "number"),
-            read_only=True,
-        )
-        topics = declare(
-            self,
-            "topics",
-            ["*"],
-            "topics to record: names or patterns with * and ?",
-            read_only=True,
-        )
-        exclude = declare(
-            self, "exclude", [""], "topics to leave out: names or patterns", read_only=True
-        )
-        expected = declare(
-            self, "expected_topics", [""], "topics that ~/ready waits for", read_only=True
-        )
-        self._depth = declare(
-            self,
-            "queue_depth",
-            KEPT_DEPTH,
-            "messages that wait to be written, of each topic",
-            minimum=1,
-            maximum=100_000,
-            read_only=True,
-        )
-        flush = declare(
-            self,
-            "flush_interval",
-            FLUSH_INTERVAL_S,
-            "a killed recorder loses at most this much, and 0.02 s more",
-            minimum=0.01,
-            maximum=10.0,
-            unit="s",
-            read_only=True,
-        )
-        fsync = declare(
-            self,
-            "fsync_interval",
-            5.0,
-            "a power cut loses at most this much; 0 leaves it to the system",
-            minimum=0.0,
-            maximum=3600.0,
-            unit="s",
-            read_only=True,
-        )
-        split = {
-            "max_file_bytes": declare(
-                self,
-                "max_file_bytes",
-                0,
-                "begin a new file of the bag at this size; 0 for one file",
-                minimum=0,
-                read_only=True,
-            ),
-            "max_file_duration_s": declare(
-                self,
-                "max_file_duration",
-                3600.0,
-                "begin a new file of the bag after so long, which bounds memory; 0 for one file",
-                minimum=0.0,
-                unit="s",
-                read_only=True,
-            ),
-        }
-        custom = declare(
-            self, "custom_data", [""], "texts for the bag's metadata, key=value", read_only=True
-        )
-        if not output:
-            raise NodeStartError("parameter output is empty; give the folder of the new bag")
-        namespace = self.get_namespace()
-        # A pattern may fit what comes later; a name that nobody publishes may be misspelt.
-        self._named = [full_name(name, namespace) for name in topics if not is_pattern(name)]
-        self._expected = [full_name(name, namespace) for name in expected if name]
-        self._selection = TopicSelection([*topics, *self._expected], exclude, namespace)
-        for name in self._expected:
-            if name not in self._selection:
-                raise NodeStartError(f"{name} is among expected_topics and left out by exclude")
+        options = declare_options(self)
+        self._depth = options.queue_depth
+        self._named, self._expected = options.named, options.expected
+        self._selection = options.selection
         self._skipped: dict[str, str] = {}
         self._reported_failure = ""
         self._last_reported = (time.monotonic(), 0)
         self._clock_of_reception = ReceptionClock()
+        self._drained_s = time.monotonic()
         self._sim_time = bool(self.get_parameter("use_sim_time").value)
         try:
-            make = new_numbered_bag if when_exists == "number" else BagWriter
-            writer = make(output, custom_data=_custom_data(custom), **split)
+            make = new_numbered_bag if options.is_numbered else BagWriter
+            writer = make(options.output, custom_data=options.custom_data, **options.split)
         except BagError as error:
             raise NodeStartError(str(error)) from error
-        self._session = RecordingSession(writer, flush_interval_s=flush, fsync_interval_s=fsync)
+        self._session = RecordingSession(
+            writer,
+            flush_interval_s=options.flush_interval_s,
+            fsync_interval_s=options.fsync_interval_s,
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DRAIN_PERIOD_S, self._drain, clock=steady)
         self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
@@ -243,6 +171,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _drain(self) -> None:
         """Write what has arrived."""
+        self._drained_s = time.monotonic()
         self._clock_of_reception.update()
         for tap in self._taps.values():
             self._drain_one(tap)
@@ -283,11 +212,33 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._session.add_many(tap.number, log_times, data, published, sequences)
         return len(data)
 
-    def _drain_all(self, taps: Iterable[Tap]) -> None:
+    def _drain_all(self, taps: Iterable[Tap]) -> int:
         """Write what has arrived of some topics to its end: their queues are taken no more."""
+        number = 0
         for tap in taps:
-            while self._drain_one(tap) == MOST_AT_ONCE:
-                pass
+            more = MOST_AT_ONCE
+            while more == MOST_AT_ONCE:
+                more = self._drain_one(tap)
+                number += more
+        return number
+
+    def _drain_last(self) -> None:
+        """Write what has arrived; if the process stood still before, what it missed as well.
+
+        That is in the system's buffers, or kept by the publishers, which are asked for it soon.
+        """
+        stood_still = time.monotonic() - self._drained_s > STANDSTILL_S
+        until = quiet_until = time.monotonic()
+        if stood_still:
+            until, quiet_until = until + LONGEST_CATCH_UP_S, until + QUIET_S
+        while True:
+            self._clock_of_reception.update()
+            number, now = self._drain_all(self._taps.values()), time.monotonic()
+            if number:
+                quiet_until = now + QUIET_S
+            if now >= min(until, quiet_until):
+                return
+            time.sleep(DRAIN_PERIOD_S)
 
     def _missing(self) -> list[str]:
         """Return which expected topics are not matched yet, for ~/ready."""
@@ -339,8 +290,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def close(self) -> None:
         """Write everything received, and the metadata."""
-        self._clock_of_reception.update()
-        self._drain_all(self._taps.values())
+        self._drain_last()
         if self._sim_time and not self.get_clock().now().nanoseconds:
             self.get_logger().error("nothing recorded: use_sim_time is set and /clock is silent")
         writer = self._session.writer
@@ -361,23 +311,6 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
 def _never_called(_data: bytes) -> None:
     """Stand in for the callback that a subscription must have."""
-
-
-def _custom_data(entries: list[str]) -> Mapping[str, str]:
-    """Return the version of this software and what key=value texts say.
-
-    Raises:
-        NodeStartError: if one has no key.
-    """
-    result = {"hc_logger_version": __version__}
-    for entry in entries:
-        if not entry:
-            continue
-        key, separator, value = entry.partition("=")
-        if not separator or not key:
-            raise NodeStartError(f"custom_data entry {entry!r} is not key=value")
-        result[key] = value
-    return result
 
 
 def main() -> int:
