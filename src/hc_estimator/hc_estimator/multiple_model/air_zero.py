@@ -4,8 +4,8 @@ A sensor that warms up or creeps takes its zero along (of a zero that had moved 
 of the largest force K was 1.6 % wrong, by two per cent 6 %). Wherever the tool leaves the tissue
 again the zero is there to be read: where the row in charge says that the tool is surely outside,
 and the force stays the same while the tool travels, for as long as it is outside. Readings of
-several short visits count together. A mean that is significantly none is the zero from now on;
-what was felt since the zero was known last has its share of it, by the time.
+several visits count together until their mean is significantly none. Then it is the zero from now
+on; what was felt since the zero was known last has its share of it, by the time.
 
 Not where the force changes with the place, or scatters more than the sensor does: the surface may
 have moved, or the force may be late. (Ours; `contact_onset` does the same before the first touch.)
@@ -36,7 +36,8 @@ from hc_estimator.multiple_model.hypotheses import DEPTH
 SURELY = 3.0  # deviations of the depth
 TOUCHED = 1.0  # time in contact after which the first touch is over [s]
 SETTLING = 0.06  # time outside that is left to a force that is late, or to what sticks [s]
-LONGEST = 1.0  # of readings that make one mean [s]
+LONGEST = 1.0  # of readings that are judged together [s]
+FORGETTING = 10.0  # time outside after which a mean begins anew [s]
 WILDEST = 2.0  # scatter of a sensor in the air over its noise variance
 
 
@@ -46,12 +47,21 @@ def reset(air: Any) -> None:
     air.outside = 0.0
     air.travelled = 0
     air.known_at = math.nan
+    _forget(air)
     _begin(air)
 
 
 @compiled
+def _forget(air: Any) -> None:
+    """Forget what the force was outside."""
+    air.seen = 0
+    air.seen_time = 0.0
+    air.sum = 0.0
+
+
+@compiled
 def _begin(air: Any) -> None:
-    """Begin another mean."""
+    """Begin another stretch outside."""
     air.count = 0
     air.time = 0.0
     air.lowest = math.inf
@@ -105,7 +115,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
 
 @compiled
 def _conclude(bank: Any, time: float) -> None:
-    """Move the zero if the mean says so; a mean of too few readings waits for more."""
+    """Judge a stretch outside, and move the zero if the mean says so; too few readings wait."""
     air, noise, moment = bank.air, bank.sensor_noise, bank.air.moment
     if air.count < FEWEST:
         return
@@ -115,10 +125,16 @@ def _conclude(bank: Any, time: float) -> None:
         same = moment[1] * moment[1] <= SAME * SAME * scatter * moment[0]
         air.travelled = 1 if calm and same else 0
     if calm and air.travelled != 0:
-        level, deviation = air.mean[1], math.sqrt(scatter / air.count)
-        if abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1])):
+        air.seen += air.count
+        air.seen_time += air.time
+        air.sum += air.count * air.mean[1]
+        level, deviation = air.sum / air.seen, math.sqrt(scatter / air.seen)
+        moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
+        if moves:
             _move(bank, level, deviation, time)
-        air.known_at = time
+        if moves or air.seen_time > FORGETTING:
+            air.known_at = time
+            _forget(air)
     _begin(air)
 
 

@@ -276,7 +276,11 @@ AIR = record_type(
         Field("outside", np.float64, (), 0.0),  # time since the tool left [s]
         Field("travelled", np.int64, (), 0, 1),  # 1 once the force stayed the same on the way there
         Field("known_at", np.float64, (), finite=False),  # time at which the zero was seen [s]
-        # Of readings outside:
+        # Of readings outside, in stretches that were judged:
+        Field("seen", np.int64, (), 0),
+        Field("seen_time", np.float64, (), 0.0),  # that they span [s]
+        Field("sum", np.float64),  # of their forces [N]
+        # In the present stretch:
         Field("count", np.int64, (), 0),
         Field("time", np.float64, (), 0.0),  # that they span [s]
         Field("lowest", np.float64, (), finite=False),  # displacement [mm]
