@@ -64,6 +64,8 @@ nodes:
         ("duration_s: 1", "nodes must list at least one node"),
         ("duration_s: -1\nnodes: [{name: a, module: b}]", "duration_s is -1; give seconds >= 0"),
         ("duration_s: .nan\nnodes: [{name: a, module: b}]", "duration_s is nan"),
+        ("duration_s: .inf\nnodes: [{name: a, module: b}]", "duration_s is inf"),
+        (f"duration_s: {10**400}\nnodes: [{{name: a, module: b}}]", "duration_s is 1000000"),
         ("duration_s: true\nnodes: [{name: a, module: b}]", "duration_s is True"),
         ("nodes: [3]", "node 1 must have the keys"),
         ("nodes: [{module: b}]", "name is None"),
@@ -94,6 +96,13 @@ def test_refuses_what_is_no_text(tmp_path: Path) -> None:
     path = tmp_path / "run.yaml"
     path.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(UserError, match="not a text file"):
+        load_plan(path)
+
+
+def test_a_parameter_file_that_is_a_loop_of_links_is_none(tmp_path: Path) -> None:
+    (tmp_path / "loop.yaml").symlink_to("loop.yaml")
+    path = write(tmp_path, "nodes: [{name: a, module: b, parameter_files: [loop.yaml]}]")
+    with pytest.raises(UserError, match="there is no parameter file"):
         load_plan(path)
 
 

@@ -92,6 +92,13 @@ def test_bags_are_numbered_where_the_name_is_taken(tmp_path: Path) -> None:
     assert numbered_bags(tmp_path / "other") == []
 
 
+@pytest.mark.parametrize("name", [".", "/", "a/.."])
+def test_a_name_that_cannot_be_numbered_is_one_line(name: str) -> None:
+    """Regression: it was an error of Python's about an empty name."""
+    with pytest.raises(BagError, match="is no name that a new bag can have"):
+        new_numbered_bag(name)
+
+
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(BagError, match="cannot make the bag folder"):

@@ -7,6 +7,8 @@ at either end.
 from __future__ import annotations
 
 import difflib
+import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -70,8 +72,10 @@ def load_plan(path: Path) -> RunPlan:
         )
     _check_keys(data, _RUN_KEYS, str(path))
     duration = data.get("duration_s", 0.0)
-    if isinstance(duration, bool) or not isinstance(duration, (int, float)) or not duration >= 0:
-        raise UserError(f"{path}: duration_s is {duration!r}; give seconds >= 0", WRONG_USE)
+    if isinstance(duration, bool) or not (
+        isinstance(duration, (int, float)) and 0 <= duration <= sys.float_info.max
+    ):
+        raise UserError(f"{path}: duration_s is {duration!r:.40}; give seconds >= 0", WRONG_USE)
     entries = data.get("nodes")
     if not isinstance(entries, list) or not entries:
         raise UserError(f"{path}: nodes must list at least one node", WRONG_USE)
@@ -96,7 +100,7 @@ def _node(entry: Any, path: Path, number: int) -> NodePlan:
         raise UserError(f"{where}: parameter_files must be a list of files", WRONG_USE)
     if any("\0" in f for f in files):
         raise UserError(f"{where}: a name in parameter_files is no file name", WRONG_USE)
-    resolved = tuple((path.parent / f).resolve() for f in files)
+    resolved = tuple(Path(os.path.realpath(path.parent / f)) for f in files)  # a loop is no file
     for file in resolved:
         if not file.is_file():
             raise UserError(f"{where}: there is no parameter file {file}", WRONG_USE)

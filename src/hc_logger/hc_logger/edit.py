@@ -179,6 +179,8 @@ def split_bag(
         first, last = span
         length = max(1, round(min(seconds, 1.0 + (last - first) / NANOSECONDS) * NANOSECONDS))
         stem = Path(target)
+        if stem.name in ("", ".."):
+            raise BagError(f"{target} is no name that parts can have: give one, for example part")
         count = (last - first) // length + 1
         if count > MOST_PARTS:
             raise BagError(

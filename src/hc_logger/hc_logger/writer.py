@@ -363,6 +363,8 @@ def new_numbered_bag(path: str | os.PathLike[str], **options: Any) -> BagWriter:
         BagError: if the folder cannot be made.
     """
     first = Path(path)
+    if first.name in ("", ".."):
+        raise BagError(f"{path} is no name that a new bag can have")
     number = 1
     while True:
         try:

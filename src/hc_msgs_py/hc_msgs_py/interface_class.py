@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 import importlib
+import importlib.util
+from pathlib import Path
 from typing import Any, Final
 
 _EXAMPLES: Final = {
@@ -20,6 +22,21 @@ class UnknownInterfaceError(Exception):
     """
 
     misnamed = False
+
+
+def _is_of_types(package: str, kind: str) -> bool:
+    """Whether a package has types, without running any of its code.
+
+    Names come from bags and from whoever speaks in the same domain: no other module is imported.
+    """
+    if not package.isidentifier():
+        return False
+    try:
+        found = importlib.util.find_spec(package)
+    except (ImportError, ValueError):  # ValueError: a module without a specification
+        return False
+    places = (found.submodule_search_locations if found is not None else None) or ()
+    return any(Path(place, kind, "__init__.py").is_file() for place in places)
 
 
 def interface_class(type_name: str, kind: str = "msg") -> Any:
@@ -40,12 +57,15 @@ def interface_class(type_name: str, kind: str = "msg") -> Any:
         error.misnamed = True
         raise error
     what = _EXAMPLES[kind].split()[0]
+    missing = UnknownInterfaceError(
+        f"{what} type {'/'.join(parts)} is not installed here; install the package {parts[0]}"
+    )
+    if not _is_of_types(parts[0], kind):
+        raise missing
     try:
         module = importlib.import_module(f"{parts[0]}.{kind}")
     except ImportError:
-        raise UnknownInterfaceError(
-            f"{what} type {'/'.join(parts)} is not installed here; install the package {parts[0]}"
-        ) from None
+        raise missing from None
     found = getattr(module, parts[2], None)
     if found is None:
         names = [name for name in dir(module) if name[0].isupper()]
