@@ -125,6 +125,9 @@ def _conclude(bank: Any, time: float) -> None:
         same = moment[1] * moment[1] <= SAME * SAME * scatter * moment[0]
         air.travelled = 1 if calm and same else 0
     if calm and air.travelled != 0:
+        steps = abs(air.mean[1] * air.seen - air.sum)
+        if steps > SIGNIFICANT * math.sqrt(scatter / air.count) * air.seen:
+            _forget(air)  # a step, as of a driver that tared: what was before is another zero
         air.seen += air.count
         air.seen_time += air.time
         air.sum += air.count * air.mean[1]
