@@ -33,7 +33,7 @@ def columns(messages: list[bytes]) -> list[Columns]:
     for length in np.unique(lengths).tolist():
         order = np.flatnonzero(lengths == length)
         data = np.array([np.frombuffer(messages[i], np.uint8) for i in order])
-        result.append(Columns(order * 1, order * 1, data, order))
+        result.append(Columns(order * 1, data, order))
     return result
 
 

@@ -149,7 +149,7 @@ def test_a_recording_says_at_once_why_it_ends_and_keeps_what_it_had(
         done[number] = session
         topic = session.add_topic("indenter/sample", SAMPLE, [])
         for k, (stamp, message) in enumerate(zip(stamps.tolist(), data, strict=True)):
-            session.add(topic, stamp, message, stamp, k)
+            session.add_many(topic, [stamp], [message], [stamp], [k])
             if k % 20 == 19:
                 session.flush_if_due()
         session.close()

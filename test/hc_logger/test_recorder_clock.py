@@ -49,7 +49,7 @@ def test_a_clock_that_is_set_tears_no_hole_into_the_bag(
             clock.update()
             data = sample_messages(np.arange(k - 9, k + 1), np.array(waiting))
             for received, message in zip(waiting, data, strict=True):
-                session.add(topic, clock.steady(received), message, received, None)
+                session.add_many(topic, [clock.steady(received)], [message], [received], [None])
             waiting = []
     session.close()
     assert [round(j * 1e-9, 6) for j in clock.jumps_ns] == [jump_s]

@@ -88,7 +88,8 @@ import os
 session = RecordingSession(BagWriter(sys.argv[1], chunk_bytes=16384), fsync_interval_s=0.05)
 topic = session.add_topic("/noise", "std_msgs/msg/ByteMultiArray", [])
 for k in range(400):
-    session.add(topic, k * 1_000_000, b"\\0\\1\\0\\0" + os.urandom(1000), k, k + 2 * (k > 300))
+    data = b"\\0\\1\\0\\0" + os.urandom(1000)
+    session.add_many(topic, [k * 1_000_000], [data], [k], [k + 2 * (k > 300)])
     session.flush_if_due()
     if k % 100 == 0:
         time.sleep(0.1)

@@ -137,7 +137,7 @@ def record(path):
         while (wait := start + number * 1e-3 - time.monotonic()) > 0:
             time.sleep(wait)
         for topic in topics:
-            session.add(topic, time.time_ns(), row, 0, number)
+            session.add_many(topic, [time.time_ns()], [row], [0], [number])
         session.flush_if_due()
 
 for line in sys.stdin:

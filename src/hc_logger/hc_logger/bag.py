@@ -16,7 +16,7 @@ from hc_logger.limits import check_in_memory
 from hc_logger.mcap_chunk import Messages
 
 _LONG_MESSAGE = 4096
-_TIMES_BYTES = 24
+_TIMES_BYTES = 16
 
 
 class Message(NamedTuple):
@@ -42,13 +42,11 @@ class Columns(NamedTuple):
 
     Attributes:
         log_time: (n,) int64 ns.
-        publish_time: (n,) int64 ns.
         data: (n, length) uint8.
         order: (n,) int64, place of each among all messages of the topic.
     """
 
     log_time: NDArray[np.int64]
-    publish_time: NDArray[np.int64]
     data: NDArray[np.uint8]
     order: NDArray[np.int64]
 
@@ -127,9 +125,7 @@ class Bag(ABC):
                 check_in_memory(size, f"{topic} of {self.path}")
                 data = _rows(messages.buffer, messages.offset[same], length)
                 order = count + np.searchsorted(rows, same)
-                blocks.setdefault(length, []).append(
-                    Columns(messages.log_time[same], messages.publish_time[same], data, order)
-                )
+                blocks.setdefault(length, []).append(Columns(messages.log_time[same], data, order))
             count += len(rows)
         stacked = [
             Columns(*(np.concatenate(part) for part in zip(*parts, strict=True)))
@@ -181,7 +177,6 @@ def _ordered(blocks: list[Columns]) -> list[Columns]:
             result.append(
                 Columns(
                     block.log_time[sorting],
-                    block.publish_time[sorting],
                     block.data[sorting],
                     own[sorting],
                 )

@@ -305,20 +305,18 @@ def copy_messages(
 def message_blocks(reader: Bag, topic: str, size: int = BLOCK_MESSAGES) -> Iterator[list[Columns]]:
     """Yield the messages of a topic in time order, as columns of at most `size` messages."""
     times: list[int] = []
-    published: list[int] = []
     data: list[bytes] = []
     for message in reader.messages({topic}):
         times.append(message.log_time)
-        published.append(message.publish_time)
         data.append(message.data)
         if len(times) == size:
-            yield _columns(times, published, data)
-            times, published, data = [], [], []
+            yield _columns(times, data)
+            times, data = [], []
     if times:
-        yield _columns(times, published, data)
+        yield _columns(times, data)
 
 
-def _columns(times: list[int], published: list[int], data: list[bytes]) -> list[Columns]:
+def _columns(times: list[int], data: list[bytes]) -> list[Columns]:
     lengths = np.array([len(d) for d in data])
     blocks = []
     for length in np.unique(lengths).tolist():
@@ -327,7 +325,6 @@ def _columns(times: list[int], published: list[int], data: list[bytes]) -> list[
         blocks.append(
             Columns(
                 np.array(times, np.int64)[order],
-                np.array(published, np.int64)[order],
                 np.frombuffer(joined, np.uint8).reshape(len(order), length),
                 order,
             )

@@ -60,7 +60,6 @@ _ESTIMATE_FIELDS = {
 class RecordedConfiguration(NamedTuple):
     """One hc_msgs/EstimatorConfiguration of a bag as plain data."""
 
-    log_time_ns: int
     stamp_ns: int
     revision: int
     valid_from_sequence: int
@@ -182,9 +181,7 @@ class Recording:
             definition = reader.topics[topic].definition
             decode = decoder(definition)
             try:
-                return [
-                    _configuration(m.log_time, decode(m.data)) for m in reader.messages({topic})
-                ]
+                return [_configuration(decode(m.data)) for m in reader.messages({topic})]
             except (AttributeError, TypeError, ValueError) as error:
                 raise BagError(damaged_definition(definition)) from error
 
@@ -281,9 +278,8 @@ def findings_of(
     )
 
 
-def _configuration(log_time: int, message: Any) -> RecordedConfiguration:
+def _configuration(message: Any) -> RecordedConfiguration:
     return RecordedConfiguration(
-        log_time,
         _nanoseconds(message.header.stamp),
         message.revision,
         message.valid_from_sequence,

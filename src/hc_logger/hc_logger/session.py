@@ -99,20 +99,6 @@ class RecordingSession:
         self.counts[number] = TopicCount()
         return number
 
-    def add(
-        self, topic: int, log_time_ns: int, data: bytes, publish_time_ns: int, sequence: int | None
-    ) -> None:
-        """Write a message.
-
-        Args:
-            topic: number from add_topic().
-            log_time_ns: time of reception.
-            data: CDR bytes.
-            publish_time_ns: time of publication.
-            sequence: the publisher's counter; None if not known or not of one publisher.
-        """
-        self.add_many(topic, [log_time_ns], [data], [publish_time_ns], [sequence])
-
     def add_many(
         self,
         topic: int,
