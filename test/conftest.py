@@ -91,9 +91,10 @@ def _free_domain() -> Iterator[int]:
     """Id of a ROS domain that is this test's own until it ends.
 
     Tests run on several processes, and several people may test on one machine: who holds the lock
-    on a domain's file has the domain.
+    on a domain's file has the domain. The folder is the same for all, whatever their TMPDIR.
     """
-    folder = Path(tempfile.gettempdir()) / f"hc_test_domains_{os.getuid()}"
+    place = "/tmp" if os.access("/tmp", os.W_OK) else tempfile.gettempdir()
+    folder = Path(place) / f"hc_test_domains_{os.getuid()}"
     folder.mkdir(exist_ok=True)
     for number in range(1, HIGHEST_DOMAIN + 1):
         descriptor = os.open(folder / str(number), os.O_RDWR | os.O_CREAT, 0o600)

@@ -128,6 +128,7 @@ def test_parts_of_a_split_bag_make_up_the_whole(tmp_path: Path, capsys) -> None:
         (["split", "none", "part", "--every", "1"], "none"),
         (["split", "whole", "part", "--every", "0"], "'0' is not a number > 0"),
         (["split", "whole", "part", "--every", "1e-6"], "would be 1900001, and 10000 are the most"),
+        (["convert", "whole", "part", "--topic", "/a"], "hc bag filter takes some topics of a bag"),
         (["split", "whole", ".", "--every", "1"], ". is no name that parts can have: give one"),
         (["splt", "whole"], "there is no 'splt'; did you mean 'split'?"),
     ],

@@ -164,6 +164,11 @@ def _convert(arguments: argparse.Namespace) -> int:
     from_csv = is_text(source) and not source.is_dir()
     if from_csv and arguments.topic:
         raise UserError("--topic is for a bag: a CSV file has none", WRONG_USE)
+    if arguments.topic and not to_csv:
+        raise UserError(
+            "--topic is for a bag that becomes CSV; hc bag filter takes some topics of a bag",
+            WRONG_USE,
+        )
     if not from_csv and source.exists():
         recording_input.refuse_csv_options(arguments, source)
     reader = CsvReader(source, recording_input.csv_options(arguments)) if from_csv else None
