@@ -16,6 +16,7 @@ setup(
     entry_points={
         "console_scripts": [
             "estimator = hc_estimator.node:main",
+            "array_estimator = hc_estimator.ros.array_node:main",
         ]
     },
     zip_safe=False,

@@ -101,14 +101,32 @@ def test_the_main_job_until_it_is_interrupted(command_line, shell) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", [(), ("--headless",)], ids=["page", "headless"])
-def test_a_termination_ends_the_run_cleanly_with_a_summary(command_line, words) -> None:
+@pytest.mark.parametrize(
+    ("words", "number"),
+    [
+        ((), signal.SIGTERM),
+        (("--headless",), signal.SIGTERM),
+        ((), signal.SIGHUP),
+    ],
+    ids=["page", "headless", "terminal closed"],
+)
+def test_a_termination_ends_the_run_cleanly_with_a_summary(
+    command_line, words, number: int, tmp_path: Path
+) -> None:
+    command_line.environment["TMPDIR"] = str(temporary := tmp_path / "temporary")
+    temporary.mkdir()
     process = command_line.start("run", "--json", *words)
-    wait_for_start(process)
+    if words:  # without a display nothing is said
+        while not any(f.stat().st_size > 100_000 for f in command_line.folder.glob("bags/*/*")):
+            time.sleep(0.1)
+    else:
+        wait_for_start(process)
     time.sleep(1.0)
-    process.send_signal(signal.SIGTERM)
+    assert [*temporary.glob("hc_run_*")]
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 0, err
+    assert not [*temporary.glob("hc_run_*")]
     summary = json.loads(out)
     assert summary["lost"] == 0
     assert summary["estimates"] > 500
@@ -132,7 +150,8 @@ def test_a_signal_during_the_start_ends_the_run_without_a_word_too_much(
     assert "was ended by" not in err
     if process.returncode == 130:
         assert out == ""
-        assert err in ("", "hc run: stopped before the first sample\n")
+        said = err.strip().partition("; what was recorded is in ")[0]
+        assert said in ("", "hc run: stopped before the first sample")
     assert_clean(command_line)
 
 
@@ -273,7 +292,9 @@ def test_a_node_that_dies_is_reported_with_its_name(command_line) -> None:
     os.kill(victim, signal.SIGKILL)
     _, err = process.communicate(timeout=60)
     assert process.returncode == 1
-    assert err.splitlines()[-1] == "hc run: node estimator was ended by SIGKILL"
+    said, bag = err.splitlines()[-1].split("; what was recorded is in ")
+    assert said == "hc run: node estimator was ended by SIGKILL"
+    assert len(read_recording(bag).sequence) > 0
     assert_clean(command_line)
 
 
@@ -313,7 +334,10 @@ def test_a_node_that_cannot_start_is_reported_with_what_it_said(
     assert done.returncode == 1
     assert done.stdout == ""
     lines = done.stderr.splitlines()
-    assert lines[-1] == f"hc run: node {node} ended with exit status 2"
+    said, told, bag = lines[-1].partition("; what was recorded is in ")
+    assert said == f"hc run: node {node} ended with exit status 2"
+    there = [str(folder) for folder in command_line.folder.glob("bags/*")]
+    assert there == ([bag] if told else [])
     assert expected in "\n".join(lines[:-1])
     assert "Traceback" not in done.stderr
     assert_clean(command_line)

@@ -1,11 +1,16 @@
 """The node array_estimator, and the stream of a tactile array behind it."""
 
+import threading
+
 import numpy as np
 import pytest
+import rclpy
 from hc_msgs.msg import TactileEstimate
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 
 from hc_estimator import EstimatorArray
+from hc_estimator.ros.array_node import ArrayEstimatorNode
 from hc_estimator.stream.array_stream import ArrayStream
 from hc_msgs_py.qos import ESTIMATE_QOS
 
@@ -62,6 +67,57 @@ def test_another_number_of_taxels_starts_afresh(stream):
     [estimates] = feed(stream, [10], taxels=5)
     assert len(estimates) == stream.taxels == 5
     assert "5 taxels instead of 3" in stream.fresh.reason
+
+
+@pytest.fixture
+def executor(ros_domain, monkeypatch):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    rclpy.init(args=[], domain_id=ros_domain)
+    yield SingleThreadedExecutor()
+    rclpy.try_shutdown()
+
+
+def test_the_node_answers_while_the_filter_is_compiled(executor, monkeypatch):
+    compiled = threading.Event()
+    monkeypatch.setattr(EstimatorArray, "warm_up", lambda _array: compiled.wait(60.0))
+    node = ArrayEstimatorNode()
+    try:
+        executor.add_node(node)
+        for _ in range(5):  # looks whether it is done
+            node._begin()
+        assert node._missing() == ["starting: compiling the filter, 0 of 1 done"]
+        assert node._collect().message == node._missing()[0]
+        assert node.count_subscribers("tactile/sample") == 0
+        compiled.set()
+        node._compilation.wait()
+        while node._channel is None:
+            executor.spin_once(timeout_sec=0.1)
+        assert node._missing() == ["tactile/sample has 0 of 1 publishers"]
+        assert node.count_subscribers("tactile/sample") == 1
+    finally:
+        compiled.set()
+        node.close()
+        node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["settings:=[force_noise=0.1]"], "parameter force_noise = 0.1 is unknown here"),
+        (["settings:=[force_noise_std=-1.0]"], "force_noise_std = -1.0"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_compiled(
+    words, said, ros_domain, monkeypatch
+):
+    monkeypatch.setattr(EstimatorArray, "__init__", lambda *_, **__: pytest.fail("compiles"))
+    arguments = ["--ros-args", *(part for word in words for part in ("-p", word))]
+    rclpy.init(args=arguments, domain_id=ros_domain)
+    try:
+        with pytest.raises(ValueError, match=said):
+            ArrayEstimatorNode()
+    finally:
+        rclpy.try_shutdown()
 
 
 @pytest.mark.slow

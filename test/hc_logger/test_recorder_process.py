@@ -45,6 +45,33 @@ def publish_samples(publisher: Any, count: int, first: int = 0) -> None:
             time.sleep(0.002)
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize(("removes", "messages"), [(True, 0), (True, 1), (False, 0)])
+def test_a_bag_goes_where_that_was_asked_for_and_no_message_came(
+    start_node: Start, graph: Any, tmp_path: Path, number: int, removes: bool, messages: int
+) -> None:
+    from hc_msgs.msg import IndenterSample
+
+    from hc_msgs_py.qos import ESTIMATE_QOS
+
+    samples = graph.create_publisher(IndenterSample, "indenter/sample", ESTIMATE_QOS)
+    bag = tmp_path / "bag"
+    node = start_node(
+        RECORDER,
+        output=bag,
+        topics="[indenter/sample]",
+        expected_topics="[indenter/sample]",
+        remove_empty=str(removes).lower(),
+    )
+    wait_until_ready(graph)
+    publish_samples(samples, messages)
+    time.sleep(0.2)
+    assert node.end(number) == 0, node.error
+    assert [*tmp_path.iterdir()] == ([] if removes and not messages else [bag])
+    if bag.exists():
+        assert bag_info(bag).message_count == messages
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_everything_received_is_written(
     start_node: Start, graph: Any, tmp_path: Path, number: int

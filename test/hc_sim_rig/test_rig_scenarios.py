@@ -159,6 +159,35 @@ def test_a_file_that_is_no_scenario_is_refused(text: str, needle: str, tmp_path:
     assert "\n" not in str(caught.value)
 
 
+HUGE = 10**400
+"""No float64 holds it, and a line with its 400 digits helps nobody."""
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {"kind": "waypoints", "points": [[0.0, HUGE]]},
+        {"kind": "waypoints", "points": [[HUGE, 1.0]]},
+        {"kind": "step_hold", "step_mm": 1.0, "velocity_mm_s": 10.0, "times_s": [0.0, HUGE]},
+    ],
+)
+def test_a_whole_number_beyond_every_float_is_refused(motion: dict[str, object]) -> None:
+    data = data_of("multisine")
+    data["drive"] = {"kind": "stage", "motion": motion}
+    with pytest.raises(ScenarioError, match=r"motion.(points|times_s) has .*must be") as caught:
+        build(Scenario, data)
+    assert len(str(caught.value)) < 120
+
+
+@pytest.mark.parametrize(("start", "rupture"), [(0.0, 1e-320), (0.0, 1e-200), (5.0, 5.0000001)])
+def test_a_layer_too_thin_for_a_stiffness_is_refused(start: float, rupture: float) -> None:
+    data = data_of("needle_insertion")
+    data["tissue"]["layers"] = [{"start_mm": start, "rupture_mm": rupture, "peak_n": 1.0}]
+    with pytest.raises(ScenarioError, match=r"layers.*at least 1e-06 mm deeper") as caught:
+        build(Scenario, data)
+    assert "\n" not in str(caught.value)
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"multisin'.*multisine"):
         load_scenario("multisin")

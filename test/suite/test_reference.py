@@ -33,3 +33,23 @@ def test_the_page_is_current(name: str, written: Path) -> None:
     now = (written / name).read_text(encoding="utf-8")
     there = (REFERENCE / name).read_text(encoding="utf-8")
     assert there == now, "run: .venv/bin/python -m hc_bringup.reference docs/reference"
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_nothing_waits_for_the_filters_to_be_compiled(tmp_path: Path) -> None:
+    """Minutes, for all of them; whoever edits a description of a parameter has an old cache."""
+    environment = os.environ | {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF",
+        "NUMBA_CACHE_DIR": str(tmp_path / "cold"),
+    }
+    subprocess.run(
+        [sys.executable, "-m", "hc_bringup.reference", str(tmp_path)],
+        env=environment,
+        check=True,
+        timeout=110,
+        capture_output=True,
+    )
+    compiled = {file.name.split(".")[0] for file in tmp_path.glob("cold/**/*.nbc")}
+    assert "rbpf" not in compiled  # the last one of them
+    assert (tmp_path / "parameters.md").exists()

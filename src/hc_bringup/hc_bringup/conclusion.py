@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from hc_bringup.errors import FAILURE, UserError
@@ -50,6 +52,27 @@ def conclude(
     if state.failures:
         raise UserError("; ".join(state.failures), FAILURE)
     return None if first is None else Path(first)
+
+
+@contextmanager
+def bag_told(bag: Path | None, given: str | None) -> Iterator[None]:
+    """Say of a run that fails in here where the bag is that it leaves; an empty one is removed.
+
+    Args:
+        bag: folder that the recorder was given, or None.
+        given: what the user said of it, nothing for a folder with the date.
+
+    Raises:
+        UserError: what was raised in here, and the bag if there is one.
+    """
+    try:
+        yield
+    except UserError as error:
+        bags = [] if bag is None else numbered_bags(bag)
+        if bags:
+            again = ": delete it, or take another --bag, to try again" if given else ""
+            error.args = (f"{error}; what was recorded is in {bags[-1]}{again}",)
+        raise
 
 
 def _why_no_estimate(state: RunState) -> str:

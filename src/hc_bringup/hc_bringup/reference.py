@@ -209,6 +209,7 @@ def _declared() -> dict[str, list[ParameterSpecification]]:
     """The parameters of each node, by name."""
     from hc_bringup.dashboard.node import DEFAULT_PORT, DashboardNode
     from hc_estimator.node import EstimatorNode
+    from hc_estimator.ros.array_node import ArrayEstimatorNode
     from hc_logger.player_node import PlayerNode
     from hc_logger.recorder_node import RecorderNode
     from hc_logger.writer import BagWriter
@@ -226,6 +227,7 @@ def _declared() -> dict[str, list[ParameterSpecification]]:
         nodes: dict[str, tuple[Callable[[], Any], dict[str, tuple[str, Any]]]] = {
             "indenter": (IndenterNode, {}),
             "estimator": (EstimatorNode, {}),
+            "array_estimator": (ArrayEstimatorNode, {}),
             "recorder": (RecorderNode, {"output": (f"{bag}_new", "")}),
             "player": (PlayerNode, {"bag": (str(bag), "")}),
             "master": (
@@ -235,7 +237,11 @@ def _declared() -> dict[str, list[ParameterSpecification]]:
             "slave": (SlaveNode, {"start_paused": waits, "link.port": ("0", str(PORTS["slave"]))}),
             "dashboard": (DashboardNode, {"port": ("0", DEFAULT_PORT)}),
         }
-        return {name: _of_node(*made) for name, made in nodes.items()}
+        # The two sides compile as they are made, the others in a thread that goes on: made first,
+        # the sides do not wait until all filters are compiled.
+        order = sorted(nodes, key=lambda name: name not in ("master", "slave"))
+        found = {name: _of_node(*nodes[name]) for name in order}
+        return {name: found[name] for name in nodes}
 
 
 def _of_node(

@@ -1,4 +1,7 @@
-"""Runs a plan: starts the nodes, waits until they found each other, watches, stops, sums up."""
+"""Runs a plan: starts the nodes, waits until they found each other, watches, stops, sums up.
+
+Ctrl-C, SIGTERM and SIGHUP (a terminal that was closed) end a run in order.
+"""
 
 from __future__ import annotations
 
@@ -72,7 +75,10 @@ class Runner:
 
     def _run(self) -> RunState:
         folder = Path(tempfile.mkdtemp(prefix="hc_run_"))
-        previous = {n: signal.signal(n, self._on_signal) for n in (signal.SIGINT, signal.SIGTERM)}
+        ends = [signal.SIGINT, signal.SIGTERM]
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as it is under nohup
+            ends.append(signal.SIGHUP)
+        previous = {number: signal.signal(number, self._on_signal) for number in ends}
         try:
             with Monitor(
                 with_estimates=self._with_estimates, with_truth=self._with_truth

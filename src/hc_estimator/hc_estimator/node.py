@@ -18,7 +18,7 @@ from rclpy.parameter import Parameter
 from hc_estimator import Estimator, create_estimator
 from hc_estimator.ros.channel import QosOverrideError, SubscriptionError
 from hc_estimator.ros.clock_jumps import watch_jumps
-from hc_estimator.ros.compilation import Compilation, compile_all
+from hc_estimator.ros.compilation import Compilation, all_filters, compile_all
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import (
     Input,
@@ -102,7 +102,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         maximum_gap_s = self._settings.values["input.maximum_gap"]
         self._jump_handle = watch_jumps(self, maximum_gap_s, self._on_clock_jump)
         self._starts_by_itself = bool(self._settings.values["autostart"])
-        self._compilation = Compilation(self.get_logger())
+        self._compilation = Compilation(self.get_logger(), "the filters", all_filters())
 
     # Lifecycle.
 

@@ -148,7 +148,7 @@ def hold_forward_rms(
     *,
     start_s: float = START_S,
 ) -> float:
-    """Root mean square of `hold_forward_errors` [N]; the arguments are the same."""
+    """Root mean square of `hold_forward_errors` [N], NaN if one is; the arguments are the same."""
     errors = hold_forward_errors(
         time_s, displacement, velocity, force_n, estimate, start_s=start_s
     )[1]

@@ -92,6 +92,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
             flush_interval_s=options.flush_interval_s,
             fsync_interval_s=options.fsync_interval_s,
         )
+        self._removes_empty = options.removes_empty
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         self.create_timer(DRAIN_PERIOD_S, self._drain, clock=steady)
         self.create_timer(DISCOVERY_PERIOD_S, self._discover, clock=steady)
@@ -289,7 +290,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         return False
 
     def close(self) -> None:
-        """Write everything received, and the metadata."""
+        """Write everything received, and the metadata; a bag without a message may go."""
         self._drain_last()
         if self._sim_time and not self.get_clock().now().nanoseconds:
             self.get_logger().error("nothing recorded: use_sim_time is set and /clock is silent")
@@ -299,6 +300,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         if jumps:
             writer.set_custom_data("clock_jumps_s", ", ".join(f"{j * 1e-9:.6f}" for j in jumps))
         self._session.close()
+        if self._removes_empty and not (writer.message_count or self._session.failure):
+            writer.discard()
         if self._session.failure and not self._reported_failure:
             self.get_logger().error(self._session.failure)
         self._diagnostics.publish_last()

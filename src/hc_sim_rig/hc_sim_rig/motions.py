@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from hc_sim_rig.layout import SHAPE_LINEAR, SHAPE_MINIMUM_JERK
 from hc_sim_rig.profile import Profile, leg_duration, profile_from_legs, profile_from_points
-from hc_sim_rig.schema import ScenarioError, Section, number, section, word
+from hc_sim_rig.schema import ScenarioError, Section, number, section, short, word
 
 ACCELERATION_MM_S2 = 1000.0
 """A tenth of gravity: what a stage does without effort. No motion's velocity jumps."""
@@ -121,7 +121,7 @@ class Waypoints(Section):
             raise ScenarioError("points is empty, must have at least one [time, value]")
         for point in self.points:
             if len(point) != 2 or not all(is_number(value) for value in point):
-                raise ScenarioError(f"points has {list(point)!r}, must be pairs [time, value]")
+                raise ScenarioError(f"points has {short(list(point))}, must be pairs [time, value]")
         check_times(tuple(point[0] for point in self.points), "points")
 
     def profile(self) -> Profile:
@@ -136,15 +136,20 @@ Motion = ConstantVelocity | MultiSine | StepHold | Waypoints
 
 
 def is_number(value: object) -> bool:
-    """Whether a value from a YAML list is a finite number."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    """Whether a value from a YAML list is a finite number, also as a float64."""
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        return False
 
 
 def check_times(times: tuple[float, ...], name: str) -> None:
     """Raise ScenarioError unless times are numbers, not negative, in strictly rising order."""
     for time in times:
         if not is_number(time) or time < 0.0:
-            raise ScenarioError(f"{name} has the time {time!r}, must be a number >= 0 s")
+            raise ScenarioError(f"{name} has the time {short(time)}, must be a number >= 0 s")
     for earlier, later in itertools.pairwise(times):
         if later <= earlier:
             raise ScenarioError(f"{name} has {later:g} s after {earlier:g} s, must be rising")

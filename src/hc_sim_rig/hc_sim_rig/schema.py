@@ -95,7 +95,7 @@ class Section:
                 fraction = specification.kind == "int" and isinstance(value, (float, np.floating))
                 if fraction or specification.accepted(value) is None:
                     raise ScenarioError(
-                        f"{field.name} is {_short(value)}, must be {specification.allowed}"
+                        f"{field.name} is {short(value)}, must be {specification.allowed}"
                     )
             elif field.type in ("bool", bool) and not isinstance(value, bool):
                 raise ScenarioError(f"{field.name} is {value!r}, must be true or false")
@@ -122,7 +122,7 @@ def build(kind: type[S], data: Any, path: str = "") -> S:
     """
     here = path or "the scenario"
     if not isinstance(data, Mapping):
-        raise ScenarioError(f"{here} is {_short(data)}, must be a mapping of keys to values")
+        raise ScenarioError(f"{here} is {short(data)}, must be a mapping of keys to values")
     hints = typing.get_type_hints(kind)
     fields = {field.name: field for field in dataclasses.fields(kind)}
     for key in data:
@@ -211,13 +211,13 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
         return value
     if origin is tuple:
         if not isinstance(value, (list, tuple)):
-            raise ScenarioError(f"{where} is {_short(value)}, must be a list")
+            raise ScenarioError(f"{where} is {short(value)}, must be a list")
         inner = get_args(hint)[0]
         return tuple(_convert(inner, entry, f"{where}[{i}]") for i, entry in enumerate(value))
     if isinstance(hint, type) and issubclass(hint, Section):
         return build(hint, value, where)
     if origin is dict and not isinstance(value, dict):
-        raise ScenarioError(f"{where} is {_short(value)}, must be a mapping of keys to values")
+        raise ScenarioError(f"{where} is {short(value)}, must be a mapping of keys to values")
     if hint is float and isinstance(value, str):
         raise ScenarioError(f"{where} is {value!r}, must be a number (in YAML 1.0e-3, 1.0e+6)")
     return value
@@ -226,7 +226,7 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
 def _convert_variant(kinds: list[type[Section]], value: Any, where: str) -> Section:
     """Pick among several sections by the key that tells them apart (`kind`)."""
     if not isinstance(value, Mapping):
-        raise ScenarioError(f"{where} is {_short(value)}, must be a mapping of keys to values")
+        raise ScenarioError(f"{where} is {short(value)}, must be a mapping of keys to values")
     if len(kinds) == 1:
         return build(kinds[0], value, where)
     by_name = {
@@ -242,6 +242,7 @@ def _convert_variant(kinds: list[type[Section]], value: Any, where: str) -> Sect
     return build(by_name[name], value, where)
 
 
-def _short(value: Any) -> str:
+def short(value: Any) -> str:
+    """A value as an error says it, cut off where it is long."""
     text = repr(value)
     return text if len(text) <= 40 else text[:37] + "..."

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +145,10 @@ class ViscoelasticTissue(Section):
         return self.stiffness, 0.0, self.displacement_exponent, 1.0
 
 
+THINNEST_LAYER_MM: Final = 1e-6
+"""A nanometre; the stiffness is the force at rupture over a power of the stretch until there."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Layer(Section):
     """A layer that a needle stretches from a depth on until it ruptures."""
@@ -172,10 +176,10 @@ class LayeredTissue(Section):
         if not self.layers:
             raise ScenarioError("layers is empty, must have at least one layer")
         for layer in self.layers:
-            if layer.rupture_mm <= layer.start_mm:
+            if layer.rupture_mm - layer.start_mm < THINNEST_LAYER_MM:
                 raise ScenarioError(
-                    f"layers has one that ruptures at {layer.rupture_mm:g} mm, "
-                    f"must be deeper than its start {layer.start_mm:g} mm"
+                    f"layers has one that ruptures at {layer.rupture_mm:g} mm, must be at least "
+                    f"{THINNEST_LAYER_MM:g} mm deeper than its start {layer.start_mm:g} mm"
                 )
         for upper, lower in itertools.pairwise(self.layers):
             if lower.rupture_mm <= upper.rupture_mm:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from hc_bringup import heartbeat
-from hc_bringup.batch import campaign, engines, software, sources
+from hc_bringup.batch import campaign, engines, software, sources, tables
 from hc_bringup.batch.work import analyse, result_path
 from hc_bringup.cli import main
 from hc_bringup.progress import long_bar
@@ -166,6 +166,35 @@ def test_bytes_do_not_depend_on_order_shares_or_interruptions(
     monkeypatch.setattr(engines, "here", shuffled)
     assert batch(*words, tmp_path / "other", "--resume") == 0
     assert contents(tmp_path / "other") == contents(tmp_path / "plain")
+
+
+def test_an_interrupt_while_the_tables_are_gathered_says_how_to_go_on(
+    make_recordings: MakeRecordings,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder, target = make_recordings(3), tmp_path / "out"
+    assert batch(folder, "-o", tmp_path / "plain") == 0
+    whole = tables.write_csv
+
+    def interrupted(path: Path, *rest: Any) -> None:
+        if path.name == "contacts.csv":
+            raise KeyboardInterrupt
+        whole(path, *rest)
+
+    monkeypatch.setattr(tables, "write_csv", interrupted)
+    capsys.readouterr()
+    assert batch(folder, "-o", target) == 130
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.splitlines()[-1] == (
+        "hc batch: ended while the tables were gathered: 3 of 3 results are kept, --resume goes on"
+    )
+    monkeypatch.setattr(tables, "write_csv", whole)
+    assert batch(folder, "-o", target, "--resume") == 0
+    assert "0 results made, 3 kept" in capsys.readouterr().out
+    assert contents(target) == contents(tmp_path / "plain")
 
 
 def test_sweep_runs_every_combination(make_recordings: MakeRecordings, tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def run(arguments: argparse.Namespace) -> int:
             except SchedulerGoneError as error:
                 gone = str(error)
         heartbeat.doing("gathering the tables")
-        files = campaign.gather()
+        files = _gathered(campaign)
         heartbeat.nothing()
     except ResultError as error:
         raise UserError(f"{error}: what is done is kept, --resume goes on") from error
@@ -138,6 +138,24 @@ def run(arguments: argparse.Namespace) -> int:
     if gone:
         raise UserError(f"{gone}: what is done is kept, --resume goes on")
     return cli.interrupted_status() if interrupted else 0
+
+
+def _gathered(campaign: Any) -> list[str]:
+    """Write the tables; returns the names of the files.
+
+    Raises:
+        UserError: if a signal came meanwhile.
+        ResultError: if one cannot be written.
+    """
+    try:
+        files: list[str] = campaign.gather()
+    except KeyboardInterrupt:
+        raise UserError(
+            f"ended while the tables were gathered: {campaign.done} of {campaign.total} results "
+            "are kept, --resume goes on",
+            cli.interrupted_status(),
+        ) from None
+    return files
 
 
 def _warm_up(way: Any) -> None:

@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from hc_bringup.conclusion import conclude
+    from hc_bringup.conclusion import bag_told, conclude
     from hc_bringup.live import Display
     from hc_bringup.runner import Runner
 
@@ -58,6 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if any(node.terminal for node in plan.nodes):
         print("keys: space pauses, right plays the next message, up and down change the rate")
     with (
+        bag_told(bag, arguments.bag),
         terminal_restored(),
         Display(enabled=not arguments.headless, with_latency=False, with_keys=False) as display,
     ):
@@ -156,7 +157,11 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
             NodePlan(
                 "recorder",
                 "hc_logger.recorder_node",
-                parameters={"output": str(bag), "expected_topics": topics or [""]},
+                parameters={
+                    "output": str(bag),
+                    "expected_topics": topics or [""],
+                    "remove_empty": True,
+                },
             )
         )
     return RunPlan(tuple(nodes)), bag

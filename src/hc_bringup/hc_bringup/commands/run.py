@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # ROS and rich are imported here so that `hc --help` need not wait for them.
     from hc_bringup.array_messages import with_array_messages
-    from hc_bringup.conclusion import conclude
+    from hc_bringup.conclusion import bag_told, conclude
     from hc_bringup.live import Display
     from hc_bringup.paths import find_config
     from hc_bringup.plan import load_plan
@@ -114,7 +114,12 @@ def run(arguments: argparse.Namespace) -> int:
             plan,
             "recorder",
             # The name is new; one that is started again after it died finds its own first bag.
-            {"output": str(bag), "custom_data": custom_data(plan), "when_exists": "number"},
+            {
+                "output": str(bag),
+                "custom_data": custom_data(plan),
+                "when_exists": "number",
+                "remove_empty": True,
+            },
         )
     elif arguments.bag is not None:
         raise UserError("--bag given, but the configuration starts no recorder", WRONG_USE)
@@ -123,7 +128,10 @@ def run(arguments: argparse.Namespace) -> int:
             plan = with_dashboard(plan, arguments)
         else:
             print(dashboard.HOW_TO_INSTALL, file=sys.stderr)
-    with Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display:
+    with (
+        bag_told(bag, arguments.bag),
+        Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display,
+    ):
         state = Runner(plan, display.show, with_truth=display.shows_truth).run()
     heartbeat.doing("summing up")
     names = [node.name for node in plan.nodes]

@@ -11,19 +11,23 @@ import time
 from typing import Any, Final
 
 from hc_msgs.msg import TactileEstimate, TactileSample
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from hc_estimator import EstimatorArray, available_filters
+from hc_estimator import EstimatorArray, available_filters, parameter_specifications
 from hc_estimator.kinds import (
     DEFAULT_CONTACT_MODEL,
     DEFAULT_STATE_SPACE,
     available_contact_models,
     available_state_spaces,
 )
-from hc_estimator.ros.channel import Channel
+from hc_estimator.ros.channel import Channel, SubscriptionError
+from hc_estimator.ros.compilation import Compilation
 from hc_estimator.ros.services import add_service
+from hc_estimator.specification import checked_values
 from hc_estimator.stream.array_stream import ArrayStream
 from hc_estimator.stream.vocabulary import SessionSettings
+from hc_msgs_py.background import STARTING
 from hc_msgs_py.diagnostics import DiagnosticsPublisher, Level, Status
 from hc_msgs_py.histogram import DurationHistogram
 from hc_msgs_py.node_main import NodeStartError, run_node
@@ -36,6 +40,8 @@ from hc_msgs_py.wire_arrays import ArraysDecoder, ArraysEncoder, fill_estimate_a
 
 DEFAULT_FILTER: Final = "ukf"
 """A plain one: hundreds of taxels at 1 kHz leave no time for more on one core."""
+BEGIN_PERIOD_S: Final = 0.1
+"""Between two looks whether the filter is compiled."""
 _COLUMNS: Final = ("force_reconstructed", "contact", "rejected")
 
 
@@ -43,7 +49,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Estimates the contact parameters under every taxel."""
 
     def __init__(self) -> None:
-        """Declare parameters, compile the filter and listen.
+        """Declare parameters and begin to compile; `_begin` listens when that is done.
 
         Raises:
             NodeStartError: for a parameter that cannot be.
@@ -92,7 +98,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             minimum=0,
             maximum=1000,
         )
-        self._make(1).warm_up()
+        self._check_kind()
         self._failure: Exception | None = None
         self._skipped = self._undecodable = 0
         self._computation, self._latency = DurationHistogram(), DurationHistogram()
@@ -102,19 +108,48 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._encoder = ArraysEncoder(TactileEstimate, "")
         self._frame_id = ""
         self._publisher = self.create_publisher(TactileEstimate, TACTILE_ESTIMATE, ESTIMATE_QOS)
-        self._channel = Channel(
-            self,
-            TactileSample,
-            TACTILE_SAMPLE,
-            self._take,
-            skip=self._skip,
-            fail=self._fail,
-            raw=True,
-        )
-        self._channel.maximum_backlog = self._maximum_backlog
+        self._channel: Channel | None = None
         add_ready_service(self, self._missing)
         add_service(self, "reset", self._reset)
         self._diagnostics = DiagnosticsPublisher(self, "array_estimator", self._collect)
+        self._compilation = Compilation(
+            self.get_logger(), "the filter", [lambda: self._make(1).warm_up()]
+        )
+        # The machine's own steady clock: simulated time may stand still.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._beginning = self.create_timer(BEGIN_PERIOD_S, self._begin, clock=steady)
+
+    def _check_kind(self) -> None:
+        """See that there is such a filter with such settings, without compiling it.
+
+        Raises:
+            ValueError: if not.
+        """
+        kind = self._kind
+        specifications = parameter_specifications(
+            kind["filter"], kind["state_space"], kind["contact_model"], internal=self._values
+        )
+        checked_values(specifications, self._values)
+
+    def _begin(self) -> None:
+        """Listen as soon as the filter is compiled."""
+        if not self._compilation.look():
+            return
+        self._compilation.wait()  # raises what ended it
+        self._beginning.cancel()
+        try:
+            self._channel = Channel(
+                self,
+                TactileSample,
+                TACTILE_SAMPLE,
+                self._take,
+                skip=self._skip,
+                fail=self._fail,
+                raw=True,
+            )
+        except SubscriptionError as error:
+            raise NodeStartError(str(error)) from error
+        self._channel.maximum_backlog = self._maximum_backlog
 
     def _make(self, taxels: int) -> EstimatorArray:
         kind = self._kind
@@ -170,12 +205,16 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         return "started afresh"
 
     def _missing(self) -> list[str]:
+        if self._channel is None:
+            return [f"{STARTING}{self._compilation.progress}"]
         found, expected = self._channel.publishers, self._expected
         if found < expected:
             return [f"{TACTILE_SAMPLE} has {found} of {expected} publishers"]
         return []
 
     def _collect(self) -> Status:
+        if self._channel is None:
+            return Status(Level.OK, f"{STARTING}{self._compilation.progress}", {})
         stream = self._stream
         values: dict[str, Any] = {
             "filter": self._kind["filter"],
@@ -213,7 +252,8 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
     def close(self) -> None:
         """Say a last status and stop listening."""
         self._diagnostics.publish()
-        self._channel.close()
+        if self._channel is not None:
+            self._channel.close()
 
 
 def _parsed(given: list[str]) -> dict[str, object]:

@@ -1,7 +1,8 @@
-"""The filters are compiled in a thread while the node already answers; the log says so."""
+"""Filters are compiled in a thread while their node already answers; the log says so."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,17 +14,18 @@ LONG_S = 3.0
 
 
 class Compilation(BackgroundWork):
-    """Compiles all filters, so that a change of filter under a running stream finds them done."""
+    """Compiles filters, or loads them from the cache."""
 
-    def __init__(self, logger: Any) -> None:
+    def __init__(self, logger: Any, what: str, steps: Sequence[Callable[[], object]]) -> None:
         """Begin.
 
         Args:
             logger: of the node.
+            what: what is compiled, for example "the filters".
+            steps: compile it, one after the other.
         """
-        super().__init__(
-            "compiling the filters", [partial(_compile, name) for name in available_filters()]
-        )
+        super().__init__(f"compiling {what}", steps)
+        self._compiled = what
         self._logger = logger
         self._announced = False
 
@@ -38,14 +40,19 @@ class Compilation(BackgroundWork):
             return False
         if self._announced:
             self._announced = False
-            self._logger.info(f"compiled the filters in {self.seconds:.0f} s")
+            self._logger.info(f"compiled {self._compiled} in {self.seconds:.0f} s")
         return True
+
+
+def all_filters() -> list[Callable[[], object]]:
+    """Steps that compile all filters: a change of filter under a running stream finds them done."""
+    return [partial(_compile, name) for name in available_filters()]
 
 
 def compile_all() -> None:
     """Compile all filters here and now, or load them from the cache."""
-    for name in available_filters():
-        _compile(name)
+    for step in all_filters():
+        step()
 
 
 def _compile(name: str) -> None:

@@ -21,6 +21,7 @@ class Options(NamedTuple):
     Attributes:
         output: folder of the new bag.
         is_numbered: record into NAME_2, NAME_3 and so on where it exists.
+        removes_empty: remove the folder at the end if no message came.
         selection: of topics.
         named: topics that were named, no patterns: one that nobody publishes may be misspelt.
         expected: topics that ~/ready waits for.
@@ -33,6 +34,7 @@ class Options(NamedTuple):
 
     output: str
     is_numbered: bool
+    removes_empty: bool
     selection: TopicSelection
     named: list[str]
     expected: list[str]
@@ -57,6 +59,13 @@ def declare_options(node: Node) -> Options:
         "refuse",
         "what to do when the folder exists: refuse, or record into NAME_2, NAME_3 and so on",
         choices=("refuse", "number"),
+        read_only=True,
+    )
+    removes_empty = declare(
+        node,
+        "remove_empty",
+        False,
+        "remove the folder at the end if not one message came",
         read_only=True,
     )
     topics = declare(
@@ -134,6 +143,7 @@ def declare_options(node: Node) -> Options:
     return Options(
         output,
         when_exists == "number",
+        removes_empty,
         selection,
         [full_name(name, namespace) for name in topics if not is_pattern(name)],
         expected_names,
