@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from hc_bringup.conclusion import naming_bag, conclude
+    from hc_bringup.conclusion import conclude, naming_bag
     from hc_bringup.live import Display
     from hc_bringup.runner import Runner
 

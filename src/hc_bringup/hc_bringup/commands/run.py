@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # ROS and rich are imported here so that `hc --help` need not wait for them.
     from hc_bringup.array_messages import with_array_messages
-    from hc_bringup.conclusion import naming_bag, conclude
+    from hc_bringup.conclusion import conclude, naming_bag
     from hc_bringup.live import Display
     from hc_bringup.paths import find_config
     from hc_bringup.plan import load_plan
