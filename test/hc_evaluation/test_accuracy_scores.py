@@ -86,6 +86,15 @@ def test_a_delay_and_a_surface_are_scored_against_what_was_put_in():
     assert found["covered"] == found["unknown"] == 0.0
 
 
+def test_the_last_second_is_judged_too():
+    readings = possible.arm_readings(3)
+    force = readings[2]
+    predicted = np.concatenate(([0.0], force[:-1]))
+    predicted[-10] = 500.0
+    series = SimpleNamespace(force_predicted=predicted)
+    assert possible.ratios_to_held(readings, series)[1] > 10.0
+
+
 def test_a_prediction_is_held_against_what_was_felt():
     readings = possible.arm_readings(3)
     time, _, force = readings

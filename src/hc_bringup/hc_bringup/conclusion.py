@@ -55,7 +55,7 @@ def conclude(
 
 
 @contextmanager
-def bag_told(bag: Path | None, given: str | None) -> Iterator[None]:
+def naming_bag(bag: Path | None, given: str | None) -> Iterator[None]:
     """Say of a run that fails in here where the bag is that it leaves; an empty one is removed.
 
     Args:

@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from hc_bringup.conclusion import bag_told, conclude
+    from hc_bringup.conclusion import conclude, naming_bag
     from hc_bringup.live import Display
     from hc_bringup.runner import Runner
 
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     if any(node.terminal for node in plan.nodes):
         print("keys: space pauses, right plays the next message, up and down change the rate")
     with (
-        bag_told(bag, arguments.bag),
+        naming_bag(bag, arguments.bag),
         terminal_restored(),
         Display(enabled=not arguments.headless, with_latency=False, with_keys=False) as display,
     ):

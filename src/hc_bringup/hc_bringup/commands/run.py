@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     # ROS and rich are imported here so that `hc --help` need not wait for them.
     from hc_bringup.array_messages import with_array_messages
-    from hc_bringup.conclusion import bag_told, conclude
+    from hc_bringup.conclusion import conclude, naming_bag
     from hc_bringup.live import Display
     from hc_bringup.paths import find_config
     from hc_bringup.plan import load_plan
@@ -129,7 +129,7 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             print(dashboard.HOW_TO_INSTALL, file=sys.stderr)
     with (
-        bag_told(bag, arguments.bag),
+        naming_bag(bag, arguments.bag),
         Display(enabled=not arguments.headless, scenario=scenario_name(plan)) as display,
     ):
         state = Runner(plan, display.show, with_truth=display.shows_truth).run()

@@ -152,7 +152,7 @@ def ratios_to_held(readings: Readings, series: Any) -> tuple[float, float]:
     def ratio(inside: NDArray[np.bool_]) -> float:
         return float(np.sqrt(np.mean(predicted[inside] ** 2) / np.mean(held[inside] ** 2)))
 
-    seconds = [judged & (window == index) for index in range(1, int(window[-1]))]
+    seconds = [judged & (window == index) for index in range(1, int(window[-1]) + 1)]
     worst = max((ratio(one) for one in seconds if np.count_nonzero(one) >= 10), default=np.nan)
     return ratio(judged), worst
 
