@@ -268,6 +268,25 @@ def test_a_filter_with_memory_beginning_and_handover_of_its_own(
     np.testing.assert_allclose(found["back from mute"][0], found["mean"][0], rtol=1e-9)
 
 
+def test_many_channels_have_the_filters_of_the_suite(
+    tmp_path: Path, install: Installer, run: Runner
+) -> None:
+    """Regression: a KeyError; the node of tactile arrays offered such a filter as well."""
+    (tmp_path / "outside.py").write_text(OWN_MEMORY)
+    install(tmp_path, "outside", "[hc.filters]\nmean_stiffness = outside:ENTRY\n")
+    code = """
+import hc_estimator as hc
+try:
+    hc.EstimatorArray("mean_stiffness", 3)
+except ValueError as error:
+    print(error)
+"""
+    done = run(tmp_path, "-c", code)
+    assert done.returncode == 0, done.stderr
+    assert "filter = 'mean_stiffness' is of another package" in done.stdout
+    assert "one of self_tuning_ukf, ukf, ekf" in done.stdout
+
+
 FAULTY = """
 import dataclasses
 import numpy as np

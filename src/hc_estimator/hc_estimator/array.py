@@ -23,6 +23,8 @@ from hc_estimator.specification import ParameterSpecification, ParameterValue
 
 Array = NDArray[np.float64]
 MOST_CHANNELS = 65_536
+ARRAY_FILTERS = tuple(KERNELS)
+"""The filters of the suite; one of another package has no loop over channels."""
 
 
 class EstimatesOfChannels(EstimateSeries):
@@ -41,7 +43,7 @@ class EstimatorArray:
     Units: mm, mm/s, N, s. Not safe for use from several threads at once.
 
     Args:
-        filter: one of `available_filters()`.
+        filter: one of `ARRAY_FILTERS`.
         channels: how many, 1 to 65,536.
         state_space: one of `available_state_spaces(filter)`.
         contact_model: one of `available_contact_models(filter)`.
@@ -69,6 +71,11 @@ class EstimatorArray:
         self._threads = min(_whole("threads", threads, 1024), self._channels)
         # Its settings and functions serve all channels, its memory before any sample is theirs.
         self._one = Estimator(filter, state_space, contact_model, parameters)
+        if filter not in KERNELS:
+            raise ValueError(
+                f"filter = '{filter}' is of another package: make an estimator for each channel, "
+                f"or take one of {', '.join(ARRAY_FILTERS)}"
+            )
         self._kernel = KERNELS[filter]
         self._memories = np.repeat(self._one._memory, self._channels)
         self._particles = np.zeros((self._channels, *self._one._particles.shape))

@@ -14,7 +14,8 @@ from hc_msgs.msg import TactileEstimate, TactileSample
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from hc_estimator import EstimatorArray, available_filters, parameter_specifications
+from hc_estimator import EstimatorArray, parameter_specifications
+from hc_estimator.array import ARRAY_FILTERS
 from hc_estimator.kinds import (
     DEFAULT_CONTACT_MODEL,
     DEFAULT_STATE_SPACE,
@@ -59,7 +60,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._kind = {
             name: declare(self, name, default, about, choices=choices, read_only=True)
             for name, default, about, choices in (
-                ("filter", DEFAULT_FILTER, "filter of every taxel", available_filters()),
+                ("filter", DEFAULT_FILTER, "filter of every taxel", ARRAY_FILTERS),
                 ("state_space", DEFAULT_STATE_SPACE, "its states", available_state_spaces()),
                 ("contact_model", DEFAULT_CONTACT_MODEL, "its law", available_contact_models()),
             )
