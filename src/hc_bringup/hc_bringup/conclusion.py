@@ -10,6 +10,7 @@ from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.run_state import RunState
 from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
 from hc_bringup.wrapping import say
+from hc_logger.metadata import FILE_NAME
 from hc_logger.writer import numbered_bags
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
@@ -70,8 +71,11 @@ def naming_bag(bag: Path | None, given: str | None) -> Iterator[None]:
     except UserError as error:
         bags = [] if bag is None else numbered_bags(bag)
         if bags:
-            again = ": delete it, or take another --bag, to try again" if given else ""
-            error.args = (f"{error}; what was recorded is in {bags[-1]}{again}",)
+            left = bags[-1]
+            closed = (left / FILE_NAME).exists()
+            whole = "" if closed else f" (not closed: hc bag recover {left} NEW makes it whole)"
+            again = "; take another --bag to try again" if given else ""
+            error.args = (f"{error}; what was recorded is in {left}{whole}{again}",)
         raise
 
 
