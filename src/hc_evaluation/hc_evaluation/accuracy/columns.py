@@ -76,6 +76,17 @@ def _words(key: str) -> Callable[[Row], str]:
     return text
 
 
+_BELIEVED = (
+    ("told wrong", _share("wrong")),
+    ("runs with a tenth told wrong", _share("often")),
+    ("K off, median", _share("K")),
+    ("9 of 10 runs", _share("K_90")),
+    ("its deviation", _share("deviation")),
+    ("misfit told", _share("mismatch")),
+    ("changes", _plain("changes")),
+)
+"""What a user would believe of K, over drawn contacts."""
+
 COLUMNS: dict[str, tuple[Column, ...]] = {
     "tissues": (
         ("scenario", _plain("scenario")),
@@ -253,23 +264,11 @@ COLUMNS: dict[str, tuple[Column, ...]] = {
     ),
     "troubles": (
         ("what is wrong", _plain("trouble")),
-        ("told wrong", _share("wrong")),
-        ("runs with a tenth told wrong", _share("often")),
-        ("K off, median", _share("K")),
-        ("9 of 10 runs", _share("K_90")),
-        ("its deviation", _share("deviation")),
-        ("misfit told", _share("mismatch")),
-        ("changes", _plain("changes")),
+        *_BELIEVED,
     ),
     "mechanics": (
         ("what lies between", _plain("trouble")),
-        ("told wrong", _share("wrong")),
-        ("runs with a tenth told wrong", _share("often")),
-        ("K off, median", _share("K")),
-        ("9 of 10 runs", _share("K_90")),
-        ("its deviation", _share("deviation")),
-        ("misfit told", _share("mismatch")),
-        ("changes", _plain("changes")),
+        *_BELIEVED,
     ),
     "together": (
         ("contact", _plain("pair")),
