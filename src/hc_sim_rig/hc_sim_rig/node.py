@@ -63,6 +63,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             self, with_sensors=options.side != "master", together=self._together
         )
         self._outputs.set_scenario(options.scenario, self._rig.seed)
+        self._outputs.take_settings(self._rig.settings())
         self._published_before = 0
         self._overruns_before = 0
         self._timeouts_before = 0
@@ -194,6 +195,7 @@ class IndenterNode(Node):  # type: ignore[misc]  # rclpy ships no types
             values["pause"] = self.get_parameter("pause").value
             values["speed"] = self.get_parameter("speed").value
         self._rig.tune(**self._settings_from(values))
+        self._outputs.take_settings(self._rig.settings())
 
     def _begin(self) -> None:
         """Take the first sample now."""

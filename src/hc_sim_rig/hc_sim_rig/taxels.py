@@ -66,6 +66,10 @@ class TaxelPad:
         self._noise = displacement_noise_std_mm, force_noise_std_n
         self._random = np.random.default_rng([seed, _STREAM])
 
+    def set_noise(self, displacement_noise_std_mm: float, force_noise_std_n: float) -> None:
+        """Let the readings be as noisy as that from now on."""
+        self._noise = displacement_noise_std_mm, force_noise_std_n
+
     def parameters(self, truth: Truth) -> Array:
         """Return the true K, B, n, p under each taxel, shape (taxels, 4)."""
         values = np.tile(np.asarray(truth.parameters, np.float64), (len(self._stiffness), 1))

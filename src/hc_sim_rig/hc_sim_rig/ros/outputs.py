@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,6 +143,13 @@ class Outputs:
         self._pad = TaxelPad(
             scenario.taxels, sensors.displacement.noise_std_mm, sensors.force.noise_std_n, seed
         )
+
+    def take_settings(self, settings: Mapping[str, float]) -> None:
+        """Let the taxels, if there are any, be as noisy as the rig's own sensors are set to."""
+        if self._pad is not None:
+            self._pad.set_noise(
+                settings["displacement_noise_std_mm"], settings["force_noise_std_n"]
+            )
 
     @property
     def sample_topic(self) -> str:
