@@ -7,17 +7,15 @@ does not fit.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
 from hc_evaluation.accuracy.drawn_contact import Between, Draw, drawn_contact
-from hc_evaluation.accuracy.measure import Numbers, Setup
+from hc_evaluation.accuracy.measure import Numbers
 from hc_evaluation.accuracy.scenarios import log_uniform
-from hc_evaluation.accuracy.troubles import NOTHING, row_of, score
+from hc_evaluation.accuracy.troubles import NOTHING, TroubleTask, believed, rows_of
 
 FloatArray = NDArray[np.float64]
 Read = tuple[FloatArray, FloatArray]
@@ -86,34 +84,14 @@ MECHANICS: dict[str, Between] = {
 }
 
 
-@dataclass(frozen=True)
-class MechanicsTask:
-    """One run: estimator, what lies between, and seed."""
-
-    setup: Setup
-    name: str
-    seed: int
-
-
-def mechanics_run(task: MechanicsTask) -> Numbers:
+def mechanics_run(task: TroubleTask) -> Numbers:
     """Errors of K, what was claimed of them, changes and misfit told."""
-    contact = drawn_contact((), task.seed, MECHANICS.get(task.name))
-    series = task.setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
-    return score(contact, series)
+    return believed(task.setup, drawn_contact((), task.seed, MECHANICS.get(task.trouble)))
 
 
 def mechanics(bench: Bench) -> Result:
     """Everything drawn, with what lies between tissue and readings."""
-    names = (NOTHING, *MECHANICS)
-    tasks = [
-        MechanicsTask(bench.setup, name, bench.first_seed + seed)
-        for name in names
-        for seed in range(bench.seeds)
-    ]
-    rows = [
-        row_of(name, runs)
-        for name, runs in zip(names, bench.by_seed(mechanics_run, tasks), strict=True)
-    ]
+    rows = rows_of(bench, mechanics_run, (NOTHING, *MECHANICS))
     # What a robot gives way is part of the tissue for all who look at these readings.
     judged: list[Row] = [row for row in rows if row["trouble"] != "compliance"]
     targets = [

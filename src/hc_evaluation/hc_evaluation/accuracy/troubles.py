@@ -7,12 +7,11 @@ deviations and a per cent, with no misfit told.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hc_estimator import EstimateSeries
 from hc_evaluation import metrics
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target, worst
 from hc_evaluation.accuracy.drawn_contact import TROUBLES, DrawnContact, drawn_contact
@@ -57,12 +56,12 @@ def troubles_of(name: str, seed: int) -> tuple[str, ...]:
 def trouble_run(task: TroubleTask) -> Numbers:
     """Errors of K, what was claimed of them, changes and misfit told."""
     contact = drawn_contact(troubles_of(task.trouble, task.seed), task.seed)
-    series = task.setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
-    return score(contact, series)
+    return believed(task.setup, contact)
 
 
-def score(contact: DrawnContact, series: EstimateSeries) -> Numbers:
-    """Errors of K along a contact, what was claimed of them, changes and misfit told."""
+def believed(setup: Setup, contact: DrawnContact) -> Numbers:
+    """Errors of K along a contact, what an estimator claims of them, changes and misfit told."""
+    series = setup.create().run(contact.time_s, contact.displacement_mm, contact.force_n)
     time, changed = contact.time_s, contact.changed_s
     counted = time >= START_S
     called = np.asarray(series.change_detected, np.bool_) & (time >= CALLED_S)
@@ -82,8 +81,7 @@ def score(contact: DrawnContact, series: EstimateSeries) -> Numbers:
     }
 
 
-def row_of(name: str, runs: Sequence[Numbers]) -> Row:
-    """One row of the table: over the runs of a trouble."""
+def _row(name: str, runs: Sequence[Numbers]) -> Row:
     columns = {key: np.array([run[key] for run in runs]) for key in runs[0]}
     return {
         "trouble": name,
@@ -97,18 +95,19 @@ def row_of(name: str, runs: Sequence[Numbers]) -> Row:
     }
 
 
-def troubles(bench: Bench) -> Result:
-    """Everything drawn, with every trouble alone and with several at once."""
-    names = (NOTHING, *TROUBLES, *COUNTS)
+def rows_of(bench: Bench, run: Callable[[TroubleTask], Numbers], names: Sequence[str]) -> list[Row]:
+    """One row of the table for each trouble, over the runs of all seeds."""
     tasks = [
         TroubleTask(bench.setup, name, bench.first_seed + seed)
         for name in names
         for seed in range(bench.seeds)
     ]
-    rows = [
-        row_of(name, runs)
-        for name, runs in zip(names, bench.by_seed(trouble_run, tasks), strict=True)
-    ]
+    return [_row(name, runs) for name, runs in zip(names, bench.by_seed(run, tasks), strict=True)]
+
+
+def troubles(bench: Bench) -> Result:
+    """Everything drawn, with every trouble alone and with several at once."""
+    rows = rows_of(bench, trouble_run, (NOTHING, *TROUBLES, *COUNTS))
     alone = [row for row in rows if row["trouble"] in TROUBLES]
     several = [row for row in rows if row["trouble"] in COUNTS]
     targets = [
