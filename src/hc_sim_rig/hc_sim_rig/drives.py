@@ -172,6 +172,24 @@ class Link(Section):
         return self.delay_s + self.variation_s + JITTER_BOUND * self.jitter_s
 
 
+def check_kept(what: str, longest_s: float, rate_hz: float) -> None:
+    """Check that nothing travels longer than the rig can keep it.
+
+    Args:
+        what: travels, for the message.
+        longest_s: that it can take [s].
+        rate_hz: at which it is sent [Hz].
+
+    Raises:
+        ScenarioError: if it can take too long.
+    """
+    if longest_s * rate_hz > RING - 2:
+        raise ScenarioError(
+            f"{what} can take {longest_s:g} s, must stay below {(RING - 2) / rate_hz:g} s at "
+            f"{rate_hz:g} Hz"
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Channel(Section):
     """Both directions between master and slave."""
@@ -186,12 +204,8 @@ class Channel(Section):
 
     def check_link(self, side: str, rate_hz: float, longer_s: float = 0.0) -> None:
         """Check one direction, "forward" or "backward", with a delay that is so much longer."""
-        longest_s = getattr(self, side).longest_s() + longer_s
-        if longest_s * rate_hz > RING - 2:
-            raise ScenarioError(
-                f"drive.channel.{side} can take {longest_s:g} s, must stay below "
-                f"{(RING - 2) / rate_hz:g} s at {rate_hz:g} Hz"
-            )
+        link: Link = getattr(self, side)
+        check_kept(f"drive.channel.{side}", link.longest_s() + longer_s, rate_hz)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from hc_estimator.stream.effort_filters import METHODS as FORCE_FILTERS
 from hc_sim_rig.bilateral.layout import LARGEST_IMPEDANCE, LEAST_IMPEDANCE, METHODS, Constants
 from hc_sim_rig.bilateral.playout import PLAYOUT_DEVIATIONS, PLAYOUT_SAMPLES
-from hc_sim_rig.drives import Link
-from hc_sim_rig.layout import RING
+from hc_sim_rig.drives import Link, check_kept
 from hc_sim_rig.schema import ScenarioError, Section, number, section, word
 
 TONNE_PER_KG = 1e-3
@@ -182,13 +181,8 @@ class Bilateral(Section):
             ScenarioError: if one could.
         """
         super().__post_init__()
-        longest_s = self.network.link().longest_s()
-        if longest_s * self.rate_hz > RING - 2:
-            raise ScenarioError(
-                f"network.round_trip_ms is {self.network.round_trip_ms:g}: a packet can take "
-                f"{longest_s:g} s, must stay below {(RING - 2) / self.rate_hz:g} s at "
-                f"{self.rate_hz:g} Hz"
-            )
+        packet = f"network.round_trip_ms is {self.network.round_trip_ms:g}: a packet"
+        check_kept(packet, self.network.link().longest_s(), self.rate_hz)
 
     def constants(self) -> Constants:
         """What the compiled loop takes."""
