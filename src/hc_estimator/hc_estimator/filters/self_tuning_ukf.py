@@ -16,6 +16,7 @@ from hc_estimator.adaptation.policy import NOISE_ADAPTATION, NOISE_SPECIFICATION
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
     alignment,
+    another_place,
     beginning,
     contact_onset,
     delay_evidence,
@@ -48,6 +49,7 @@ SPECIFICATIONS = (
     *delay_evidence.SPECIFICATIONS,
     *zero_fit.SPECIFICATIONS,
     *moving_fit.SPECIFICATIONS,
+    *another_place.SPECIFICATIONS,
     *zero_doubt.SPECIFICATIONS,
 )
 # For experiments: nobody tunes these, and the accuracy pages say what each is worth.
@@ -61,6 +63,7 @@ INTERNAL = (
     *(s.name for s in surface_search.SPECIFICATIONS),
     *(s.name for s in lift_off.SPECIFICATIONS),
     *(s.name for s in moving_fit.SPECIFICATIONS),
+    *(s.name for s in another_place.SPECIFICATIONS),
     *(s.name for s in delay_evidence.SPECIFICATIONS),
     "initial_displacement_std",
     "initial_velocity_std",

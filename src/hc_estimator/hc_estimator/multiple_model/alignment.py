@@ -14,6 +14,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import (
+    another_place,
     batch_fit,
     beginning,
     delay_evidence,
@@ -208,6 +209,8 @@ def _take_point(settings: Any, bank: Any) -> None:
         surface_search.look(settings, bank, finder.grid_step)
     if finder.grid_count > before and is_tried(settings, FITTED) and bank.calibrated != 0:
         clock = bank.tool.contact_clock
+        if another_place.look(settings, bank):
+            beginning.begin_at_place(settings, bank)
         if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):
             beginning.begin_with_zeros(settings, bank)
         elif plausible.is_no_law(settings, rows[FITTED], bank.tool):

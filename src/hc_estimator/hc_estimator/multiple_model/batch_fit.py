@@ -76,7 +76,9 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
         True if the points tell of a zero that is off, by onset.shift (`zero_fit`).
     """
     history, finder = bank.history, bank.delay
-    if not histories.learn(history, finder, bank.sensor_noise):
+    # Another place may be higher.
+    shallowest = -math.inf if bank.place.testing != 0 else histories.LEAST_DEPTH
+    if not histories.learn(history, finder, bank.sensor_noise, shallowest):
         return False
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)

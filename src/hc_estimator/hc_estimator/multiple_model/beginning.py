@@ -8,8 +8,10 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_matrix
 from hc_estimator.multiple_model import (
     air_zero,
+    another_place,
     contact_onset,
     levels,
     moving_fit,
@@ -33,6 +35,7 @@ from hc_estimator.multiple_model.hypotheses import (
     WAITS,
     is_tried,
 )
+from hc_estimator.multiple_model.place_fit import POSITION
 from hc_estimator.multiple_model.rows import (
     free_parameters,
     is_held,
@@ -41,6 +44,7 @@ from hc_estimator.multiple_model.rows import (
     reset,
     take_motion,
 )
+from hc_estimator.multiple_model.zero_records import OF_POSITION
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 
 ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
@@ -74,6 +78,7 @@ def start(settings: Any, bank: Any) -> None:
     contact_onset.restart(bank.onset)
     air_zero.reset(bank.air)
     zero_fit.restart(bank.zeros)
+    another_place.reset(bank.place)
 
 
 @compiled
@@ -151,6 +156,46 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     _go_on_moving(settings, bank)
     delays.forget(bank.delay)
     _choose_anew(bank)
+
+
+@compiled
+def begin_at_place(settings: Any, bank: Any) -> None:
+    """Begin every row at another place, with the fit to the contact with it."""
+    place, history, zeros, onset = bank.place, bank.history, bank.zeros, bank.onset
+    values = place.outcome
+    onset.shift[0] = values[POSITION]
+    onset.shift[1] = 0.0
+    onset.position_deviation = place.height_deviation
+    is_first = history.begun != history.contact
+    contact_onset.move_zeros(bank)
+    zero_fit.reset(zeros)
+    zeros.unknown = OF_POSITION
+    copy_matrix(place.doubt, zeros.doubt)
+    zeros.deviation = math.sqrt(zeros.doubt[0, 0])
+    history.first = history.contact
+    history.begun = history.contact
+    history.unfitted = history.count
+    for i in range(4):
+        history.fit[i] = values[i]
+    bank.rows[FITTED].active = 0
+    for m in range(FRESH):
+        row = bank.rows[m]
+        if row.active == 0:
+            continue
+        reset(settings, row, row.state[DEPTH])
+        for i in range(4):
+            row.state[LOG_STIFFNESS + i] = values[i]
+            for j in range(4):
+                row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = place.conditional[i, j]
+        limit(settings, row)
+    _go_on_moving(settings, bank)
+    _choose_anew(bank)
+    place.before[POSITION] -= values[POSITION]
+    values[POSITION] = 0.0
+    if is_first:
+        place.level += place.is_level
+        delays.forget_tissue(bank.delay)
+        bank.change.detected = 1 if another_place.is_other_tissue(place) else 0
 
 
 @compiled

@@ -40,6 +40,8 @@ def reset(history: Any) -> None:
     """Nothing was felt of this tissue yet."""
     history.count = 0
     history.first = 0
+    history.contact = 0
+    history.begun = 0
     history.every = 1
     history.waited = 0
     history.unfitted = 0
@@ -71,13 +73,14 @@ def move_along(history: Any, force: float, begun: float, now: float) -> None:
 
 
 @compiled
-def learn(history: Any, finder: Any, noise: Any) -> bool:
+def learn(history: Any, finder: Any, noise: Any, shallowest: float) -> bool:
     """Take the newest point of the grid; True if it was remembered.
 
     Args:
         history: changed.
         finder: record of `delay`.
         noise: variances of a reading, shape (2,).
+        shallowest: depth from which on a point is remembered [mm].
     """
     shift = round(finder.delay / finder.grid_step)
     rest = shift * finder.grid_step - finder.delay
@@ -90,7 +93,7 @@ def learn(history: Any, finder: Any, noise: Any) -> bool:
     place = finder.grid[there % GRID]
     depth = place[0] + rest * (place[1] + 0.5 * rest * place[2])
     force = finder.grid[here % GRID, 3]
-    if depth < LEAST_DEPTH or force * force < TOUCHING**2 * noise[1]:
+    if depth < shallowest or force * force < TOUCHING**2 * noise[1]:
         return False
     # Where the tissue lets go or the tool turns, no parabola fits.
     if place[4] > SMOOTH * noise[0] or finder.grid[here % GRID, 5] > SMOOTH * noise[1]:
@@ -183,6 +186,8 @@ def _thin_out(history: Any) -> None:
         copy_vector(history.points[2 * k + 1], history.points[k])
     history.count = POINTS // 2
     history.first //= 2
+    history.contact //= 2
+    history.begun //= 2
     history.every *= 2
 
 
@@ -190,6 +195,12 @@ def _thin_out(history: Any) -> None:
 def oldest(history: Any) -> int:
     """Number of the first point that is still remembered."""
     return max(history.count - POINTS, history.first)  # type: ignore[no-any-return]
+
+
+@compiled
+def of_place(history: Any) -> int:
+    """Number of the first point of the present place that is still remembered."""
+    return max(history.count - POINTS, history.begun)  # type: ignore[no-any-return]
 
 
 @compiled

@@ -70,7 +70,7 @@ def step(work: Any, values: Any, damping: float, size: int) -> bool:
 
 
 @compiled
-def _limit(values: Any) -> None:
+def limit(values: Any) -> None:
     """Keep ln K, ln B, n and p where the law means something."""
     for i in range(2):
         values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
@@ -112,7 +112,7 @@ def improve(settings: Any, history: Any, weight: float, squares: float) -> float
     for _ in range(STEPS):
         if not step(history, values, damping, 4):
             return math.nan
-        _limit(following)
+        limit(following)
         squares_after = gather(settings, history, following)
         after = weight * squares_after + prior_cost(settings, history, following)
         if after < cost:

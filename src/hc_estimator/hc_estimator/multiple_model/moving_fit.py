@@ -178,7 +178,7 @@ def look(settings: Any, bank: Any, period: float) -> None:
 @compiled
 def _are_enough(history: Any) -> bool:
     """True if the points are many, span enough time, and most have a velocity."""
-    first = _oldest(history.count)
+    first = _oldest(history, history.count)
     if not histories.is_motion_known(history, first):
         return False
     last = history.points[(history.count - 1) % POINTS, 8]
@@ -186,9 +186,9 @@ def _are_enough(history: Any) -> bool:
 
 
 @compiled
-def _oldest(last: int) -> int:
+def _oldest(history: Any, last: int) -> int:
     """First of the points before `last` that is remembered until the last fit."""
-    return max(last - POINTS + ORDER.size + 1, 0)
+    return max(last - POINTS + ORDER.size + 1, history.begun)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -227,7 +227,7 @@ def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> boo
     fit.position_deviation = SURFACE_DEVIATION
     if kind & SINKS == 0:
         fit.held[spline.POSITION] = 1
-    return spline.lay_out(history, fit, _oldest(last), last, kind)
+    return spline.lay_out(history, fit, _oldest(history, last), last, kind)
 
 
 @compiled

@@ -13,6 +13,7 @@ from hc_estimator.adaptation.motion_density import INDICES, MOTION
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.delay_records import DELAY, GRID
 from hc_estimator.multiple_model.hypotheses import FRESH, ROWS, STATES
+from hc_estimator.multiple_model.place_records import PLACE
 from hc_estimator.multiple_model.spline_records import MEMORIES, MOVING, SPLINE_FIT
 from hc_estimator.multiple_model.zero_records import ZEROS
 from hc_estimator.screening import CLOCK_FIELDS
@@ -183,6 +184,9 @@ HISTORY = record_type(
         Field("last_force", np.float64),  # that went into them [N]
         Field("count", np.int64, (), 0),  # remembered since the start or the last change
         Field("first", np.int64, (), 0),  # that counts, if it is still there
+        # The first of the present contact, and of the place that it is with (`another_place`).
+        Field("contact", np.int64, (), 0),
+        Field("begun", np.int64, (), 0),
         Field("every", np.int64, (), 1, 1000),  # so many points of the grid make one of them
         Field("waited", np.int64, (), 0),  # points of the grid since the last of them
         Field("unfitted", np.int64, (), 0),  # points of the grid since the last fit
@@ -342,4 +346,5 @@ BANK: tuple[Field, ...] = (
     Field("onset", ONSET),
     Field("air", AIR),
     Field("search", SEARCH),
+    Field("place", PLACE),
 )

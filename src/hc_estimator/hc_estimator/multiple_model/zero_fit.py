@@ -121,7 +121,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         return False
     if clock - zeros.looked_at < EVERY:
         return False
-    first = max(history.count - POINTS, 0)
+    first = histories.of_place(history)
     if not histories.is_motion_known(history, first):
         return False
     zeros.looked_at = clock
@@ -195,7 +195,7 @@ def _fit_any(
 
     The smallest squares left over those of the noise are in zeros.misfit.
     """
-    first = max(history.count - POINTS, 0)
+    first = histories.of_place(history)
     last = history.points[(history.count - 1) % POINTS, 8]
     span = last - history.points[first % POINTS, 8]
     zeros.misfit = math.inf

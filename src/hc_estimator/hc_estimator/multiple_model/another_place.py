@@ -1,0 +1,295 @@
+"""Is a new contact one with another place, of another stiffness and at another height?
+
+A tool that was in the air comes down elsewhere, wherever a tissue is palpated place by place. So
+what the points of a contact say by themselves is held against what was known in the air before it:
+least squares with the contact position as a fifth unknown, once with the prior that the place is
+the same, once with one that lets everything go; their evidence decides (`place_fit`). If it is
+another place, every row begins anew with that fit, what was felt before the contact no longer
+counts, and the fit is made anew as the contact goes on, for as long as it explains the force.
+
+Not where a surface that moves is in charge, which knows of another height, too. (Ours; `hc bench
+accuracy places`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import place_fit
+from hc_estimator.multiple_model.delay_records import GRID
+from hc_estimator.multiple_model.history import TOUCHING
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
+from hc_estimator.multiple_model.model_error import THRESHOLD
+from hc_estimator.multiple_model.place_fit import POSITION, UNKNOWNS
+from hc_estimator.multiple_model.rows import is_held
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "find_places",
+        "bool",
+        True,
+        "Ask of every new contact whether it is with another place.",
+    ),
+)
+
+OUT_TIME = 0.05  # without a force before a contact is a new one [s]
+FEWEST = 6  # points
+MORE = 1.25  # times as many points at which it is asked again
+LONGEST = 2.0  # time for which a contact is asked [s]
+# Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
+DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
+HEIGHT_DEVIATION = 1.0
+DOUBTED = 0.3  # share of an alarm from which on it is asked
+LIKELIER = 10.0  # logarithm of the evidence by which it is another place
+LIKELIER_AGAIN = 3.0  # the same once there was one
+CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
+EXPLAINS = 0.1  # of the squares that the place before leaves; if so, it need not fit
+LEAST_VARIANCE = 1e-8
+DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
+
+
+@compiled
+def reset(place: Any) -> None:
+    """No contact is asked about."""
+    place.away = 0.0
+    place.known = 0
+    end(place)
+    place.found = 0
+    place.level = 0
+
+
+@compiled
+def end(place: Any) -> None:
+    """Ask no more about the present contact."""
+    place.testing = 0
+    place.is_other = 0
+
+
+@compiled
+def look(settings: Any, bank: Any) -> bool:
+    """Take the newest point of the grid; True if rows are to begin anew with the fit in `place`.
+
+    Args:
+        settings: settings record.
+        bank: its record `place` is changed, and where the contact begins in `history`.
+    """
+    place, history, finder = bank.place, bank.history, bank.delay
+    if settings.find_places == 0 or is_held(settings, 0):
+        return False
+    here = finder.grid_count - 1 - max(-round(finder.delay / finder.grid_step), 0)
+    if here < max(finder.grid_count - GRID, 0):
+        return False
+    if finder.grid[here % GRID, 3] < TOUCHING * math.sqrt(bank.sensor_noise[1]):
+        before = place.away
+        place.away += finder.grid_step
+        if not (before <= OUT_TIME and place.away > OUT_TIME):
+            return False
+        last = place.is_other != 0 and history.count > place.last
+        last = last and _ask(settings, bank)
+        end(place)
+        if not last:
+            _note_before(settings, bank)
+        return last
+    if place.away > OUT_TIME and place.known != 0:
+        place.testing = 1
+        place.doubted = 0
+        place.due = FEWEST
+        history.contact = history.count
+    place.away = 0.0
+    if place.testing == 0:
+        return False
+    _doubt(bank)
+    count = history.count - history.contact
+    if place.doubted == 0 or count < place.due:
+        return False
+    place.due = math.ceil(MORE * count)
+    if count * history.every * finder.grid_step > LONGEST or history.contact < history.begun:
+        place.testing = 0
+        return False
+    return _ask(settings, bank)  # type: ignore[no-any-return]
+
+
+@compiled
+def _doubt(bank: Any) -> None:
+    """Note whether the row that was in charge in the air has failed since then."""
+    place, row = bank.place, bank.rows[bank.place.row]
+    fails = row.model_error > 0.0 or row.alarm_sum > DOUBTED * THRESHOLD
+    if fails or bank.judge.chosen != place.row or bank.change.testing != 0:
+        place.doubted = 1
+
+
+@compiled
+def _note_before(settings: Any, bank: Any) -> None:
+    """What is known of the place that the tool was at, or nothing."""
+    place, row = bank.place, bank.rows[bank.judge.chosen]
+    place.known = 0 if SURFACE[row.index] or bank.tool.contact_clock <= 0.0 else 1
+    place.row = row.index
+    clear_matrix(place.before_covariance)
+    for i in range(4):
+        place.before[i] = row.state[LOG_STIFFNESS + i]
+        for j in range(4):
+            element = row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j]
+            place.before_covariance[i, j] = element
+    place.before[POSITION] = 0.0
+    deviation = max(bank.onset.position_deviation, settings.contact_position_std)
+    place.before_covariance[POSITION, POSITION] = deviation * deviation
+
+
+@compiled
+def _ask(settings: Any, bank: Any) -> bool:
+    """Hold what the contact says by itself against what was known before it."""
+    place, history = bank.place, bank.history
+    noise, scatter = histories.noise_of_points(
+        history, bank.delay, bank.sensor_noise, bank.clock.period
+    )
+    place.first = history.contact
+    place.last = history.count
+    if place.is_other == 0:
+        _set_same(place)
+        copy_vector(place.guess, place.values)
+        same = place_fit.fit(settings, place, history, noise, scatter, 1.0, 1)
+        place.left[0] = same / place.expected
+    _set_other(place, HEIGHT_DEVIATION**2)
+    if place.is_other == 0:
+        place_fit.begin(settings, place, history)
+    else:
+        copy_vector(place.outcome, place.values)
+    other = place_fit.fit(settings, place, history, noise, scatter, 1.0, 2)
+    if not (math.isfinite(other) and place.expected > 0.0):
+        return False
+    left = other / place.expected
+    place.left[1] = left
+    if not (left < CONSISTENT or left < EXPLAINS * place.left[0]):
+        return False
+    # What the law misses is no reason for another place.
+    weight = 1.0 / max(left, 1.0)
+    place.evidence[1] = _evidence(settings, place, history, noise, scatter, weight, 1)
+    if place.evidence[1] == -math.inf:
+        return False
+    place_fit.note_covariance(settings, place)
+    copy_vector(place.values, place.outcome_elsewhere)
+    copy_matrix(place.covariance, place.covariance_elsewhere)
+    _set_other(place, place.before_covariance[POSITION, POSITION])
+    place.values[POSITION] = place.guess[POSITION]
+    place.evidence[0] = _evidence(settings, place, history, noise, scatter, weight, 0)
+    place_fit.note_covariance(settings, place)
+    copy_vector(place.values, place.outcome)
+    if place.is_other == 0:
+        _set_same(place)
+        copy_vector(place.guess, place.values)
+        place.evidence[2] = _evidence(settings, place, history, noise, scatter, weight, 0)
+        enough = LIKELIER if place.found == 0 else LIKELIER_AGAIN
+        if not max(place.evidence[0], place.evidence[1]) - place.evidence[2] > enough:
+            return False
+        place.is_other = 1
+        place.found += 1
+    odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
+    lead = place.evidence[0] + odds - place.evidence[1]
+    _join(place, 1.0 / (1.0 + math.exp(min(max(lead, -100.0), 100.0))))
+    return True
+
+
+@compiled
+def _evidence(
+    settings: Any,
+    place: Any,
+    history: Any,
+    noise: tuple[float, float],
+    scatter: float,
+    weight: float,
+    passes: int,
+) -> float:
+    """Logarithm of the evidence of a fit with the prior that is set; minus infinity for none."""
+    squares = place_fit.fit(settings, place, history, noise, scatter, weight, passes)
+    if not math.isfinite(squares):
+        return -math.inf
+    return place_fit.log_evidence(settings, place, squares, weight)  # type: ignore[no-any-return]
+
+
+@compiled
+def _join(place: Any, share: float) -> None:
+    """Take the likelier of both fits, at the old height and at another one.
+
+    What their heights leave open of the parameters is that of both (Bayesian model averaging).
+
+    Args:
+        place: `outcome` and `covariance` are those of the likelier fit, and `doubt` is set.
+        share: probability that the height is another one.
+    """
+    by_share = (1.0 - share, share)
+    outcomes = (place.outcome, place.outcome_elsewhere)
+    covariances = (place.covariance, place.covariance_elsewhere)
+    chosen = 1 if share > 0.5 else 0
+    clear_matrix(place.doubt)
+    for k in range(2):
+        outcome, covariance = outcomes[k], covariances[k]
+        variance = max(covariance[POSITION, POSITION], 1e-300)
+        for i in range(POSITION):
+            off = outcome[i] - outcomes[chosen][i]
+            for j in range(POSITION):
+                both = covariance[i, POSITION] * covariance[j, POSITION] / variance
+                both += off * (outcome[j] - outcomes[chosen][j])
+                place.doubt[i, j] += by_share[k] * both
+    for i in range(POSITION):
+        for j in range(POSITION):
+            covariance = covariances[chosen]
+            variance = max(covariance[POSITION, POSITION], 1e-300)
+            both = covariance[i, POSITION] * covariance[j, POSITION] / variance
+            place.conditional[i, j] = covariance[i, j] - both
+    position = outcomes[chosen][POSITION]
+    square = 0.0
+    for k in range(2):
+        off = outcomes[k][POSITION] - position
+        square += by_share[k] * (covariances[k][POSITION, POSITION] + off * off)
+    place.height_deviation = math.sqrt(square)
+    place.is_level = 1 - chosen
+    if chosen == 1:
+        copy_vector(place.outcome_elsewhere, place.outcome)
+        copy_matrix(place.covariance_elsewhere, place.covariance)
+
+
+@compiled
+def _set_same(place: Any) -> None:
+    """It is the place before: what was known of it is the prior, and its height stays."""
+    for i in range(UNKNOWNS):
+        for j in range(UNKNOWNS):
+            place.seen[i, j] = place.before_covariance[i, j]
+        place.seen[i, i] += LEAST_VARIANCE
+    place.seen[POSITION, POSITION] = LEAST_VARIANCE
+    copy_vector(place.before, place.guess)
+    place_fit.invert(place.seen, place)
+
+
+@compiled
+def _set_other(place: Any, height_variance: float) -> None:
+    """It is another place: alike, but no more.
+
+    Args:
+        place: its prior is set.
+        height_variance: of where the contact begins [mm^2].
+    """
+    prior, before = place.prior, place.before_covariance
+    clear_matrix(prior)
+    for i in range(POSITION):
+        prior[i, i] = 1.0 / (DEVIATIONS[i] ** 2 + before[i, i])
+    prior[POSITION, POSITION] = 1.0 / max(height_variance, LEAST_VARIANCE)
+    # That of B is one of B / K.
+    prior[0, 0] += prior[1, 1]
+    prior[0, 1] = prior[1, 0] = -prior[1, 1]
+    copy_vector(place.before, place.guess)
+
+
+@compiled
+def is_other_tissue(place: Any) -> bool:
+    """True if K, B, n or p of the last fit is clearly another than before the contact."""
+    for i in range(POSITION):
+        off = place.outcome[i] - place.before[i]
+        variance = place.covariance[i, i] + place.before_covariance[i, i]
+        if off * off > DIFFERENT * DIFFERENT * variance:
+            return True
+    return False

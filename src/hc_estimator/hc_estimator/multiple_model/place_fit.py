@@ -1,0 +1,270 @@
+"""Least squares over the points of one contact: K, B, n, p and where the contact begins.
+
+With a prior that is normal in all five of them, so that the evidence of a fit follows from two
+determinants (MacKay, Neural Computation 4, 1992) and two priors can be compared by it
+(`another_place`). The points are narrow parabolas, from the first force on, for a tap has no
+others.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import (
+    clear_matrix,
+    clear_vector,
+    copy_vector,
+    is_definite,
+    leading_cholesky,
+)
+from hc_estimator.multiple_model.levenberg_marquardt import (
+    FIRST_DAMPING,
+    LARGEST_DAMPING,
+    SMALLEST_GAIN,
+    limit,
+    solve,
+    step,
+)
+from hc_estimator.multiple_model.normal_equations import exp_limited, law_at, velocity_at
+from hc_estimator.multiple_model.records import POINTS
+from hc_estimator.multiple_model.rows import is_held
+
+POSITION = 4  # of the unknowns ln K, ln B, n, p and contact position
+UNKNOWNS = 5
+MOST_STEPS = 20
+BEFORE = 0.1  # of the points' way, before which the force is assumed to have begun
+
+
+@compiled
+def is_fixed(settings: Any, i: int) -> bool:
+    """True if an unknown is none."""
+    if i == POSITION:
+        return bool(settings.find_zeros == 0)
+    return bool(is_held(settings, i))
+
+
+@compiled
+def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> float:
+    """Force of a point [N]; place.slopes are its derivatives by the unknowns."""
+    slopes, gradient = place.slopes, place.gradient
+    stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
+    depth = point[0] - values[POSITION]
+    velocity = velocity_at(history, point)
+    n, p = values[2], values[3]
+    force = law_at(settings, stiffness, damping, n, p, depth, velocity, gradient)
+    for i in range(4):
+        slopes[i] = gradient[2 + i]
+    slopes[POSITION] = -gradient[0]
+    return force
+
+
+@compiled
+def weigh(
+    settings: Any,
+    place: Any,
+    history: Any,
+    noise: tuple[float, float],
+    scatter: float,
+) -> None:
+    """Give each point its weight by the law at place.values; as in `spline_fit.weigh`."""
+    gradient = place.gradient
+    place.expected = 0.0
+    for k in range(place.first, place.last):
+        point = history.points[k % POINTS]
+        _law(settings, place, place.values, history, point)
+        variance = noise[1] + gradient[0] * gradient[0] * noise[0]
+        drag = gradient[1] * gradient[1]
+        weight = 1.0 / (variance + drag * history.velocity_noise[0])
+        place.weights[k % POINTS] = weight
+        own = scatter * variance + drag * history.velocity_std[0] ** 2
+        place.expected += weight * own
+
+
+@compiled
+def _gather(settings: Any, place: Any, history: Any, values: Any) -> float:
+    """Normal equations of the points at `values`, in `seen` and `pull`; their squares."""
+    seen, pull, slopes = place.seen, place.pull, place.slopes
+    clear_vector(pull)
+    clear_matrix(seen)
+    total = 0.0
+    for k in range(place.first, place.last):
+        point = history.points[k % POINTS]
+        residual = point[2] - _law(settings, place, values, history, point)
+        weight = place.weights[k % POINTS]
+        total += weight * residual * residual
+        for i in range(UNKNOWNS):
+            share = weight * slopes[i]
+            pull[i] += share * residual
+            for j in range(i + 1):
+                seen[i, j] += share * slopes[j]
+    return total
+
+
+@compiled
+def _prior_cost(place: Any, values: Any) -> float:
+    """Squared distance from the prior."""
+    total, prior, guess = 0.0, place.prior, place.guess
+    for i in range(UNKNOWNS):
+        for j in range(UNKNOWNS):
+            total += prior[i, j] * (values[i] - guess[i]) * (values[j] - guess[j])
+    return total
+
+
+@compiled
+def _add_prior(settings: Any, place: Any, values: Any, weight: float) -> None:
+    """Normal equations of the cost, from what was gathered at `values`, by a weight of it."""
+    information, slope = place.information, place.slope
+    for i in range(UNKNOWNS):
+        slope[i] = weight * place.pull[i]
+        for j in range(UNKNOWNS):
+            information[i, j] = weight * place.seen[max(i, j), min(i, j)] + place.prior[i, j]
+            slope[i] -= place.prior[i, j] * (values[j] - place.guess[j])
+    for i in range(UNKNOWNS):
+        if is_fixed(settings, i):
+            slope[i] = 0.0
+            for j in range(UNKNOWNS):
+                information[i, j] = 0.0
+                information[j, i] = 0.0
+            information[i, i] = 1.0
+
+
+@compiled
+def _improve(settings: Any, place: Any, history: Any, weight: float) -> float:
+    """Levenberg-Marquardt from place.values on; the points' squares, or NaN."""
+    values, following = place.values, place.next
+    squares = _gather(settings, place, history, values)
+    cost = weight * squares + _prior_cost(place, values)
+    _add_prior(settings, place, values, weight)
+    damping = FIRST_DAMPING
+    for _ in range(MOST_STEPS):
+        if not step(place, values, damping, UNKNOWNS):
+            return math.nan
+        limit(following)
+        squares_after = _gather(settings, place, history, following)
+        after = weight * squares_after + _prior_cost(place, following)
+        if after < cost:
+            gain = cost - after
+            cost, squares = after, squares_after
+            copy_vector(following, values)
+            _add_prior(settings, place, values, weight)
+            if gain < SMALLEST_GAIN * cost:
+                break
+            damping *= 0.1
+        else:
+            damping *= 10.0
+            if damping > LARGEST_DAMPING:
+                break
+    return float(squares)
+
+
+@compiled
+def _begin_of_force(place: Any, history: Any) -> float:
+    """Where the force begins, next to where the points do [mm]."""
+    lowest, highest = math.inf, -math.inf
+    for k in range(place.first, place.last):
+        depth = history.points[k % POINTS, 0]
+        lowest, highest = min(lowest, depth), max(highest, depth)
+    return lowest - BEFORE * (highest - lowest)  # type: ignore[no-any-return]
+
+
+@compiled
+def begin(settings: Any, place: Any, history: Any) -> None:
+    """Begin where the prior does, but at the height and with the stiffness that the force shows."""
+    values = place.values
+    copy_vector(place.guess, values)
+    if not is_fixed(settings, POSITION):
+        values[POSITION] = min(0.0, _begin_of_force(place, history))
+    by_law, squares = 0.0, 0.0
+    for k in range(place.first, place.last):
+        point = history.points[k % POINTS]
+        force = _law(settings, place, values, history, point)
+        by_law += force * point[2]
+        squares += force * force
+    if by_law > 0.0 and not is_held(settings, 1):
+        factor = math.log(by_law / squares)
+        values[0] += factor
+        values[1] += factor
+
+
+@compiled
+def fit(
+    settings: Any,
+    place: Any,
+    history: Any,
+    noise: tuple[float, float],
+    scatter: float,
+    weight: float,
+    passes: int,
+) -> float:
+    """Fit from place.values on, with the prior place.prior about place.guess.
+
+    Args:
+        settings: settings record.
+        place: `values` and `factor` are those of the fit at the end.
+        history: points.
+        noise: variances of a point's displacement [mm^2] and force [N^2] by its share in the
+            information.
+        scatter: variance of what is left of a point's readings over `noise`.
+        weight: of the points' squares beside the prior.
+        passes: with other weights; 0 for those of the last fit.
+
+    Returns:
+        Weighted sum of squares; NaN if it broke down.
+    """
+    squares = math.nan
+    for _ in range(max(passes, 1)):
+        if passes > 0:
+            weigh(settings, place, history, noise, scatter)
+        squares = _improve(settings, place, history, weight)
+        if not math.isfinite(squares):
+            return math.nan
+    _gather(settings, place, history, place.values)
+    _add_prior(settings, place, place.values, weight)
+    if not leading_cholesky(place.information, place.factor, UNKNOWNS):
+        return math.nan
+    return squares if is_definite(place.factor, UNKNOWNS) else math.nan
+
+
+@compiled
+def log_evidence(settings: Any, place: Any, squares: float, weight: float) -> float:
+    """Laplace's logarithm of the evidence of a fit, up to what all priors share."""
+    total = weight * squares + _prior_cost(place, place.values)
+    work = place.seen
+    for i in range(UNKNOWNS):
+        total += 2.0 * math.log(place.factor[i, i])
+        for j in range(UNKNOWNS):
+            fixed = is_fixed(settings, i) or is_fixed(settings, j)
+            work[i, j] = (1.0 if i == j else 0.0) if fixed else place.prior[i, j]
+    if not leading_cholesky(work, work, UNKNOWNS):
+        return -math.inf
+    for i in range(UNKNOWNS):
+        total -= 2.0 * math.log(max(work[i, i], 1e-300))
+    return -0.5 * total
+
+
+@compiled
+def note_covariance(settings: Any, place: Any) -> None:
+    """Covariance of the unknowns by the fit."""
+    column = place.next
+    for i in range(UNKNOWNS):
+        clear_vector(column)
+        if not is_fixed(settings, i):
+            column[i] = 1.0
+        solve(place.factor, column, UNKNOWNS)
+        for j in range(UNKNOWNS):
+            place.covariance[j, i] = 0.0 if is_fixed(settings, j) else column[j]
+
+
+@compiled
+def invert(matrix: Any, place: Any) -> None:
+    """Let the prior be the inverse of a covariance, which is positive; `factor` is overwritten."""
+    prior, column = place.prior, place.next
+    leading_cholesky(matrix, place.factor, UNKNOWNS)
+    for i in range(UNKNOWNS):
+        clear_vector(column)
+        column[i] = 1.0
+        solve(place.factor, column, UNKNOWNS)
+        for j in range(UNKNOWNS):
+            prior[j, i] = column[j]

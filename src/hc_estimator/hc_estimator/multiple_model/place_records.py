@@ -1,0 +1,55 @@
+"""The record of a contact that may be with another place (`another_place`, `place_fit`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hc_estimator.memory import Field, record_type
+from hc_estimator.multiple_model.hypotheses import ROWS
+
+FIVE = 5  # ln K, ln B, n, p, contact position
+
+PLACE = record_type(
+    (
+        Field("away", np.float64, (), 0.0),  # time since a force was felt [s]
+        Field("known", np.int64, (), 0, 1),  # 1 if `before` is what was known in the air
+        Field("before", np.float64, (FIVE,)),
+        Field("before_covariance", np.float64, (FIVE, FIVE)),
+        Field("testing", np.int64, (), 0, 1),  # 1 while it is asked of the present contact
+        Field("is_other", np.int64, (), 0, 1),  # 1 once it is another place
+        Field("row", np.int64, (), 0, len(ROWS) - 1),  # that was in charge in the air
+        Field("doubted", np.int64, (), 0, 1),  # 1 once that has failed since then
+        Field("due", np.int64, (), 0),  # points of the contact at which it is asked next
+        Field("found", np.int64, (), 0),  # other places so far
+        Field("level", np.int64, (), 0),  # of which so many at the height of the one before
+        # Within one fit:
+        Field("first", np.int64, (), 0),  # number of its first point
+        Field("last", np.int64, (), 0),  # and of the one after the last
+        Field("weights", np.float64, (512,), 0.0),  # of the points, as in the ring [1/N^2]
+        # Of the last: squares left over those of the noise, by the place before and by another one;
+        # and evidence of another one at the old height, at any height, and of the one before.
+        Field("left", np.float64, (2,), finite=False),
+        Field("evidence", np.float64, (3,), finite=False),
+        Field("expected", np.float64, (), 0.0),  # squares where only noise is left
+        Field("guess", np.float64, (FIVE,)),
+        Field("prior", np.float64, (FIVE, FIVE)),  # precision
+        Field("values", np.float64, (FIVE,)),
+        # Of the fit at the old height and of that at another one, and then of the likelier.
+        Field("outcome", np.float64, (FIVE,)),
+        Field("outcome_elsewhere", np.float64, (FIVE,)),
+        Field("covariance_elsewhere", np.float64, (FIVE, FIVE)),
+        Field("conditional", np.float64, (4, 4)),  # covariance at that height
+        Field("doubt", np.float64, (4, 4)),  # what the height leaves open
+        Field("height_deviation", np.float64, (), 0.0),  # [mm]
+        Field("is_level", np.int64, (), 0, 1),  # 1 if the height is the old one
+        Field("next", np.float64, (FIVE,)),
+        Field("slope", np.float64, (FIVE,)),
+        Field("pull", np.float64, (FIVE,)),
+        Field("slopes", np.float64, (FIVE,)),
+        Field("gradient", np.float64, (6,)),
+        Field("seen", np.float64, (FIVE, FIVE)),
+        Field("information", np.float64, (FIVE, FIVE)),
+        Field("factor", np.float64, (FIVE, FIVE)),
+        Field("covariance", np.float64, (FIVE, FIVE)),
+    )
+)
