@@ -73,6 +73,7 @@ def take_setting(settings: Any, bank: Any) -> None:
 def use(settings: Any, bank: Any, time: float) -> int:
     """Use the screened sample in bank.clock, with what belongs to it; the decision on it."""
     clock, held = bank.clock, bank.held
+    bank.change.detected = 0
     if clock.restart != 0:
         held.first = held.count
         # Across a short gap the parabolas only grow wider. At the start nothing is known (NaN).
@@ -138,7 +139,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
     ahead = 0 if delay > 0.0 else 1
     arrived = 0 if clock.present[0] != 0 else 1
-    reading = clock.measurement[arrived]
+    reading = clock.measurement[arrived] + bank.onset.zero[arrived]  # the zeros may move meanwhile
     now = time - max(delay, 0.0)
     restart = clock.restart
     stamp = clock.channel_time[ahead]
@@ -158,6 +159,7 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     clock.channel_time[ahead] = stamp  # what was held came before this sample
     clock.present[arrived] = 1
     clock.present[1 - arrived] = 0
+    reading -= bank.onset.zero[arrived]
     clock.measurement[arrived] = reading
     if arrived == ahead:
         _hold(held, time, reading)

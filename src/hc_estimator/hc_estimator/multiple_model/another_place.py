@@ -7,7 +7,8 @@ the same, once with one that lets everything go; their evidence decides (`place_
 another place, every row begins anew with that fit, what was felt before the contact no longer
 counts, and the fit is made anew as the contact goes on, for as long as it explains the force.
 
-Not where a surface that moves is in charge, which knows of another height, too. (Ours; `hc bench
+Not where a surface that moves is in charge, which knows of another height, too; nor where the law
+did not fit before, for the first points of a contact are fitted by any law. (Ours; `hc bench
 accuracy places`.)
 """
 
@@ -23,6 +24,7 @@ from hc_estimator.multiple_model import place_fit
 from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import TOUCHING
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
+from hc_estimator.multiple_model.kalman import LARGEST_LOG
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import POSITION, UNKNOWNS
 from hc_estimator.multiple_model.rows import is_held
@@ -44,11 +46,12 @@ LONGEST = 2.0  # time for which a contact is asked [s]
 # Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
 HEIGHT_DEVIATION = 1.0
+UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 10.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 3.0  # the same once there was one
 CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
-EXPLAINS = 0.1  # of the squares that the place before leaves; if so, it need not fit
+FEWEST_WINDOWS = 4  # of the delay, before which what is late may look like another height
 LEAST_VARIANCE = 1e-8
 DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 
@@ -61,6 +64,8 @@ def reset(place: Any) -> None:
     end(place)
     place.found = 0
     place.level = 0
+    place.contacts = 0
+    clear_matrix(place.open)
 
 
 @compiled
@@ -98,12 +103,16 @@ def look(settings: Any, bank: Any) -> bool:
     if place.away > OUT_TIME and place.known != 0:
         place.testing = 1
         place.doubted = 0
+        place.contacts += 1
+        clear_matrix(place.open)
         place.due = FEWEST
         history.contact = history.count
     place.away = 0.0
     if place.testing == 0:
         return False
     _doubt(bank)
+    if math.isnan(settings.channel_delay) and finder.windows < FEWEST_WINDOWS:
+        return False
     count = history.count - history.contact
     if place.doubted == 0 or count < place.due:
         return False
@@ -119,7 +128,8 @@ def _doubt(bank: Any) -> None:
     """Note whether the row that was in charge in the air has failed since then."""
     place, row = bank.place, bank.rows[bank.place.row]
     fails = row.model_error > 0.0 or row.alarm_sum > DOUBTED * THRESHOLD
-    if fails or bank.judge.chosen != place.row or bank.change.testing != 0:
+    fails = fails or bank.judge.chosen != place.row or bank.change.testing != 0
+    if fails or place.found > 0:
         place.doubted = 1
 
 
@@ -127,7 +137,8 @@ def _doubt(bank: Any) -> None:
 def _note_before(settings: Any, bank: Any) -> None:
     """What is known of the place that the tool was at, or nothing."""
     place, row = bank.place, bank.rows[bank.judge.chosen]
-    place.known = 0 if SURFACE[row.index] or bank.tool.contact_clock <= 0.0 else 1
+    fits = row.model_error == 0.0 and bank.tool.contact_clock > 0.0
+    place.known = 1 if fits and not SURFACE[row.index] and bank.change.testing == 0 else 0
     place.row = row.index
     clear_matrix(place.before_covariance)
     for i in range(4):
@@ -164,7 +175,7 @@ def _ask(settings: Any, bank: Any) -> bool:
         return False
     left = other / place.expected
     place.left[1] = left
-    if not (left < CONSISTENT or left < EXPLAINS * place.left[0]):
+    if not left < CONSISTENT:
         return False
     # What the law misses is no reason for another place.
     weight = 1.0 / max(left, 1.0)
@@ -174,24 +185,45 @@ def _ask(settings: Any, bank: Any) -> bool:
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
-    _set_other(place, place.before_covariance[POSITION, POSITION])
+    _set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
     place.evidence[0] = _evidence(settings, place, history, noise, scatter, weight, 0)
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome)
-    if place.is_other == 0:
-        _set_same(place)
-        copy_vector(place.guess, place.values)
-        place.evidence[2] = _evidence(settings, place, history, noise, scatter, weight, 0)
-        enough = LIKELIER if place.found == 0 else LIKELIER_AGAIN
-        if not max(place.evidence[0], place.evidence[1]) - place.evidence[2] > enough:
-            return False
+    odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
+    _join(place, _probability(place.evidence[1] - place.evidence[0] - odds))
+    if place.is_other != 0:
+        return True
+    _set_same(place)
+    copy_vector(place.guess, place.values)
+    place.evidence[2] = _evidence(settings, place, history, noise, scatter, weight, 0)
+    lead = max(place.evidence[0], place.evidence[1]) - place.evidence[2]
+    if lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
+        clear_matrix(place.open)
         place.is_other = 1
         place.found += 1
-    odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
-    lead = place.evidence[0] + odds - place.evidence[1]
-    _join(place, 1.0 / (1.0 + math.exp(min(max(lead, -100.0), 100.0))))
-    return True
+        return True
+    if place.found > 0:
+        odds = math.log((1.0 + place.found) / (1.0 + place.contacts - place.found))
+        _leave_open(place, _probability(lead + odds))
+    return False
+
+
+@compiled
+def _probability(lead: float) -> float:
+    """Probability of what is likelier by such a logarithm of odds."""
+    return 1.0 / (1.0 + math.exp(min(max(-lead, -LARGEST_LOG), LARGEST_LOG)))
+
+
+@compiled
+def _leave_open(place: Any, share: float) -> None:
+    """What is open of ln K, ln B, n and p if it may be another place with a probability."""
+    for i in range(POSITION):
+        off = place.outcome[i] - place.before[i]
+        for j in range(POSITION):
+            other = place.conditional[i, j] + place.doubt[i, j]
+            other += off * (place.outcome[j] - place.before[j])
+            place.open[i, j] = share * other
 
 
 @compiled

@@ -388,6 +388,7 @@ def move_readings(bank: Any) -> None:
     bank.motion.first -= displacement
     bank.motion.states[:, 0] -= displacement
     onset.free_at -= displacement
+    onset.highest_level -= force
     if displacement != 0.0:
         for m in range(bank.rows.shape[0]):
             bank.rows[m].position_deviation = onset.position_deviation

@@ -47,7 +47,8 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
         spread = (np.array(other["state"]) - np.array(row["state"]))[_ROW]
         spread[:_FIRST_OF_TISSUE] = 0.0
         covariance += np.outer(spread, spread)
-    covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += memory["zeros"]["doubt"]
+    for open_of in (memory["zeros"]["doubt"], memory["place"]["open"]):
+        covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += open_of
     state = np.array(row["state"])[_ROW]
     state[0] += memory["onset"]["zero"][0]
     return state, covariance

@@ -132,6 +132,7 @@ def keep(
         if rows[m].active != 0:
             copy_vector(rows[m].state, kept.state)
             copy_matrix(rows[m].covariance, kept.covariance)
+            copy_vector(rows[m].by_delay, kept.by_delay)
             kept.position_deviation = rows[m].position_deviation
             kept.model_error = rows[m].model_error
             kept.score = rows[m].score
@@ -287,6 +288,7 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
             continue
         copy_vector(kept.state, row.state)
         copy_matrix(kept.covariance, row.covariance)
+        copy_vector(kept.by_delay, row.by_delay)
         clear_motion(row)
         if varied:  # then what turned may be the rate, and not the tool
             free_rate(row)

@@ -21,6 +21,9 @@ PLACE = record_type(
         Field("doubted", np.int64, (), 0, 1),  # 1 once that has failed since then
         Field("due", np.int64, (), 0),  # points of the contact at which it is asked next
         Field("found", np.int64, (), 0),  # other places so far
+        Field("contacts", np.int64, (), 0),  # that were asked about
+        # What is open of ln K, ln B, n and p as it may be another place after all.
+        Field("open", np.float64, (4, 4)),
         Field("level", np.int64, (), 0),  # of which so many at the height of the one before
         # Within one fit:
         Field("first", np.int64, (), 0),  # number of its first point

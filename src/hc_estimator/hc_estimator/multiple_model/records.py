@@ -140,6 +140,7 @@ KEPT_ROW = record_type(
     (
         Field("state", np.float64, (STATES,)),
         Field("covariance", np.float64, (STATES, STATES)),
+        Field("by_delay", np.float64, (STATES,)),
         Field("active", np.int64, (), 0, 1),
         Field("position_deviation", np.float64, (), 0.0),
         Field("model_error", np.float64, (), 0.0),

@@ -88,6 +88,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         ACCEPTED or the reason for the refusal.
     """
     clock = bank.clock
+    found = bank.change.detected  # by a reading that was used with this sample, before
     bank.change.detected = 0
     bank.given.extrapolated = extrapolated
     if clock.restart == 0:
@@ -103,6 +104,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
         note_accepted(clock, time)
         readings.learn(settings, bank, place)
         clock.state_time = place
+        bank.change.detected = found
         return ACCEPTED
     decision = _update(settings, bank, place)
     clock.state_time = place
@@ -121,13 +123,13 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     elif decision == ACCEPTED:
         air_zero.learn(settings, bank, place)
     beginning.recover(settings, bank, time, decision)
+    bank.change.detected = max(bank.change.detected, found)
     return decision
 
 
 @compiled
 def note_held(bank: Any, time: float) -> None:
     """Take note of a reading that is held back."""
-    bank.change.detected = 0
     note_accepted(bank.clock, time)
 
 

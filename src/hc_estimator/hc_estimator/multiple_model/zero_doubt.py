@@ -66,6 +66,7 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
         out: row of numbers; its covariance is changed.
     """
     _add_joint(bank.zeros.doubt, out)
+    _add_joint(bank.place.open, out)
     if bank.zeros.unknown != NONE:
         return
     exponent = row.state[EXPONENT]

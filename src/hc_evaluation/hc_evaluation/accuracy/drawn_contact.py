@@ -68,7 +68,7 @@ class _Plan:
     colour: float = 0.0
 
 
-def _minimum_jerk(share: FloatArray) -> FloatArray:
+def minimum_jerk(share: FloatArray) -> FloatArray:
     """Way of a smooth move at a share of its time (Flash and Hogan 1985)."""
     return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
 
@@ -96,7 +96,7 @@ def _moves(
             goal = float(draw.uniform(1.0, 8.0))
         takes = max(1.9 * abs(goal - place) / float(draw.uniform(*fastest)), 0.08)
         share = np.clip((time - now) / takes, 0.0, 1.0)
-        way = np.where(time >= now, place + (goal - place) * _minimum_jerk(share), way)
+        way = np.where(time >= now, place + (goal - place) * minimum_jerk(share), way)
         now, place = now + takes, goal
     return way
 

@@ -17,6 +17,7 @@ from hc_evaluation.accuracy import (
     mechanics,
     misfit,
     multirate,
+    places,
     possible,
     rates,
     real,
@@ -108,6 +109,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "troubles": Experiment(
         "everything drawn, each trouble alone and several at once: what is told wrong",
         troubles.troubles,
+    ),
+    "places": Experiment(
+        "a tissue palpated place by place: other stiffness, exponent and height",
+        places.places,
     ),
     "mechanics": Experiment(
         "what lies between tissue and readings and is in no law: mass, friction, memory, play",
