@@ -119,9 +119,7 @@ def test_a_maneuver_takes_back_scores_and_choice(parts):
     rows_of(options, bank, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     bank.tool.contact_clock = 1.0
     for _ in range(maneuver.PERIOD):
-        maneuver.keep(
-            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
-        )
+        maneuver.keep(bank, 1.0)
     assert bank.maneuver.count == 1
     bank.judge.count = 4
     bank.judge.said_at[:4] = (0.9, 0.99, 1.01, 1.02)
@@ -143,9 +141,7 @@ def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):
     rows_of(options, bank, (1.0,) * FRESH)
     bank.rows[FITTED].active = 0
     for _ in range(maneuver.PERIOD):
-        maneuver.keep(
-            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
-        )
+        maneuver.keep(bank, 1.0)
     bank.rows[FITTED].active = 1
     grid.take(bank.delay, 0, 1.0, 2.0)
     maneuver._go_back(bank, 0, 1.0)

@@ -42,6 +42,9 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "held": "held",
     "given": "given",
     "onset": "onset",
+    "window": "window",
+    "inside": "window",
+    "rise": "window",
     "air": "air",
     "search": "search",
     "memory": "memory",
@@ -97,6 +100,7 @@ OWNERS = {
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/given_out",),
     "onset": ("multiple_model/contact_onset",),
+    "window": ("multiple_model/contact_onset",),
     "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
@@ -113,9 +117,9 @@ GUESTS = {
     "multiple_model/beginning": {
         "change": "detected",
         "clock": "refused_count refused_since started",
-        "history": "fit unfitted",
-        "row": "active index",
-        "tool": "away_time contact_clock",
+        "history": "unfitted",
+        "row": "active index state",
+        "tool": "away_time contact_clock worthless_time",
     },
     "multiple_model/readings": {"bank": "calibrated motion_anew sensor_noise"},
     "multiple_model/sample": {
@@ -156,8 +160,7 @@ GUESTS = {
         "row": "claimed counts_from inconsistent_time log_likelihood model_error score",
     },
     "multiple_model/maneuver": {
-        "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "
-        "model_error position_deviation recent_nis score state",
+        "row": "alarm_sum covariance state",
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/reserve": {"row": "active state"},

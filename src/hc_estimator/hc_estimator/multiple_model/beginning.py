@@ -8,6 +8,7 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import (
     air_zero,
     contact_onset,
@@ -25,17 +26,15 @@ from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
-    EXPONENT,
     FITTED,
     FRESH,
-    LOG_DAMPING,
     LOG_STIFFNESS,
     WAITS,
     is_tried,
 )
 from hc_estimator.multiple_model.rows import (
     free_parameters,
-    is_held,
+    guess_of,
     is_sound,
     limit,
     reset,
@@ -94,26 +93,27 @@ def take_noise(settings: Any, bank: Any) -> None:
 
 
 @compiled
+def _begin_rows(settings: Any, rows: Any, fit: tuple[float, float, float, float]) -> None:
+    """Begin every row that takes part with ln K, ln B, n and p of a fit."""
+    for m in range(FRESH):
+        row = rows[m]
+        if row.active == 0:
+            continue
+        reset(settings, row, row.state[DEPTH])
+        for i in range(4):
+            row.state[LOG_STIFFNESS + i] = fit[i]
+        free_parameters(settings, row, ALIGNED_DEVIATIONS)
+        limit(settings, row)
+
+
+@compiled
 def begin_aligned(settings: Any, bank: Any) -> None:
     """Begin every row with what the last window says, now that the channels are aligned."""
     fit = bank.delay.fit
     stiffness = max(fit[0], 1e-6)
     damping = max(fit[1], 1e-3 * stiffness)
-    for m in range(FRESH):
-        row = bank.rows[m]
-        if row.active == 0:
-            continue
-        displacement = row.state[DEPTH]
-        reset(settings, row, displacement)
-        state = row.state
-        if not is_held(settings, 0):
-            state[LOG_STIFFNESS] = math.log(stiffness)
-        if not is_held(settings, 1):
-            state[LOG_DAMPING] = math.log(damping)
-        if not is_held(settings, 2):
-            state[EXPONENT] = fit[2]
-        free_parameters(settings, row, ALIGNED_DEVIATIONS)
-        limit(settings, row)
+    p = guess_of(settings, 3)
+    _begin_rows(settings, bank.rows, (math.log(stiffness), math.log(damping), fit[2], p))
     bank.motion_anew = 1
     _choose_anew(bank)
     histories.reset(bank.history)
@@ -133,19 +133,8 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     """Begin every row with the fit that found a zero to be off, in the new zeros."""
     contact_onset.move_zeros(bank)
     fit = bank.zeros.fit
-    for m in range(FRESH):
-        row = bank.rows[m]
-        if row.active == 0:
-            continue
-        state = row.state
-        reset(settings, row, state[DEPTH])
-        for i in range(4):
-            if not is_held(settings, i):
-                state[LOG_STIFFNESS + i] = fit[i]
-        free_parameters(settings, row, ALIGNED_DEVIATIONS)
-        limit(settings, row)
-    for i in range(4):
-        bank.history.fit[i] = fit[i]
+    _begin_rows(settings, bank.rows, (fit[0], fit[1], fit[2], fit[3]))
+    copy_vector(fit, bank.history.fit)
     bank.history.unfitted = bank.history.count
     bank.rows[FITTED].active = 0
     _go_on_moving(settings, bank)
@@ -178,7 +167,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     bank.rows[FITTED].active = 0
     bank.guessed = 0
     _go_on_moving(settings, bank)
-    plausible.begin_tissue(bank.tool)
+    bank.tool.worthless_time = 0.0
     levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
     _choose_anew(bank)

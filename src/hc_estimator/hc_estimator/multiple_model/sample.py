@@ -40,11 +40,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.choice import WAIT
-from hc_estimator.multiple_model.hypotheses import (
-    DEPTH,
-    FITTED,
-    SURFACE,
-)
+from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, SURFACE
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
@@ -290,33 +286,15 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         chosen = rows[bank.judge.chosen]
     _correct_density(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
-    if clock.present[1] != 0 and not turning:
-        judging.learn(
-            settings,
-            bank.judge,
-            rows,
-            tool,
-            clock.measurement[1],
-            bank.sensor_noise[1],
-            clock.force_elapsed,
-            touching,
-        )
+    if touching and clock.present[1] != 0 and not turning:
+        force, noise = clock.measurement[1], bank.sensor_noise[1]
+        judging.learn(settings, bank.judge, rows, tool, force, noise, clock.force_elapsed)
     alarm = rows[bank.judge.chosen].alarm != 0
     tested = bank.change.testing != 0  # then the fresh row has used this sample as well
     if not maneuvers.answer(settings, bank, time, alarm):
-        changes.answer(
-            settings,
-            bank.change,
-            bank.judge,
-            rows,
-            tool,
-            bank.motion,
-            bank.sensor_noise,
-            readings.since_displacement(bank, time),
-        )
+        changes.answer(settings, bank, readings.since_displacement(bank, time))
     if tested and bank.change.testing != 0 and touching and clock.present[1] != 0:
-        rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
-        changes.judge_test(bank.change, bank.judge, rows, tool, clock.force_elapsed, rose)
+        changes.judge_test(bank)
         if bank.change.testing == 0 and bank.change.detected == 0:
             maneuvers.audit(settings, bank)
     if bank.change.detected != 0:
@@ -329,16 +307,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     if clock.restart != 0 or bank.change.detected != 0:
         bank.maneuver.count = 0
     departure.learn(bank.maneuver, bank.motion, bank.sensor_noise[0], clock.elapsed)
-    maneuvers.keep(
-        bank.maneuver,
-        rows,
-        rows[bank.judge.chosen],
-        tool,
-        bank.motion,
-        time,
-        clock.elapsed,
-        bank.change.testing != 0,
-    )
+    maneuvers.keep(bank, time)
 
 
 @compiled

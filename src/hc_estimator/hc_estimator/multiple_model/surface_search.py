@@ -33,7 +33,6 @@ from hc_estimator.multiple_model.kalman import squared_forces, squares_left
 from hc_estimator.multiple_model.rows import (
     SMALLEST_LOG_RATIO,
     free_parameters,
-    is_held,
     limit,
     seed,
 )
@@ -75,15 +74,14 @@ def reset(search: Any) -> None:
 
 
 @compiled
-def look(settings: Any, bank: Any, elapsed: float) -> None:
+def look(settings: Any, bank: Any) -> None:
     """Look for the surface if no row has explained the force for long enough.
 
     Args:
         settings: settings record.
-        bank: its records `search` and `rows` are changed.
-        elapsed: since the last call [s].
+        bank: its records `search` and `rows` are changed; called at each point of the grid.
     """
-    search, chosen = bank.search, bank.rows[bank.judge.chosen]
+    search, chosen, elapsed = bank.search, bank.rows[bank.judge.chosen], bank.delay.grid_step
     surface = bank.rows[SURFACE_ROW]
     search.waited = min(search.waited + elapsed, AGAIN)
     explained = SURFACE[chosen.index] and chosen.model_error == 0.0
@@ -221,13 +219,10 @@ def _begin(settings: Any, bank: Any, row: Any, chosen: Any) -> None:
     best, clock = bank.search.best, bank.tool.contact_clock
     seed(chosen, row, clock, clock + WAIT)
     row.model_error = 0.0
-    if not is_held(settings, 0):
-        row.state[LOG_STIFFNESS] = math.log(best[2])
-    if not is_held(settings, 1):
-        least = math.exp(SMALLEST_LOG_RATIO) * best[2]
-        row.state[LOG_DAMPING] = math.log(max(best[3], 10.0 * least))
-    if not is_held(settings, 2):
-        row.state[EXPONENT] = STEEPNESS
+    least = math.exp(SMALLEST_LOG_RATIO) * best[2]
+    row.state[LOG_STIFFNESS] = math.log(best[2])
+    row.state[LOG_DAMPING] = math.log(max(best[3], 10.0 * least))
+    row.state[EXPONENT] = STEEPNESS
     free_parameters(settings, row, DEVIATIONS)
     row.position_deviation = 0.0
     row.state[OWN] = best[0]

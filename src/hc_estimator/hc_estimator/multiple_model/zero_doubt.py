@@ -27,7 +27,6 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.zero_records import NONE
 from hc_estimator.specification import ParameterSpecification
 
-PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
 SMALLEST_FORCE = 1e-9  # [N]
 
@@ -125,7 +124,7 @@ def _add_force_zero(tool: Any, variance: float, exponent: float, out: NDArray[np
     A zero that is off by s changes ln F by -s / F.
     """
     depth = max(tool.deepest, SHALLOWEST)
-    force = max(out[PARAMETERS] * depth**exponent, SMALLEST_FORCE)
+    force = max(out[columns.PARAMETERS] * depth**exponent, SMALLEST_FORCE)
     slope = -1.0 / force
     _add_bent(variance, slope, 2.0**exponent * slope, depth, out)
 
@@ -145,17 +144,26 @@ def _add_bent(
     """
     by_exponent = (deep - half) / math.log(2.0)
     by_stiffness = deep - by_exponent * math.log(depth)
-    slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
-    for i in range(3):
-        for j in range(3):
-            out[COVARIANCE + 4 * i + j] += variance * (slopes[i] * slopes[j])
+    add_along(variance, (by_stiffness, by_stiffness, by_exponent, 0.0), out)
+
+
+@compiled
+def add_along(
+    variance: float, way: tuple[float, float, float, float], out: NDArray[np.float64]
+) -> None:
+    """Add to the covariance in `out` a variance along a way in ln K, ln B, n and p."""
+    for i in range(4):
+        first = way[i] * (out[columns.PARAMETERS + i] if i < 2 else 1.0)
+        for j in range(4):
+            second = way[j] * (out[columns.PARAMETERS + j] if j < 2 else 1.0)
+            out[columns.COVARIANCE + 4 * i + j] += variance * (first * second)
 
 
 @compiled
 def _add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
     """Add what both zeros leave open of ln K, ln B, n and p (`zero_fit`)."""
     for i in range(4):
-        first = out[PARAMETERS + i] if i < 2 else 1.0
+        first = out[columns.PARAMETERS + i] if i < 2 else 1.0
         for j in range(4):
-            second = out[PARAMETERS + j] if j < 2 else 1.0
-            out[COVARIANCE + 4 * i + j] += doubt[i, j] * (first * second)
+            second = out[columns.PARAMETERS + j] if j < 2 else 1.0
+            out[columns.COVARIANCE + 4 * i + j] += doubt[i, j] * (first * second)
