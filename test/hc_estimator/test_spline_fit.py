@@ -73,8 +73,7 @@ def filled(records_of):
         history.points[:COUNT, 7] = WIDE
         history.points[:COUNT, 8] = time
         history.count, history.first = COUNT, 0
-        spline.free_all(fit)
-        fit.held[spline.DELAY] = 1
+        spline.free_all(settings, fit)
         if not with_zeros:
             fit.held[spline.FORCE_ZERO] = 1
             fit.held[spline.POSITION] = 1

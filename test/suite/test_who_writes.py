@@ -43,8 +43,6 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "given": "given",
     "onset": "onset",
     "window": "window",
-    "inside": "window",
-    "rise": "window",
     "air": "air",
     "search": "search",
     "memory": "memory",
@@ -53,7 +51,6 @@ OWNERS = {
     "bank": (
         "filters/self_tuning_ukf",
         "multiple_model/beginning",
-        "multiple_model/first_guess",
         "multiple_model/sample",
     ),
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
@@ -98,9 +95,9 @@ OWNERS = {
         "multiple_model/delay_evidence",
     ),
     "held": ("multiple_model/alignment",),
-    "given": ("multiple_model/given_out",),
+    "given": ("multiple_model/report",),
     "onset": ("multiple_model/contact_onset",),
-    "window": ("multiple_model/contact_onset",),
+    "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.

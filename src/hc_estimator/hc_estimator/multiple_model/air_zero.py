@@ -17,16 +17,10 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import contact_onset
+from hc_estimator.multiple_model import air_window, contact_onset
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.contact_onset import (
-    CALMEST,
-    FEWEST,
-    LEAST_DISTANCE,
-    SIGNIFICANT,
-    SMALLEST_ZERO,
-    SURE,
-)
+from hc_estimator.multiple_model.air_window import FEWEST, SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.contact_onset import LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
 SURELY = 3.0  # deviations of the depth
@@ -59,7 +53,7 @@ def _forget(air: Any) -> None:
 def _begin(air: Any) -> None:
     """Begin another stretch outside."""
     air.time = 0.0
-    contact_onset.clear(air.window)
+    air_window.clear(air.window)
 
 
 @compiled
@@ -97,7 +91,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
         return
     air.time += clock.elapsed
     if clock.present[1] != 0:
-        contact_onset.add(air.window, depth, clock.measurement[1])
+        air_window.add(air.window, depth, clock.measurement[1])
     if air.time >= LONGEST:
         _conclude(bank, time)
 
@@ -109,10 +103,10 @@ def _conclude(bank: Any, time: float) -> None:
     count, mean = window.count, window.mean[1]
     if count < FEWEST:
         return
-    scatter = contact_onset.scatter_of(window)
-    calm = scatter >= CALMEST * noise[1] and scatter <= WILDEST * noise[1]
-    if contact_onset.travels(window, noise):
-        air.travelled = 1 if calm and contact_onset.stays_the_same(window) else 0
+    scatter = air_window.scatter_of(window)
+    calm = air_window.is_calm(window, noise, WILDEST)
+    if air_window.travels(window, noise):
+        air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:
         steps = abs(mean * air.seen - air.sum)
         if steps > SIGNIFICANT * math.sqrt(scatter / count) * air.seen:

@@ -20,9 +20,9 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.multiple_model import air_window, plausible, zero_fit
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import plausible, zero_fit
+from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 
@@ -33,14 +33,8 @@ THRESHOLD = 12.0
 LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
 SETTLING = 5  # readings in the mean before one can leave it
-FEWEST = 20  # readings in the air that make a mean
 DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
-LEAST_TRAVEL = 0.5  # in the air [mm]
-TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the displacement sensor
-SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
-CALMEST, WILDEST = 0.05, 4.0  # scatter of a working sensor in the air over its noise variance
-SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
-SMALLEST_ZERO = 0.2  # deviations of a reading below which no zero is moved
+WILDEST = 4.0  # scatter of a working sensor in the air over its noise variance
 STEEPEST = 3.0  # exponent of a tissue
 SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
@@ -84,8 +78,8 @@ def restart(onset: Any) -> None:
     onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
-    clear(onset.window)
-    clear(onset.rise)
+    air_window.clear(onset.window)
+    air_window.clear(onset.rise)
     onset.highest_level = -NOWHERE
 
 
@@ -156,7 +150,7 @@ def _take(
         is_air = side > 0 and _is_air(onset, noise, sure)
         if not is_air:
             onset.highest_level = max(onset.highest_level, onset.window.mean[1])
-        clear(onset.window)
+        air_window.clear(onset.window)
         if is_air:
             onset.in_air = 1
             onset.free = 1
@@ -239,7 +233,7 @@ def _rises(onset: Any, displacement: float, force: float) -> bool:
         onset.rise_highest = force
     onset.rise_lowest = min(onset.rise_lowest, force)
     onset.rise_highest = max(onset.rise_highest, force)
-    add(rise, displacement, force)
+    air_window.add(rise, displacement, force)
     if rise.count < FEWEST_RISING or moment[1] <= 0.0:
         return False
     if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
@@ -259,51 +253,6 @@ def _extrapolated(onset: Any) -> float:
 
 
 @compiled
-def clear(window: Any) -> None:
-    """No reading is in a window."""
-    window.count = 0
-    clear_vector(window.mean)
-    clear_vector(window.moment)
-    window.lowest = math.inf
-    window.highest = -math.inf
-
-
-@compiled
-def add(window: Any, displacement: float, force: float) -> None:
-    """Take a reading into means and sums of squares about them (Welford, Technometrics 4, 1962)."""
-    mean, moment = window.mean, window.moment
-    window.count += 1
-    way, change = displacement - mean[0], force - mean[1]
-    mean[0] += way / window.count
-    mean[1] += change / window.count
-    moment[0] += way * (displacement - mean[0])
-    moment[1] += way * (force - mean[1])
-    moment[2] += change * (force - mean[1])
-    window.lowest = min(window.lowest, displacement)
-    window.highest = max(window.highest, displacement)
-
-
-@compiled
-def travels(window: Any, noise: Any) -> bool:
-    """True if the tool went far enough in a window to show whether the force changes on the way."""
-    least = max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0]))
-    return bool(window.highest - window.lowest >= least)
-
-
-@compiled
-def scatter_of(window: Any) -> float:
-    """Variance of the force in a window [N^2]."""
-    return window.moment[2] / (window.count - 1)  # type: ignore[no-any-return]
-
-
-@compiled
-def stays_the_same(window: Any) -> bool:
-    """True if the force does not change on the way."""
-    moment = window.moment
-    return bool(abs(moment[1] / moment[0]) <= SAME * math.sqrt(scatter_of(window) / moment[0]))
-
-
-@compiled
 def _leaves_window(
     onset: Any, displacement: float, velocity: float, force: float, time: float, variance: float
 ) -> int:
@@ -316,20 +265,17 @@ def _leaves_window(
     if window.count == 0:
         onset.upward = 0.0
         onset.downward = 0.0
-        inside.count = 0
+        air_window.clear(inside)
         onset.fastest = velocity
     if window.count >= SETTLING:
         term = (force - window.mean[1]) / math.sqrt(variance)
         term = min(max(term, -LARGEST_TERM), LARGEST_TERM)
         onset.upward = max(onset.upward + term - DRIFT, 0.0)
         onset.downward = max(onset.downward - term - DRIFT, 0.0)
-    add(window, displacement, force)
+    air_window.add(window, displacement, force)
     onset.fastest = max(onset.fastest, velocity)
     if onset.upward == 0.0:  # what came before an onset
-        inside.count = window.count
-        copy_vector(window.mean, inside.mean)
-        copy_vector(window.moment, inside.moment)
-        inside.lowest, inside.highest = window.lowest, window.highest
+        air_window.copy(window, inside)
         onset.air_slowing = onset.fastest - velocity
         onset.air_fastest = onset.fastest
         onset.inside_at = displacement
@@ -348,17 +294,17 @@ def _is_air(onset: Any, noise: Any, sure: float) -> bool:
     """
     inside, mean = onset.inside, onset.inside.mean
     way = inside.highest - inside.lowest
-    if inside.count < FEWEST or not travels(inside, noise):
+    if inside.count < FEWEST or not air_window.travels(inside, noise):
         return False
     if onset.highest_level > mean[1] + SURELY * sure:
         return False
     if onset.inside_at < onset.window.lowest + DOWN * way:
         return False
-    scatter = scatter_of(inside)
-    if not (scatter >= CALMEST * noise[1] and scatter <= WILDEST * noise[1]):
+    if not air_window.is_calm(inside, noise, WILDEST):
         return False
+    scatter = air_window.scatter_of(inside)
     onset.level_deviation = math.sqrt(scatter / inside.count)
-    if not stays_the_same(inside):
+    if not air_window.stays_the_same(inside):
         return False
     if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
         return True

@@ -215,10 +215,8 @@ def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> boo
     """Lay out a fit of a kind with the zeros as they are; False if points are too far apart."""
     if kind & BENDS != 0 and is_held(settings, 2):
         return False
-    spline.free_all(fit)
+    spline.free_all(settings, fit)
     fit.held[spline.FORCE_ZERO] = 1
-    if not math.isnan(settings.channel_delay):
-        fit.held[spline.DELAY] = 1
     fit.position_deviation = SURFACE_DEVIATION
     if kind & SINKS == 0:
         fit.held[spline.POSITION] = 1

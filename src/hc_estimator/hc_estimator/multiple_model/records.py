@@ -221,7 +221,7 @@ HELD_READINGS = record_type(
     )
 )
 
-# Readings of the force beside the place of the tool; see `contact_onset.add`.
+# Readings of the force beside the place of the tool; see `air_window`.
 WINDOW = record_type(
     (
         Field("count", np.int64, (), 0),  # readings in it
@@ -295,7 +295,6 @@ SEARCH = record_type(
         Field("points", np.float64, (GRID, 4)),  # displacement, velocity, force, time from now
         Field("count", np.int64, (), 0, GRID),
         Field("touching_force", np.float64, (), 0.0),  # from which on there is a contact [N]
-        Field("tried", np.float64, (2,)),  # K and B
         Field("best", np.float64, (4,)),  # position [mm], speed [mm/s], K, B
     )
 )

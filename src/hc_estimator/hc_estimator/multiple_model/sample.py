@@ -25,13 +25,12 @@ from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
     departure,
-    first_guess,
-    given_out,
     levels,
     lift_off,
     model_error,
     plausible,
     readings,
+    report,
     tempering,
     unknown_velocity,
 )
@@ -95,7 +94,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     if anew and math.isnan(readings.last_displacement(bank)):
         # As long as nobody knows where the tool is, a force says nothing.
         bank.motion_anew = 1
-        given_out.foretell(settings, bank)
+        report.foretell(settings, bank)
         note_accepted(clock, time)
         readings.learn(settings, bank, place)
         clock.state_time = place
@@ -133,11 +132,11 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
     plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
-    given_out.foretell(settings, bank)
+    report.foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     log_speed = levels.log_usual_speed(bank.tool)
     if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
-        given_out.give_refused(bank)
+        report.give_refused(bank)
         return OUTLIER
     for m in range(rows.shape[0]):
         row = rows[m]
@@ -156,7 +155,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
             return NUMERICAL
         open_before = clock.outlier_counts[1] > settings.outlier_limit
         if readings.is_outlier(settings, bank, chosen, 1):
-            given_out.give(settings, bank, OUTLIER)
+            report.give(settings, bank, OUTLIER)
             limit_wild(settings, rows)
             return OUTLIER
         opens = not open_before and clock.outlier_counts[1] > settings.outlier_limit
@@ -169,7 +168,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
                 # What surprises now is the motion, and teaches nothing about the tissue.
                 hold = HOLD_ALL if departs else _hold(settings, bank, rows[m])
                 use_force(rows[m], hold, log_speed)
-    given_out.give(settings, bank, ACCEPTED)
+    report.give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
@@ -198,7 +197,7 @@ def _predict(settings: Any, bank: Any) -> None:
         clock.restart = 1
         bank.motion_anew = 0
     if bank.guessed == 0:
-        first_guess.centre_prior(settings, bank)
+        beginning.centre_prior(settings, bank)
 
 
 @compiled
@@ -268,7 +267,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     # A row that expects no force where there is one must not stop what would refute it.
-    pressed = clock.present[1] != 0 and clock.measurement[1] > first_guess.SURE * math.sqrt(
+    pressed = clock.present[1] != 0 and clock.measurement[1] > beginning.SURE * math.sqrt(
         bank.sensor_noise[1]
     )
     touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)

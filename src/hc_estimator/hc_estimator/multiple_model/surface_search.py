@@ -160,19 +160,17 @@ def _try_all(search: Any) -> float:
             if point[2] > search.touching_force:
                 shallowest = min(shallowest, point[0] - rate * point[3])
         for reach in REACHES:
-            squares = _try(search, shallowest - reach, rate)
+            squares, stiffness, damping = _try(search, shallowest - reach, rate)
             if squares < least:
-                least = squares
-                for i in range(2):
-                    search.best[2 + i] = search.tried[i]
-                search.best[0] = shallowest - reach
-                search.best[1] = rate
+                least, best = squares, search.best
+                best[0], best[1] = shallowest - reach, rate
+                best[2], best[3] = stiffness, damping
     return least
 
 
 @compiled
-def _try(search: Any, position: float, rate: float) -> float:
-    """Squares left by the best K and B, search.tried, on a surface [mm], [mm/s]; [N^2]."""
+def _try(search: Any, position: float, rate: float) -> tuple[float, float, float]:
+    """Squares [N^2] left by the best K and B on a surface [mm], [mm/s]; and these."""
     xx, xy, yy, xf, yf, ff = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(search.count):
         point = search.points[i]
@@ -193,12 +191,10 @@ def _try(search: Any, position: float, rate: float) -> float:
     damping = max(damping, 0.0)
     stiffness = (xf - damping * xy) / xx if xx > 0.0 else 0.0
     if stiffness <= 0.0:
-        return math.inf
-    search.tried[0] = stiffness
-    search.tried[1] = damping
+        return math.inf, stiffness, damping
     left = ff - 2.0 * (stiffness * xf + damping * yf)
     left += stiffness * stiffness * xx + 2.0 * stiffness * damping * xy + damping * damping * yy
-    return max(left, 0.0)
+    return max(left, 0.0), stiffness, damping
 
 
 @compiled

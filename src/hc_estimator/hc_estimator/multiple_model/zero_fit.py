@@ -194,9 +194,7 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     for kind in (STAYS, SINKS, VARIES):
         if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
             continue
-        spline.free_all(fit)
-        if not math.isnan(settings.channel_delay):
-            fit.held[spline.DELAY] = 1
+        spline.free_all(settings, fit)
         if possible & OF_FORCE == 0:
             fit.held[spline.FORCE_ZERO] = 1
         if not spline.lay_out(history, fit, first, history.count, kind):
