@@ -86,7 +86,7 @@ def update(settings: Any, bank: Any) -> bool:
             history.fit[i] = constant.state[LOG_STIFFNESS + i]
     force_noise = histories.noise_of_points(bank)[1]
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
-    _take_velocity_noise(history, finder, bank.sensor_noise[0], independent)
+    _take_velocity_noise(bank, independent)
     left = _fit(settings, history, force_noise, independent)
     if left < 0.0:
         row.active = 0
@@ -142,15 +142,14 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
 
 
 @compiled
-def _take_velocity_noise(history: Any, finder: Any, noise: float, independent: float) -> None:
+def _take_velocity_noise(bank: Any, independent: float) -> None:
     """Noise of the points' velocities, of the narrow parabolas and of the wide cubics.
 
     Args:
-        history: velocity_std and velocity_noise are set, and the share of the cubic.
-        finder: record of `delay`.
-        noise: variance of a displacement [mm^2].
+        bank: velocity_std and velocity_noise of the history are set, and the share of the cubic.
         independent: number of points whose errors are independent of one another.
     """
+    history, finder, noise = bank.history, bank.delay, bank.sensor_noise[0]
     spacing, width = finder.grid_step * history.every, finder.grid_width
     variance = grids.velocity_variance(finder, noise)
     _share_cubic(history, variance, independent)
@@ -205,8 +204,7 @@ def _fit(
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
     if not left < max(largest, SMALL_MISFIT):
         return -1.0
-    for i in range(4):
-        history.held[i] = 0
+    clear_vector(history.held)
     if not _is_gathered(history):
         gather(settings, history, history.fit)
     add_prior(settings, history, history.fit, 1.0 / left)
@@ -259,8 +257,7 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
     Returns:
         False if the points and the prior together do not determine the parameters.
     """
-    for i in range(4):
-        history.held[i] = 0
+    clear_vector(history.held)
     damping, exponent = history.fit[1], history.fit[3]
     if _is_at_rest(history):
         history.held[1] = 1

@@ -52,11 +52,9 @@ DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p about their old valu
 @compiled
 def reset(change: Any, rows: Any) -> None:
     """The rows are believed until the data object."""
-    change.testing = 0
-    change.leads = 0
+    end_test(change, rows)
     change.detected = 0
     change.fitting_time = 0.0
-    rows[FRESH].active = 0
 
 
 @compiled

@@ -20,6 +20,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import air_window, plausible, zero_fit
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
@@ -58,8 +59,7 @@ LATEST = 3.0  # time from the last reading without force within which it must co
 def reset(bank: Any) -> None:
     """Both zeros are as they were given."""
     onset = bank.onset
-    for i in range(2):
-        onset.zero[i] = 0.0
+    clear_vector(onset.zero)
     onset.doubted = 0
     onset.force_deviation = math.nan
     for m in range(bank.rows.shape[0]):

@@ -44,8 +44,7 @@ def reset(history: Any) -> None:
     history.waited = 0
     history.unfitted = 0
     history.fitted = 0
-    for i in range(4):
-        history.held[i] = 0
+    clear_vector(history.held)
 
 
 @compiled

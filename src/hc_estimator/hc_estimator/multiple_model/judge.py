@@ -146,14 +146,14 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
 
 
 @compiled
-def _score(
-    settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float
-) -> None:
+def _score(settings: Any, bank: Any, share: float) -> None:
     """Hold what the rows said some time ago against the force of now.
 
     Each error counts by what the surest row claimed to know when it was said: what nobody could
     know yet says nothing about who is right by now.
     """
+    judge, rows, clock = bank.judge, bank.rows, bank.tool.contact_clock
+    force, noise = bank.clock.measurement[1], bank.sensor_noise[1]
     period = max(PERIOD, judge.waited)
     tool = rows[trusted_motion(judge, rows)].state
     known = 0.0
@@ -191,26 +191,12 @@ def _score(
 
 
 @compiled
-def learn(
-    settings: Any,
-    judge: Any,
-    rows: Any,
-    tool: Any,
-    force: float,
-    noise: float,
-    elapsed: float,
-) -> None:
+def learn(settings: Any, bank: Any) -> None:
     """Take an accepted force in contact into scores and likelihoods, and choose.
 
-    Args:
-        settings: settings record.
-        judge: changed.
-        rows: scores are changed; rows that stay inconsistent are seeded anew.
-        tool: record of the motion, whose contact clock has advanced.
-        force: reading, less the zero [N].
-        noise: variance of the force sensor [N^2].
-        elapsed: time since the last sample [s].
+    The record `judge` and the rows' scores are changed; rows that stay inconsistent begin anew.
     """
+    judge, rows, tool, elapsed = bank.judge, bank.rows, bank.tool, bank.clock.force_elapsed
     for m in range(FRESH):
         row = rows[m]
         if row.active != 0:
@@ -221,7 +207,7 @@ def learn(
     clock = tool.contact_clock
     share = min(LARGEST_SHARE, judge.waited / MEMORY)
     judge.weight = min(1.0, judge.weight + share)
-    _score(settings, judge, rows, clock, force, noise, share)
+    _score(settings, bank, share)
     slot = judge.count % SLOTS
     judge.said_at[slot] = clock
     judge.said_variance[slot] = _surest(judge, rows)

@@ -137,17 +137,10 @@ def is_no_law(settings: Any, row: Any, tool: Any) -> bool:
 
 
 @compiled
-def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) -> None:
-    """Note what every row expects of the sample, and begin impossible rows anew.
-
-    Args:
-        settings: settings record.
-        rows: predicted to the sample; predicted_force is written.
-        tool: what was felt.
-        chosen: index of the row in charge.
-        force_noise: variance of the force sensor [N^2].
-    """
-    largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(force_noise)
+def check(settings: Any, bank: Any) -> None:
+    """Note what every row, predicted to the sample, expects of it; begin impossible ones anew."""
+    rows, tool, chosen = bank.rows, bank.tool, bank.judge.chosen
+    largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(bank.sensor_noise[1])
     looked_long = settings.possible_forces != 0 and tool.known_time > KNOWN_AFTER
     possible = -1
     for m in range(rows.shape[0]):

@@ -1,7 +1,7 @@
 """The records in which the default filter keeps what it knows; one per question.
 
-A kernel gets the records that it may touch and nothing else, so that its signature says what it
-reads and writes. All of it is saved and restored with the estimator.
+A kernel gets the records that it may touch, or where these are many the bank; who may write which
+field stands in test/suite/test_who_writes.py. All of it is saved and restored with the estimator.
 """
 
 from __future__ import annotations
@@ -94,9 +94,7 @@ JUDGE = record_type(
         Field("chosen", np.int64, (), 0, ROW_COUNT - 1),
         Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
-        Field(
-            "said_variance", np.float64, (SLOTS,)
-        ),  # that the surest row gave its force then [N^2]
+        Field("said_variance", np.float64, (SLOTS,)),  # of the surest row's force then [N^2]
         Field("known", np.float64, (), 0.0),  # forgetting mean of its inverse [1/N^2]
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]

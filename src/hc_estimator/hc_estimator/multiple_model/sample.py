@@ -131,7 +131,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     """Predict every row to the sample's place [s] and update it with the readings there are."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
-    plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
+    plausible.check(settings, bank)
     report.foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     log_speed = levels.log_usual_speed(bank.tool)
@@ -286,8 +286,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
     _correct_density(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
     if touching and clock.present[1] != 0 and not turning:
-        force, noise = clock.measurement[1], bank.sensor_noise[1]
-        judging.learn(settings, bank.judge, rows, tool, force, noise, clock.force_elapsed)
+        judging.learn(settings, bank)
     alarm = rows[bank.judge.chosen].alarm != 0
     tested = bank.change.testing != 0  # then the fresh row has used this sample as well
     if not maneuvers.answer(settings, bank, time, alarm):
@@ -305,7 +304,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.change.fitting_time += elapsed
     if clock.restart != 0 or bank.change.detected != 0:
         bank.maneuver.count = 0
-    departure.learn(bank.maneuver, bank.motion, bank.sensor_noise[0], clock.elapsed)
+    departure.learn(bank)
     maneuvers.keep(bank, time)
 
 

@@ -95,8 +95,7 @@ def look(settings: Any, bank: Any) -> None:
     if search.unexplained_time < AFTER or search.waited < AGAIN or waits:
         return
     search.waited = 0.0
-    now = bank.clock.state_time
-    if not _gather(bank.delay, search, bank.sensor_noise, now):
+    if not _gather(bank):
         return
     left = _least_squares(settings, search, bank.rows)
     if (
@@ -116,15 +115,12 @@ def _is_explained(rows: Any) -> bool:
 
 
 @compiled
-def _gather(finder: Any, search: Any, noise: Any, now: float) -> bool:
+def _gather(bank: Any) -> bool:
     """Take the grid's points where parabolas fit; False if they are too few.
 
-    Args:
-        finder: record of `delay`.
-        search: depth, velocity, force and time before now of `count` points are set.
-        noise: variances of a reading, shape (2,).
-        now: time of the rows' state [s].
+    Depth, velocity, force and time from now of the points of `search` are set.
     """
+    finder, search, noise = bank.delay, bank.search, bank.sensor_noise
     shift = round(finder.delay / finder.grid_step)
     search.count = 0
     touching, shallowest, deepest = 0, math.inf, -math.inf
@@ -140,7 +136,7 @@ def _gather(finder: Any, search: Any, noise: Any, now: float) -> bool:
         point[0] = place[0]
         point[1] = place[1]
         point[2] = here[3]
-        point[3] = grids.time_of(finder, there) - now
+        point[3] = grids.time_of(finder, there) - bank.clock.state_time
         search.count += 1
         if point[2] > search.touching_force:
             touching += 1

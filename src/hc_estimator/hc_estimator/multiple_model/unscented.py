@@ -70,9 +70,7 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         depth -= state[OWN]
         velocity -= state[OWN + 1]
     k, b, n, p = state[2], state[3], state[4], state[5]
-    log_speed = log_speed_of(row, log_speed)
-    share = levels.share_of_damping(k, b, p, log_speed)
-    level = levels.log_level(k, b, p, log_speed)
+    ridge = levels.ridge_at(k, b, p, log_speed_of(row, log_speed))
     touching = depth > TINY
     log_depth = math.log(depth) if touching else 0.0
     speed = abs(velocity)
@@ -104,8 +102,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
             row.sigma_force[j, 0] = centre
             row.sigma_force[j, 1] = centre
             continue
-        k_plus, b_plus = levels.moved(k, b, p, move_k, move_b, move_p, level, share, log_speed)
-        k_minus, b_minus = levels.moved(k, b, p, -move_k, -move_b, -move_p, level, share, log_speed)
+        k_plus, b_plus = levels.moved(ridge, move_k, move_b, move_p)
+        k_minus, b_minus = levels.moved(ridge, -move_k, -move_b, -move_p)
         n_plus, n_minus, p_plus, p_minus = n + move_n, n - move_n, p + move_p, p - move_p
         if plain and not moves_tool:
             plus, minus = 0.0, 0.0

@@ -67,14 +67,17 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     _add_joint(bank.zeros.doubt, out)
     if bank.zeros.unknown != NONE:
         return
-    exponent = row.state[EXPONENT]
-    if not SURFACE[row.index]:
+    exponent, depth = row.state[EXPONENT], max(bank.tool.deepest, SHALLOWEST)
+    if not SURFACE[row.index]:  # else its position is a state
         variance = _position_variance(settings, bank)
-        if variance > 0.0:
-            _add_position(bank.tool, variance, exponent, out)
+        if variance > 0.0:  # a position that is off by s changes ln F at the depth x by -n s / x
+            slope = -exponent / depth
+            _add_bent(variance, slope, 2.0 * slope, depth, out)
     deviation = force_deviation(settings, bank)
+    # No row knows the force's zero; one that is off by s changes ln F by -s / F.
     if settings.force_zero_std > 0.0 and deviation > 0.0:
-        _add_force_zero(bank.tool, deviation**2, exponent, out)
+        slope = -1.0 / max(out[columns.PARAMETERS] * depth**exponent, SMALLEST_FORCE)
+        _add_bent(deviation**2, slope, 2.0**exponent * slope, depth, out)
 
 
 @compiled
@@ -104,29 +107,6 @@ def _position_variance(settings: Any, bank: Any) -> float:
 def _error_by(surface: Any) -> float:
     """Give the mean square error of the position in use, by the row whose surface moves freely."""
     return surface.covariance[OWN, OWN] + surface.state[OWN] ** 2  # type: ignore[no-any-return]
-
-
-@compiled
-def _add_position(tool: Any, variance: float, exponent: float, out: NDArray[np.float64]) -> None:
-    """Add what is not known of the contact position, where a row takes it for exact.
-
-    A position that is off by s changes ln F at the depth x by -n s / x.
-    """
-    depth = max(tool.deepest, SHALLOWEST)
-    slope = -exponent / depth
-    _add_bent(variance, slope, 2.0 * slope, depth, out)
-
-
-@compiled
-def _add_force_zero(tool: Any, variance: float, exponent: float, out: NDArray[np.float64]) -> None:
-    """Add what is not known of the force's zero; no row knows that.
-
-    A zero that is off by s changes ln F by -s / F.
-    """
-    depth = max(tool.deepest, SHALLOWEST)
-    force = max(out[columns.PARAMETERS] * depth**exponent, SMALLEST_FORCE)
-    slope = -1.0 / force
-    _add_bent(variance, slope, 2.0**exponent * slope, depth, out)
 
 
 @compiled
