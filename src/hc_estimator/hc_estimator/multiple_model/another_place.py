@@ -51,7 +51,6 @@ DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 10.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 3.0  # the same once there was one
 CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
-FEWEST_WINDOWS = 4  # of the delay, before which what is late may look like another height
 LEAST_VARIANCE = 1e-8
 DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 
@@ -65,6 +64,7 @@ def reset(place: Any) -> None:
     place.found = 0
     place.level = 0
     place.contacts = 0
+    place.in_step = 0
     clear_matrix(place.open)
 
 
@@ -111,7 +111,9 @@ def look(settings: Any, bank: Any) -> bool:
     if place.testing == 0:
         return False
     _doubt(bank)
-    if math.isnan(settings.channel_delay) and finder.windows < FEWEST_WINDOWS:
+    if finder.delay != 0.0 or (finder.doubt == 0.0 and not math.isnan(finder.deviation)):
+        place.in_step = 1
+    if math.isnan(settings.channel_delay) and place.in_step == 0:
         return False
     count = history.count - history.contact
     if place.doubted == 0 or count < place.due:
@@ -120,7 +122,7 @@ def look(settings: Any, bank: Any) -> bool:
     if count * history.every * finder.grid_step > LONGEST or history.contact < history.begun:
         place.testing = 0
         return False
-    return _ask(settings, bank)  # type: ignore[no-any-return]
+    return _ask(settings, bank)
 
 
 @compiled
@@ -155,22 +157,20 @@ def _note_before(settings: Any, bank: Any) -> None:
 def _ask(settings: Any, bank: Any) -> bool:
     """Hold what the contact says by itself against what was known before it."""
     place, history = bank.place, bank.history
-    noise, scatter = histories.noise_of_points(
-        history, bank.delay, bank.sensor_noise, bank.clock.period
-    )
+    noise = histories.noise_of_points(bank)
     place.first = history.contact
     place.last = history.count
     if place.is_other == 0:
         _set_same(place)
         copy_vector(place.guess, place.values)
-        same = place_fit.fit(settings, place, history, noise, scatter, 1.0, 1)
+        same = place_fit.fit(settings, place, history, noise, 1.0, 1)
         place.left[0] = same / place.expected
     _set_other(place, HEIGHT_DEVIATION**2)
     if place.is_other == 0:
         place_fit.begin(settings, place, history)
     else:
         copy_vector(place.outcome, place.values)
-    other = place_fit.fit(settings, place, history, noise, scatter, 1.0, 2)
+    other = place_fit.fit(settings, place, history, noise, 1.0, 2)
     if not (math.isfinite(other) and place.expected > 0.0):
         return False
     left = other / place.expected
@@ -179,7 +179,7 @@ def _ask(settings: Any, bank: Any) -> bool:
         return False
     # What the law misses is no reason for another place.
     weight = 1.0 / max(left, 1.0)
-    place.evidence[1] = _evidence(settings, place, history, noise, scatter, weight, 1)
+    place.evidence[1] = _evidence(settings, place, history, noise, weight, 1)
     if place.evidence[1] == -math.inf:
         return False
     place_fit.note_covariance(settings, place)
@@ -187,7 +187,7 @@ def _ask(settings: Any, bank: Any) -> bool:
     copy_matrix(place.covariance, place.covariance_elsewhere)
     _set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
-    place.evidence[0] = _evidence(settings, place, history, noise, scatter, weight, 0)
+    place.evidence[0] = _evidence(settings, place, history, noise, weight, 0)
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome)
     odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
@@ -196,7 +196,7 @@ def _ask(settings: Any, bank: Any) -> bool:
         return True
     _set_same(place)
     copy_vector(place.guess, place.values)
-    place.evidence[2] = _evidence(settings, place, history, noise, scatter, weight, 0)
+    place.evidence[2] = _evidence(settings, place, history, noise, weight, 0)
     lead = max(place.evidence[0], place.evidence[1]) - place.evidence[2]
     if lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
         clear_matrix(place.open)
@@ -231,16 +231,15 @@ def _evidence(
     settings: Any,
     place: Any,
     history: Any,
-    noise: tuple[float, float],
-    scatter: float,
+    noise: tuple[float, float, float],
     weight: float,
     passes: int,
 ) -> float:
     """Logarithm of the evidence of a fit with the prior that is set; minus infinity for none."""
-    squares = place_fit.fit(settings, place, history, noise, scatter, weight, passes)
+    squares = place_fit.fit(settings, place, history, noise, weight, passes)
     if not math.isfinite(squares):
         return -math.inf
-    return place_fit.log_evidence(settings, place, squares, weight)  # type: ignore[no-any-return]
+    return place_fit.log_evidence(settings, place, squares, weight)
 
 
 @compiled

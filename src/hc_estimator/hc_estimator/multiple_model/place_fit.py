@@ -19,6 +19,7 @@ from hc_estimator.linear_algebra import (
     is_definite,
     leading_cholesky,
 )
+from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
     LARGEST_DAMPING,
@@ -27,7 +28,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
     solve,
     step,
 )
-from hc_estimator.multiple_model.normal_equations import exp_limited, law_at, velocity_at
+from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 
@@ -65,8 +66,7 @@ def weigh(
     settings: Any,
     place: Any,
     history: Any,
-    noise: tuple[float, float],
-    scatter: float,
+    noise: tuple[float, float, float],
 ) -> None:
     """Give each point its weight by the law at place.values; as in `spline_fit.weigh`."""
     gradient = place.gradient
@@ -78,7 +78,7 @@ def weigh(
         drag = gradient[1] * gradient[1]
         weight = 1.0 / (variance + drag * history.velocity_noise[0])
         place.weights[k % POINTS] = weight
-        own = scatter * variance + drag * history.velocity_std[0] ** 2
+        own = noise[2] * variance + drag * history.velocity_std[0] ** 2
         place.expected += weight * own
 
 
@@ -166,7 +166,7 @@ def _begin_of_force(place: Any, history: Any) -> float:
     for k in range(place.first, place.last):
         depth = history.points[k % POINTS, 0]
         lowest, highest = min(lowest, depth), max(highest, depth)
-    return lowest - BEFORE * (highest - lowest)  # type: ignore[no-any-return]
+    return lowest - BEFORE * (highest - lowest)
 
 
 @compiled
@@ -193,8 +193,7 @@ def fit(
     settings: Any,
     place: Any,
     history: Any,
-    noise: tuple[float, float],
-    scatter: float,
+    noise: tuple[float, float, float],
     weight: float,
     passes: int,
 ) -> float:
@@ -204,9 +203,7 @@ def fit(
         settings: settings record.
         place: `values` and `factor` are those of the fit at the end.
         history: points.
-        noise: variances of a point's displacement [mm^2] and force [N^2] by its share in the
-            information.
-        scatter: variance of what is left of a point's readings over `noise`.
+        noise: as `history.noise_of_points` has it.
         weight: of the points' squares beside the prior.
         passes: with other weights; 0 for those of the last fit.
 
@@ -216,7 +213,7 @@ def fit(
     squares = math.nan
     for _ in range(max(passes, 1)):
         if passes > 0:
-            weigh(settings, place, history, noise, scatter)
+            weigh(settings, place, history, noise)
         squares = _improve(settings, place, history, weight)
         if not math.isfinite(squares):
             return math.nan

@@ -18,6 +18,8 @@ PLACE = record_type(
         Field("testing", np.int64, (), 0, 1),  # 1 while it is asked of the present contact
         Field("is_other", np.int64, (), 0, 1),  # 1 once it is another place
         Field("row", np.int64, (), 0, len(ROWS) - 1),  # that was in charge in the air
+        # 1 once the delay was known: until then what is late looks like another height.
+        Field("in_step", np.int64, (), 0, 1),
         Field("doubted", np.int64, (), 0, 1),  # 1 once that has failed since then
         Field("due", np.int64, (), 0),  # points of the contact at which it is asked next
         Field("found", np.int64, (), 0),  # other places so far

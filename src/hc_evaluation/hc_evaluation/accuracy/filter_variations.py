@@ -42,6 +42,7 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("delay by the innovations", {"delay_by_innovations": False}),
     ("zeros that are off", {"find_zeros": False}),
     ("least squares for what moves", {"fit_movement": False}),
+    ("another place at a new contact", {"find_places": False}),
     ("the contact that is over held against what drifts", {"review_contact": False}),
     ("motion adaptation", {"motion_adaptation": False}),
     ("noise adaptation", {"noise_adaptation": "fixed", "force_noise_std": 0.03}),

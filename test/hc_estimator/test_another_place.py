@@ -1,0 +1,123 @@
+"""A tissue palpated place by place: every contact may be with another place.
+
+Regression of 2026-11-26: of places that differ in stiffness, exponent and height K was 10 % off in
+the median where a contact was over, 13 % of them were told wrong and a quarter of the time was told
+as misfit (`hc bench accuracy places`).
+"""
+
+import json
+
+import numpy as np
+import pytest
+
+import hc_estimator as hc
+
+FILTER = "self_tuning_ukf"
+HOME = -3.0
+ALIKE = ((0.3, 0.006, 1.6, 0.8, 0.0),) * 4
+OTHERS = (
+    (0.3, 0.006, 1.6, 0.8, 0.0),
+    (0.9, 0.015, 1.4, 0.9, 1.3),
+    (0.15, 0.004, 1.8, 0.7, -0.8),
+    (0.6, 0.010, 1.5, 0.85, 0.4),
+)
+
+
+def palpate(places, rate=500.0, presses=3, seed=0, noise=0.01):
+    """Presses of each place from the air: time, displacement, force, place and depth."""
+    draw = np.random.default_rng(seed)
+    one = 1.6
+    time = np.arange(0.0, one * presses * len(places), 1.0 / rate)
+    number = np.minimum((time / (one * presses)).astype(int), len(places) - 1)
+    stiffness, damping, n, p, surface = np.array(places)[number].T
+    phase = time % one / one
+    deepest = surface + np.array([4.0, 3.0, 3.5])[(time / one).astype(int) % 3]
+    share = np.clip(np.where(phase < 0.5, (phase - 0.1) / 0.35, (0.9 - phase) / 0.35), 0.0, 1.0)
+    place = HOME + (deepest - HOME) * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    speed = np.gradient(place, time)
+    law = stiffness + damping * np.sign(speed) * np.abs(speed) ** p
+    depth = place - surface
+    force = np.maximum(depth, 0.0) ** n * np.maximum(law, 0.0)
+    reading = place + 0.002 * draw.standard_normal(time.size)
+    return time, reading, force + noise * draw.standard_normal(time.size), number, depth
+
+
+def ends(number, depth):
+    """Sample at which the last contact with each place ends."""
+    return [np.flatnonzero((number == i) & (depth > 0.0))[-1] for i in range(number[-1] + 1)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_place_is_found_with_an_honest_deviation(seed):
+    time, place, force, number, depth = palpate(OTHERS, seed=seed)
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    for i, end in enumerate(ends(number, depth)):
+        truth, deviation = np.array(OTHERS[i][:4]), series.parameters_std[end]
+        assert np.all(np.abs(series.parameters[end] - truth) < 4.0 * deviation + 0.01 * truth)
+        assert deviation[0] < 0.06 * truth[0]
+        assert abs(series.contact_position[end] - OTHERS[i][4]) < 0.05
+    for i in range(1, len(OTHERS)):
+        here = np.flatnonzero(series.change_detected & (number == i))
+        assert here.size == 1
+        touched = np.flatnonzero((number == i) & (depth > 0.0))[0]
+        assert time[here[0]] - time[touched] < 0.6
+    later = time > 2.0
+    assert np.mean(series.model_mismatch[later]) < 0.1
+    without = hc.create_estimator(FILTER, find_places=False).run(time, place, force)
+    errors = [
+        [
+            abs(s.parameters[end, 0] / OTHERS[i][0] - 1.0)
+            for i, end in enumerate(ends(number, depth))
+        ]
+        for s in (series, without)
+    ]
+    assert max(errors[0]) < 0.1 < max(errors[1])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_same_place_stays_to_the_bit(seed):
+    time, place, force, _number, _depth = palpate(ALIKE, seed=seed)
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    without = hc.create_estimator(FILTER, find_places=False).run(time, place, force)
+    np.testing.assert_array_equal(series.parameters, without.parameters)
+    np.testing.assert_array_equal(series.parameters_std, without.parameters_std)
+    assert not np.any(series.change_detected)
+
+
+def test_a_place_that_only_lies_higher_is_no_other_tissue():
+    places = [(0.3, 0.006, 1.6, 0.8, height) for height in (0.0, 0.7, -1.5, 0.2)]
+    time, place, force, number, depth = palpate(places)
+    series = hc.create_estimator(FILTER).run(time, place, force)
+    assert not np.any(series.change_detected)
+    for i, end in enumerate(ends(number, depth)):
+        off = abs(series.contact_position[end] - places[i][4])
+        assert off < max(4.0 * series.contact_position_std[end], 0.01)
+        assert abs(series.parameters[end, 0] - 0.3) < 4.0 * series.parameters_std[end, 0]
+
+
+def test_it_goes_on_to_the_bit_from_a_state_within_a_new_contact():
+    time, place, force, number, depth = palpate(OTHERS[:3])
+    whole = hc.create_estimator(FILTER).run(time, place, force)
+    touched = np.flatnonzero((number == 1) & (depth > 0.0))[0]
+    for after in (10, 60, 150, 400):
+        k = int(touched) + after
+        first = hc.create_estimator(FILTER)
+        first.run(time[:k], place[:k], force[:k])
+        other = hc.create_estimator(FILTER)
+        other.restore(json.loads(json.dumps(first.state())))
+        rest = other.run(time[k:], place[k:], force[k:])
+        np.testing.assert_array_equal(rest.parameters, whole.parameters[k:])
+        np.testing.assert_array_equal(rest.parameters_std, whole.parameters_std[k:])
+
+
+def test_what_the_user_holds_fixed_stays():
+    settings = {"initial_displacement_exponent": 1.6, "initial_displacement_exponent_std": 0.0}
+    places = [(k, 0.02 * k, 1.6, 0.8, h) for k, h in ((0.3, 0.0), (0.8, 0.5), (0.2, -0.3))]
+    time, place, force, number, depth = palpate(places)
+    series = hc.create_estimator(FILTER, **settings).run(time, place, force)
+    np.testing.assert_array_equal(series.parameters[:, 2], 1.6)
+    np.testing.assert_array_equal(series.parameters_std[:, 2], 0.0)
+    for i, end in enumerate(ends(number, depth)):
+        assert abs(series.parameters[end, 0] / places[i][0] - 1.0) < 0.03
+    known = hc.create_estimator(FILTER, find_zeros=False).run(time, place, force)
+    assert np.all(known.contact_position == 0.0)
