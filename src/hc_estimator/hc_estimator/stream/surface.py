@@ -118,10 +118,11 @@ class SurfaceFinder:
 
     @property
     def _enough(self) -> float:
-        """Force up to which an approach that has begun is fitted, without its zero [N]."""
+        """Force up to which an approach is fitted, without its zero [N]."""
         if self._least_noise == 0.0:
             return ENOUGH * self._deviation
-        return max(CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * self._approach[0][1])
+        first = self._approach[0][1] if self._approach else 0.0
+        return max(CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * first)
 
     @property
     def feels(self) -> str:
@@ -135,7 +136,7 @@ class SurfaceFinder:
             return f"presses with {excess:.3g} N; {self._enough:.2g} N are enough"
         return (
             f"free of contact: {excess:+.2g} N from its zero, noise {self._deviation:.2g} N; press "
-            f"with {ENOUGH * self._deviation:.2g} N at least"
+            f"with {self._enough:.2g} N at least"
         )
 
     def _begin(self, force_n: float) -> None:
