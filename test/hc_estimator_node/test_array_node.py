@@ -55,10 +55,23 @@ def test_losses_are_counted_and_late_samples_left_out(stream):
 @pytest.mark.parametrize("shift_s", [-30, 120])
 def test_a_jump_of_the_stamps_starts_afresh(stream, shift_s):
     feed(stream, range(100))
-    [estimates] = feed(stream, [100], shift_ns=shift_s * 10**9)
+    stray, estimates = feed(stream, [100, 101], shift_ns=shift_s * 10**9)
+    assert stray is None
     assert "jumped" in stream.fresh.reason
-    assert stream.restarts == 1
-    expected = make(3).step(0.0, *readings(100))
+    assert (stream.restarts, stream.strays) == (1, 1)
+    expected = make(3).step(0.0, *readings(101))
+    np.testing.assert_array_equal(estimates.parameters, expected.parameters)
+
+
+def test_one_stamp_that_is_wrong_costs_one_sample(stream):
+    """What was learnt under all taxels was forgotten, and again with the next stamp."""
+    feed(stream, range(100))
+    assert stream.take(0, 100, *readings(100)) is None
+    [estimates] = feed(stream, [101])
+    assert (stream.restarts, stream.strays, stream.fresh) == (0, 1, None)
+    alone = make(3)
+    for number in [*range(100), 101]:
+        expected = alone.step(number * MS * 1e-9, *readings(number))
     np.testing.assert_array_equal(estimates.parameters, expected.parameters)
 
 

@@ -310,8 +310,6 @@ def _use(settings: Any, memory: Any, time: float, particles: NDArray[np.float64]
     elapsed = min(memory.elapsed, settings.longest_gap)
     state_space.process_noise(settings, elapsed, memory.process_noise)
     if memory.restart != 0 or memory.begun == 0:
-        if memory.present[0] == 0:  # a force alone, and the tissue was forgotten: it went on so
-            memory.measurement[0] = memory.state[0] + memory.elapsed * memory.state[1]
         memory.restart = 1
         restart_motion(settings, memory)
         if not _draw_prior(memory, normals, moved):
