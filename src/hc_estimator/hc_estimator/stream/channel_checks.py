@@ -78,7 +78,7 @@ def held(readings: Readings) -> str:
         return ""
     rate = _rate(time_s)
     return (
-        f"the {name} changes only with every {usual:.0f}th sample: it comes at {rate / usual:.4g} "
+        f"the {name} changes only once in {usual:.0f} samples: it comes at {rate / usual:.4g} "
         f"Hz, not at {rate:.4g} Hz; give each reading once, at its own stamp"
     )
 
@@ -161,7 +161,7 @@ def coarse(readings: Readings) -> str:
     if step == 0.0 or step < 0.02 * (high - low):
         return ""
     return (
-        f"the {name} comes in steps of {step:.3g} {unit}, a {(high - low) / step:.0f}th of its "
+        f"the {name} comes in steps of {step:.3g} {unit}, 1/{(high - low) / step:.0f} of its "
         "range: choose a finer range or a better resolution"
     )
 
