@@ -74,7 +74,8 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         super().__init__(NODE_ESTIMATOR)
         answer_impossible_transitions(self)
         self._settings = Settings(self)
-        self._keeper = StateKeeper(self._settings.values["state.folder"])
+        folder = self._settings.values["state.folder"]
+        self._keeper = StateKeeper(folder, self._settings.changed_of_node)
         self._log = EventLog(self.get_logger())
         self._outputs = Outputs(self)
         self._outputs.form = self._settings.values["output.estimates"]
