@@ -200,3 +200,15 @@ def test_every_setting_of_the_least_squares_does_something(recording):
             numbers(**{name: v}, **both) for v in values
         }
         assert found - set(before), name
+
+
+def test_a_change_is_told_once(estimator, recording):
+    """`rls` told one at every sample that followed, from its 73rd sample on."""
+    time, d, force = recording(2.0)
+    force[1000:] *= 20.0
+    series = estimator.run(time, d, force)
+    told = np.flatnonzero(series.change_detected & (series.rejected == 0))
+    assert (np.diff(told) > 1).all()
+    assert told.size < 20
+    if estimator.filter in ("ukf", "rls"):
+        assert series.change_detected.any()
