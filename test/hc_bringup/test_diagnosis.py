@@ -147,3 +147,20 @@ def test_a_zero_of_a_weak_sensor_is_not_rounded_away():
 )
 def test_numbers_are_written_to_four_decimals_or_three_digits(value, written):
     assert rounded(value, 4) == written
+
+
+def test_a_position_that_is_repeated_counts_once_and_the_rest_is_judged():
+    """Regression: neither delay nor surface was told, and no command put it right."""
+    time_s, depth, force = presses()
+    late = np.repeat(depth[::4], 4) + 0.5  # 125 Hz at 500 Hz, and a surface that is off
+    diagnosis = diagnose(time_s, late, force)
+    assert "comes at 125 Hz, not at 500 Hz" in diagnosis.findings[0].what
+    assert diagnosis.findings[0].settings == {"position.held": True}
+    settings = {}
+    for finding in diagnosis.findings:
+        apply(settings, finding.settings)
+    assert settings["position.zero"] == pytest.approx(0.5, abs=0.03)
+    true = np.array([0.5, 0.05, 1.5, 1.0])
+    found = diagnosis.estimated
+    assert found.parameters == pytest.approx(true, rel=0.05)
+    assert (np.abs(found.parameters - true) < 4.0 * found.deviations).all()

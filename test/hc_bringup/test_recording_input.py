@@ -13,6 +13,7 @@ from rclpy.serialization import serialize_message
 from hc_bringup import recording_input
 from hc_bringup.cli import command_parser, main
 from hc_bringup.commands.estimate import make_estimator
+from hc_bringup.errors import UserError
 from hc_logger.recording import read_recording
 from hc_logger.writer import BagWriter
 
@@ -326,3 +327,19 @@ def test_a_preset_says_what_the_option_may(press_table, tmp_path, capsys, text, 
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert says in error
+
+
+def test_a_channel_of_a_table_that_is_repeated_counts_once(press_table, tmp_path) -> None:
+    stepped = {"last": (0.0, 0.0)}
+
+    def hold(t, d, f):
+        if round(t * 1e3) % 4 == 0:
+            stepped["last"] = (d, f)
+        return t, stepped["last"][0], f
+
+    found = loaded(press_table("held.csv", hold), "position.held=true")
+    there = ~np.isnan(found.displacement_mm)
+    assert not np.isnan(found.force_n).any()
+    assert np.flatnonzero(there).tolist() == list(range(0, 2000, 4))
+    with pytest.raises(UserError, match=r"position\.held=1 is not true or false"):
+        loaded(tmp_path / "held.csv", "position.held=1")

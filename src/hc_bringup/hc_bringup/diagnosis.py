@@ -199,7 +199,10 @@ def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
             samples.displacement_mm = samples.displacement_mm - shift
         return {}
     settings: dict[str, Any] = {}
-    if doubt.check in (Check.SIGN, Check.UNITS):
+    if doubt.check is Check.RATE:
+        samples.count_once(doubt.channel)
+        settings["force.held" if doubt.channel == "force" else "position.held"] = True
+    elif doubt.check in (Check.SIGN, Check.UNITS):
         name = "sign" if doubt.check is Check.SIGN else "scale"
         value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
         if doubt.channel in ("displacement", "both"):

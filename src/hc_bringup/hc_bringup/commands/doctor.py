@@ -118,7 +118,8 @@ def _of_one_message(finding: Any) -> Any:
 def _for_node(node: str) -> Any:
     """Say how a running node gets settings; returns (those that change, all) -> commands."""
     return lambda changed, _present: [
-        f"hc param set {node} input.{name} {value}" for name, value in changed.items()
+        f"hc param set {node} input.{name} {str(value).lower() if value is True else value}"
+        for name, value in changed.items()
     ]
 
 
@@ -142,7 +143,11 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
         }
         lines = []
         if usable.keys() & changed.keys():
-            settings = [w for name, value in usable.items() for w in ("--input", f"{name}={value}")]
+            settings = [
+                word
+                for name, value in usable.items()
+                for word in ("--input", f"{name}={str(value).lower() if value is True else value}")
+            ]
             lines.append(shlex.join(words + settings))
         return lines + [
             f"in the robot's parameter file: input.{name}: {value}"
@@ -167,7 +172,9 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
     changed: dict[str, Any] = {}
     for name, value in correction.items():
         sensor, key = name.split(".")
-        if key in ("sign", "scale"):
+        if key == "held":
+            changed[name] = value
+        elif key in ("sign", "scale"):
             changed[name] = type(value)(present.get(name, 1) * value)
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:

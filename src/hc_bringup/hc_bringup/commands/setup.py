@@ -197,10 +197,15 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
     along = f"joint {found.joint}" if found.joint else f"along {found.axis}"
     if found.axis == "direction":
         along = "along " + ", ".join(f"{c:.2f}" for c in found.direction)
+    held = (
+        f" (of {stream.rate_hz:.0f} messages a second; the others repeat it and are passed over)"
+        if found.held
+        else ""
+    )
     zero = "zero not known" if found.zero != found.zero else f"zero {found.zero:.4g} {unit}"
     say(
         f"{stream.name}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
-        f"{found.rate_hz:.0f} Hz"
+        f"{found.rate_hz:.0f} Hz{held}"
     )
 
 
