@@ -132,8 +132,8 @@ def add_csv_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--units",
         metavar="UNITS",
-        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um, nm, in; mN, uN, nN, kN, "
-        "gf, kgf, lbf",
+        help="time=s,displacement=mm,force=N: also ms, us, ns, min; m, cm, um, nm, in; mN, uN, nN, "
+        "kN, gf, kgf, lbf",
     )
     group.add_argument(
         "--separator", metavar="C", help="comma, semicolon, tab, bar or space (or the character)"
@@ -288,16 +288,13 @@ def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> 
 
 
 def _from_surface(recording: Any) -> Any:
-    from hc_estimator.stream.surface import find_surface
+    from hc_estimator.stream.surface import find_surface, why_no_surface
     from hc_estimator.stream.together import together
 
-    found = find_surface(
-        *together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
-    )
+    pairs = together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
+    found = find_surface(*pairs)
     if found is None:
-        raise UserError(
-            f"--find-surface: {recording.path} does not go from free motion into contact"
-        )
+        raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
     note = (
         f"surface found at {found.displacement_mm:.4g} mm (± {found.displacement_std_mm:.2g}), "
         f"force zero {found.force_n:.4g} N: taken off"

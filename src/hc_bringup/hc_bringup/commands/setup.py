@@ -167,6 +167,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     found = found.rescaled(
         corrections.get("force.scale", 1.0), corrections.get("position.scale", 1.0)
     ).corrected(corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0))
+    if diagnosis.surface_std_mm > 0.0:
+        found = found.with_surface_known_to(diagnosis.surface_std_mm)
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")

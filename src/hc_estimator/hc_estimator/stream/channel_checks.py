@@ -136,7 +136,12 @@ def mistimed(readings: Readings) -> str:
     guess = next(
         (
             f", but would be {rate * factor:.4g} Hz if the times were in {unit}"
-            for unit, factor in (("milliseconds", 1e3), ("microseconds", 1e6), ("minutes", 1 / 60))
+            for unit, factor in (
+                ("milliseconds", 1e3),
+                ("microseconds", 1e6),
+                ("nanoseconds", 1e9),
+                ("minutes", 1 / 60),
+            )
             if _USUAL_HZ[0] <= rate * factor <= _USUAL_HZ[1]
         ),
         "",

@@ -33,6 +33,8 @@ AXIS_ALIGNED = math.cos(math.radians(10.0))
 """A direction that is so near to an axis is taken for that axis."""
 RELATED = 0.4
 """Correlation of force and position from which on they belong to one tool."""
+SURFACE_SHARE = 0.05
+"""Of the stroke: deviation of a surface of which only pieces of approaches told."""
 _AXES = "xyz"
 _RIDGE = 0.02
 """Of the position's whole variance."""
@@ -131,6 +133,10 @@ class SetupProposal(NamedTuple):
             force_n=self.force_n - force_n,
             displacement_mm=self.displacement_mm - displacement_mm,
         )
+
+    def with_surface_known_to(self, deviation_mm: float) -> SetupProposal:
+        """Return the proposal with another deviation of the position's zero."""
+        return self._replace(position=self.position._replace(zero_std=deviation_mm))
 
 
 def propose(
@@ -339,7 +345,7 @@ def _zeros(
     resting: NDArray[np.bool_] | None,
 ) -> tuple[float, float, float, list[str]]:
     """Return force zero, surface and its deviation, NaN where they are not shown, and notes."""
-    coarse = 0.05 * float(np.ptp(moved))
+    coarse = SURFACE_SHARE * float(np.ptp(moved))
     found = find_surface(moved, pushed[inside])
     if found is not None and found.displacement_std_mm <= coarse:
         return found.force_n, found.displacement_mm, found.displacement_std_mm, []
