@@ -143,7 +143,8 @@ def diagnose(
         findings.append(
             Finding(
                 f"the contact law does not fit in {100 * after.mismatch:.0f} % of the contact: "
-                "relaxing or layered tissue, a tool that slides, or a fault above"
+                "relaxing or layered tissue, a tool that slides, several places one after another "
+                "(hc contacts --sites), or a fault above"
             )
         )
     depth = float(robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])[1])

@@ -20,7 +20,7 @@ from hc_bringup.report.contacts import find_contacts
 from hc_bringup.report.rows import page_rows
 from hc_bringup.report.run_page import run_page
 from hc_bringup.report.verdict import Level, verdict
-from hc_bringup.run_data import TipPath
+from hc_bringup.tip_path import TipPath
 from hc_bringup.zero_effect import effect_in
 
 MakeRun = Callable[..., Any]
