@@ -212,3 +212,34 @@ def test_why_there_is_no_surface_is_said_truly():
     assert "strong enough: the force stands out of its noise by 2" in why_no_surface(d, f)
     air = d < 0.0
     assert why_no_surface(d[air], f[air]) == "does not go from free motion into contact"
+
+
+def feel(finder, displacement, force):
+    for d, f in zip(displacement.tolist(), force.tolist(), strict=True):
+        found = finder.add(d, f)
+        if found is not None:
+            return found
+    return None
+
+
+def test_two_weak_touches_that_agree_are_enough_while_it_runs():
+    """Regression: a wrist's sensor with 0.05 N of noise asked for 5 N, or went on waiting."""
+    scores, errors = [], []
+    for seed in range(20):
+        once, again = weak_press(0.05, seed), weak_press(0.05, 100 + seed)
+        finder = SurfaceFinder()
+        assert feel(finder, *once) is None
+        assert "at least, or twice with " in finder.feels
+        found = feel(finder, *again)
+        assert found is not None
+        errors.append(found.displacement_mm - 1.2)
+        scores.append(errors[-1] / found.displacement_std_mm)
+    assert np.mean(np.square(scores)) < 4.0
+    assert np.median(np.abs(errors)) < 0.15
+
+
+def test_two_touches_of_other_places_are_no_surface():
+    finder = SurfaceFinder()
+    d, f = weak_press(0.05, 1)
+    assert feel(finder, d, f) is None
+    assert feel(finder, d + 3.0, f) is None

@@ -33,6 +33,8 @@ LARGEST_TERM = 3.0
 LARGEST_GROWTH = 3.0
 """Noise that becomes so many times what it was is a tool that moves in contact, not free motion."""
 CONFIRMATIONS = 5
+FEWEST_OF_WEAK = 20
+"""Samples of a touch that is too weak by itself."""
 ENOUGH = 100.0
 """Force in units of its noise up to which the approach is fitted: shallow, so that one n fits."""
 LESS = (50.0, 25.0)
@@ -61,11 +63,14 @@ FloatArray = NDArray[np.float64]
 class SurfaceFinder:
     """Takes samples of an approach from free motion into the tissue; used like a Tare."""
 
-    def __init__(self, least_noise_n: float = 0.0, *, enough: float = ENOUGH) -> None:
+    def __init__(
+        self, least_noise_n: float = 0.0, *, enough: float = ENOUGH, twice: bool = True
+    ) -> None:
         """Wait for free motion.
 
         Args:
             enough: how far a force has to stand out of its noise for the approach to be fitted.
+            twice: whether two weaker touches that agree are enough as well.
             least_noise_n: where the force is not a sensor's but calculated, its error in motion,
                 which the noise at rest does not show [N]. Contact is a force clear of it.
         """
@@ -75,7 +80,9 @@ class SurfaceFinder:
         self._least_squares = least_squares
         self._least_noise = least_noise_n
         self._noises = enough
+        self._twice = twice and least_noise_n == 0.0
         self.strongest = 0.0  # how far the force stood out of its noise
+        self._weak: TareResult | None = None  # what the last weak touch showed
         self._approach: list[tuple[float, float]] = []
         self._force_n = math.nan
         self._start_over()
@@ -109,8 +116,9 @@ class SurfaceFinder:
             self._start_over()
             return None
         if excess <= CLEAR * deviation:
+            ended = self._ended(deviation)
             self._take_free(force_n)
-            return None
+            return ended
         self._above += 1
         self.strongest = max(self.strongest, excess / max(deviation, 1e-12))
         self._approach.append((displacement_mm, excess))
@@ -118,6 +126,26 @@ class SurfaceFinder:
         if self._above < CONFIRMATIONS or not enough:
             return None
         return self._fit(deviation)
+
+    def _ended(self, deviation: float) -> TareResult | None:
+        """Return what a touch that is over shows, if it agrees with a weak one before it.
+
+        One that was too weak may have been a bump; two at the same place are a surface.
+        """
+        weak = self._twice and self._above >= FEWEST_OF_WEAK
+        pushed = np.array([force for _, force in self._approach])
+        if not weak or float(np.max(pushed)) < LESS[-1] * deviation:
+            return None
+        before = self._weak
+        self._approach = self._approach[: int(np.argmax(pushed)) + 1]
+        if len(self._approach) < FEWEST_OF_WEAK:
+            return None
+        self._weak = found = self._fit(deviation)
+        if before is None:
+            return None
+        off = found.displacement_mm - before.displacement_mm
+        spread = math.hypot(found.displacement_std_mm, before.displacement_std_mm)
+        return found if abs(off) < 3.0 * spread else None
 
     @property
     def _deviation(self) -> float:
@@ -143,7 +171,8 @@ class SurfaceFinder:
             return f"presses with {excess:.3g} N; {self._enough:.2g} N are enough"
         return (
             f"free of contact: {excess:+.2g} N from its zero, noise {self._deviation:.2g} N; press "
-            f"with {self._noises * self._deviation:.2g} N at least"
+            f"with {self._noises * self._deviation:.2g} N at least, or twice with "
+            f"{LESS[-1] * self._deviation:.2g} N"
         )
 
     def _begin(self, force_n: float) -> None:
@@ -288,7 +317,7 @@ def _first_approach(
     displacement_mm: FloatArray, force_n: FloatArray, enough: float
 ) -> tuple[TareResult | None, float]:
     """Return what an approach of so many noises shows, and by how many the force stood out."""
-    finder = SurfaceFinder(enough=enough)
+    finder = SurfaceFinder(enough=enough, twice=False)
     for displacement, force in zip(displacement_mm.tolist(), force_n.tolist(), strict=True):
         result = finder.add(displacement, force)
         if result is not None:
