@@ -146,8 +146,11 @@ def test_what_a_table_does_not_have_is_refused(press_table, capsys, setting, exp
         (["force.direction=3", "force.axis=direction"], "is not a list of numbers"),
         (["force.axis=w", "force.topic=/ft/wrench"], "axis = 'w' is not one of"),
         (["force.topic=/no"], "no force topic /no"),
-        (["force.sign=1"], "2 force topics (/ft/wrench, /other/wrench); name one"),
-        ([], "name them (force.topic, position.topic)"),
+        (
+            ["force.sign=1"],
+            "2 force topics (/ft/wrench, /other/wrench); name one: --input force.topic=/ft/wrench",
+        ),
+        ([], "name them: --input force.topic=... --input position.topic=..."),
     ],
 )
 def test_what_is_wrong_is_one_line(robot_bag: Path, capsys, settings, expected) -> None:

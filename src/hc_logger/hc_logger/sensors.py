@@ -182,6 +182,7 @@ def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:
         return fitting[0]
     raise BagError(
         f"{bag.path} has {len(fitting)} {what} topics ({', '.join(fitting) or 'none'}); name one"
+        + (f": --input {what}.topic={fitting[0]}, say" if fitting else "")
     )
 
 
