@@ -188,3 +188,43 @@ def test_a_quality_of_service_that_does_not_exist_is_one_line(ros_domain):
         pytest.raises(SubscriptionError, match=expected),
     ):
         SensorInput(node, Receiver(), values)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("held", [True, False])
+def test_the_node_counts_each_reading_of_both_sensors_once(ros_domain, held):
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
+        "input.source": "sensors",
+        "input.force.topic": "wrench",
+        "input.force.held": held,
+        "input.position.topic": "pose",
+        "input.position.type": "pose",
+        "input.position.held": held,
+        "input.publish_samples": False,
+    }
+    receiver = Receiver()
+    with (
+        running_node(ros_domain) as (node, executor),
+        closing(SensorInput(node, receiver, values)),
+    ):
+        forces = node.create_publisher(WrenchStamped, "wrench", 10)
+        poses = node.create_publisher(PoseStamped, "pose", 10)
+        wait_for_subscribers(executor, forces, poses)
+        begin_ns, end_s = time.time_ns(), time.monotonic() + 20.0
+        for i in itertools.count():
+            assert time.monotonic() < end_s
+            wrench, pose = WrenchStamped(), PoseStamped()
+            for message in (wrench, pose):
+                set_stamp(message.header.stamp, begin_ns + 2_000_000 * i)
+            wrench.wrench.force.z = float(i // 2)
+            pose.pose.position.z = float(i // 4)
+            forces.publish(wrench)
+            poses.publish(pose)
+            executor.spin_once(timeout_sec=0.01)
+            if len(receiver.samples) > 60:
+                break
+    samples = np.array(receiver.samples)
+    places, pushes = (column[~np.isnan(column)] for column in samples[:, 1:].T)
+    assert len(places) > 20
+    again = [np.mean(np.diff(column) == 0.0) for column in (places, pushes)]
+    assert again == [0.0, 0.0] if held else min(again) > 0.4

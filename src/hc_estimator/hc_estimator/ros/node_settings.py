@@ -49,7 +49,16 @@ READING = frozenset(
         *(
             f"input.{sensor}.{name}"
             for sensor in ("force", "position")
-            for name in ("topic", "axis", "direction", "sign", "scale", "zero", "time_offset")
+            for name in (
+                "topic",
+                "axis",
+                "direction",
+                "sign",
+                "scale",
+                "zero",
+                "time_offset",
+                "held",
+            )
         ),
         *(setting.name for setting in EFFORT_SETTINGS),
     )
@@ -64,7 +73,7 @@ def _table(*settings: ParameterSpecification) -> dict[str, ParameterSpecificatio
 def _sensor_settings(
     sensor: str, topic: str, zero: str, unit: str, message: str
 ) -> tuple[ParameterSpecification, ...]:
-    """Return what both sensors have: topic, axis, direction, sign, scale, zero, time offset."""
+    """Return what both sensors have: topic, axis, direction, sign, scale, zero, offset, held."""
     name = f"input.{sensor}"
     return (
         setting(f"{name}.topic", topic, f"Topic of the {sensor} sensor, {message}."),
@@ -101,6 +110,11 @@ def _sensor_settings(
             minimum=-10.0,
             maximum=10.0,
             unit="s",
+        ),
+        setting(
+            f"{name}.held",
+            False,
+            "The topic repeats the last reading until there is a new one: count each once.",
         ),
     )
 
