@@ -1,10 +1,14 @@
 """The doctor invents no delay and no zero where readings are spoilt, and leaves no unit unsaid."""
 
+import json
+import shlex
+
 import numpy as np
 import pytest
 
+from hc_bringup.cli import main
 from hc_bringup.commands.doctor import apply
-from hc_bringup.diagnosis import diagnose
+from hc_bringup.diagnosis import CONTACT_STD, diagnose
 from hc_bringup.recording_input import assumed_line
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
@@ -147,3 +151,61 @@ def test_a_zero_of_a_weak_sensor_is_not_rounded_away():
 )
 def test_numbers_are_written_to_four_decimals_or_three_digits(value, written):
     assert rounded(value, 4) == written
+
+
+def test_a_position_that_is_repeated_counts_once_and_the_rest_is_judged():
+    """Regression: neither delay nor surface was told, and no command put it right."""
+    time_s, depth, force = presses()
+    late = np.repeat(depth[::4], 4) + 0.5  # 125 Hz at 500 Hz, and a surface that is off
+    diagnosis = diagnose(time_s, late, force)
+    assert "comes at 125 Hz, not at 500 Hz" in diagnosis.findings[0].what
+    assert diagnosis.findings[0].settings == {"position.held": True}
+    settings = {}
+    for finding in diagnosis.findings:
+        apply(settings, finding.settings)
+    assert settings["position.zero"] == pytest.approx(0.5, abs=0.03)
+    true = np.array([0.5, 0.05, 1.5, 1.0])
+    found = diagnosis.estimated
+    assert found.parameters == pytest.approx(true, rel=0.05)
+    assert (np.abs(found.parameters - true) < 4.0 * found.deviations).all()
+
+
+def slow_tracker(time_s, depth, force):
+    """Positions at 60 Hz, with pauses and 0.03 mm of noise, far from zero."""
+    there = np.arange(time_s.size) % 8 == 0
+    for begin in (1.4, 2.4, 3.6, 5.7, 6.4, 6.9):
+        there &= ~((time_s > begin) & (time_s < begin + 0.3))
+    noisy = depth + 300.0 + 0.03 * np.random.default_rng(1).standard_normal(time_s.size)
+    return time_s, np.where(there, noisy, np.nan), force
+
+
+def test_a_surface_found_at_a_glance_is_known_no_better_than_that(tmp_path, capsys):
+    """Regression: K was 30 of its deviations off, said to be known to half a percent."""
+    samples = slow_tracker(*presses())
+    diagnosis = diagnose(*samples)
+    known = diagnosis.surface_std_mm
+    assert 0.0 < known < 0.5
+    (moved,) = [f for f in diagnosis.findings if "position.zero" in f.settings][-1:]
+    assert moved.settings[CONTACT_STD] == pytest.approx(known, rel=0.1)
+    assert moved.settings["position.zero"] == pytest.approx(300.0, abs=3.0 * known)
+    found, true = diagnosis.estimated, np.array([0.5, 0.05, 1.5, 1.0])
+    assert (np.abs(found.parameters - true)[[0, 2]] < 3.0 * found.deviations[[0, 2]]).all()
+    table = tmp_path / "tracker.csv"
+    rows = (f"{t!r},{d!r},{f!r}" for t, d, f in zip(*map(np.ndarray.tolist, samples), strict=True))
+    table.write_text("time_s,displacement_mm,force_N\n" + "\n".join(rows) + "\n")
+    assert main(["doctor", str(table)]) == 1
+    commands = [s for s in capsys.readouterr().out.splitlines() if s.startswith("   type:")]
+    assert f"--param {CONTACT_STD}={moved.settings[CONTACT_STD]}" in commands[-1]
+    assert main([*shlex.split(commands[-1].partition("hc ")[2]), "--json"]) == 0
+    typed = json.loads(capsys.readouterr().out)
+    assert typed["parameters"]["stiffness"] == pytest.approx(found.parameters[0], rel=0.02)
+    assert typed["parameters_std"]["stiffness"] == pytest.approx(found.deviations[0], rel=0.2)
+
+
+def test_a_surface_that_the_whole_recording_shows_is_known_as_well_as_that():
+    """Not only to the 0.3 mm of the glance that found it."""
+    time_s, depth, force = presses()
+    diagnosis = diagnose(time_s, depth + 300.0, force)
+    assert 0.0 < diagnosis.surface_std_mm < 0.02
+    deviations = diagnosis.estimated.deviations
+    assert deviations[0] < 0.03 * diagnosis.estimated.parameters[0]

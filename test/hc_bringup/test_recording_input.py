@@ -13,6 +13,7 @@ from rclpy.serialization import serialize_message
 from hc_bringup import recording_input
 from hc_bringup.cli import command_parser, main
 from hc_bringup.commands.estimate import make_estimator
+from hc_bringup.errors import UserError
 from hc_logger.recording import read_recording
 from hc_logger.writer import BagWriter
 
@@ -145,8 +146,11 @@ def test_what_a_table_does_not_have_is_refused(press_table, capsys, setting, exp
         (["force.direction=3", "force.axis=direction"], "is not a list of numbers"),
         (["force.axis=w", "force.topic=/ft/wrench"], "axis = 'w' is not one of"),
         (["force.topic=/no"], "no force topic /no"),
-        (["force.sign=1"], "2 force topics (/ft/wrench, /other/wrench); name one"),
-        ([], "name them (force.topic, position.topic)"),
+        (
+            ["force.sign=1"],
+            "2 force topics (/ft/wrench, /other/wrench); name one: --input force.topic=/ft/wrench",
+        ),
+        ([], "name them: --input force.topic=... --input position.topic=..."),
     ],
 )
 def test_what_is_wrong_is_one_line(robot_bag: Path, capsys, settings, expected) -> None:
@@ -326,3 +330,19 @@ def test_a_preset_says_what_the_option_may(press_table, tmp_path, capsys, text, 
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert says in error
+
+
+def test_a_channel_of_a_table_that_is_repeated_counts_once(press_table, tmp_path) -> None:
+    stepped = {"last": (0.0, 0.0)}
+
+    def hold(t, d, f):
+        if round(t * 1e3) % 4 == 0:
+            stepped["last"] = (d, f)
+        return t, stepped["last"][0], f
+
+    found = loaded(press_table("held.csv", hold), "position.held=true")
+    there = ~np.isnan(found.displacement_mm)
+    assert not np.isnan(found.force_n).any()
+    assert np.flatnonzero(there).tolist() == list(range(0, 2000, 4))
+    with pytest.raises(UserError, match=r"position\.held=1 is not true or false"):
+        loaded(tmp_path / "held.csv", "position.held=1")

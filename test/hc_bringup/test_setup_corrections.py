@@ -16,7 +16,14 @@ class Found:
 
     def __init__(self):
         sensor = SimpleNamespace(
-            zero_std=np.nan, zero=0.0, noise=0.01, sign=1, rate_hz=100.0, joint="", axis="z"
+            zero_std=np.nan,
+            zero=0.0,
+            noise=0.01,
+            sign=1,
+            rate_hz=100.0,
+            joint="",
+            axis="z",
+            held=False,
         )
         self.force = self.position = sensor
         self.time_s = self.displacement_mm = self.force_n = np.arange(10.0)

@@ -176,3 +176,26 @@ def test_what_the_readings_do_not_show_is_said():
     still = position._replace(values=np.full(position.values.shape, 3.0))
     with pytest.raises(SetupError, match="the position does not change"):
         propose(force, still)
+
+
+def repeated(readings, times, rate_hz):
+    """The readings as a topic tells them that repeats each at a higher rate."""
+    time_s = np.arange(readings.time_s[0], readings.time_s[-1], 1.0 / (times * rate_hz))
+    last = np.searchsorted(readings.time_s, time_s + 1e-9) - 1
+    return VectorReadings(time_s, readings.values[last], AXES)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_setup_finds_the_true_rate_and_the_surface_of_a_repeated_pose(seed):
+    """Regression: the surface was told from positions up to 6 ms old."""
+    force, position, _depth, _newtons = presses(
+        np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0]), seed=seed
+    )
+    held = propose(force, repeated(position, 4, 125.0), rest_s=2.0)
+    once = propose(force, position, rest_s=2.0)
+    repeats = [s.held for found in (held, once) for s in (found.force, found.position)]
+    assert repeats == [False, True, False, False]
+    assert held.position.rate_hz == pytest.approx(125.0)
+    assert held.position.zero == pytest.approx(once.position.zero, abs=0.02)
+    assert held.position.zero == pytest.approx(SURFACE, abs=0.15)
+    assert held.position.noise == pytest.approx(0.005, rel=0.3)  # 1e-5 as it was told before

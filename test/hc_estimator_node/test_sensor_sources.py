@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 
 from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.inputs import publisher_conflict
 from hc_estimator.ros.node_settings import NODE_SETTINGS
 from hc_estimator.ros.sensors import SensorInput
 from hc_msgs_py.units import set_stamp
@@ -92,6 +93,9 @@ def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_doma
                 assert rest == 0  # not that of the camera
                 assert depth_mm == pytest.approx(0.01 * step, abs=1e-6)
             assert source.position[1] == "base"
+            # Two publish /tf, as many do, and all are heard: no conflict.
+            assert source.channels[1].publishers == 2
+            assert publisher_conflict(source.channels) == ""
             ends = node.get_subscriptions_info_by_topic("/ft_sensor/wrench")
             assert ends
             assert {info.qos_profile.reliability for info in ends} == {ReliabilityPolicy.RELIABLE}
@@ -188,3 +192,43 @@ def test_a_quality_of_service_that_does_not_exist_is_one_line(ros_domain):
         pytest.raises(SubscriptionError, match=expected),
     ):
         SensorInput(node, Receiver(), values)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("held", [True, False])
+def test_the_node_counts_each_reading_of_both_sensors_once(ros_domain, held):
+    values = {name: setting.default for name, setting in NODE_SETTINGS.items()} | {
+        "input.source": "sensors",
+        "input.force.topic": "wrench",
+        "input.force.held": held,
+        "input.position.topic": "pose",
+        "input.position.type": "pose",
+        "input.position.held": held,
+        "input.publish_samples": False,
+    }
+    receiver = Receiver()
+    with (
+        running_node(ros_domain) as (node, executor),
+        closing(SensorInput(node, receiver, values)),
+    ):
+        forces = node.create_publisher(WrenchStamped, "wrench", 10)
+        poses = node.create_publisher(PoseStamped, "pose", 10)
+        wait_for_subscribers(executor, forces, poses)
+        begin_ns, end_s = time.time_ns(), time.monotonic() + 20.0
+        for i in itertools.count():
+            assert time.monotonic() < end_s
+            wrench, pose = WrenchStamped(), PoseStamped()
+            for message in (wrench, pose):
+                set_stamp(message.header.stamp, begin_ns + 2_000_000 * i)
+            wrench.wrench.force.z = float(i // 2)
+            pose.pose.position.z = float(i // 4)
+            forces.publish(wrench)
+            poses.publish(pose)
+            executor.spin_once(timeout_sec=0.01)
+            if len(receiver.samples) > 60:
+                break
+    samples = np.array(receiver.samples)
+    places, pushes = (column[~np.isnan(column)] for column in samples[:, 1:].T)
+    assert len(places) > 20
+    again = [np.mean(np.diff(column) == 0.0) for column in (places, pushes)]
+    assert again == [0.0, 0.0] if held else min(again) > 0.4

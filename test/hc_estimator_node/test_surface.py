@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hc_estimator.stream.correlation import samples_for_one
-from hc_estimator.stream.surface import SurfaceFinder, find_surface
+from hc_estimator.stream.surface import SurfaceFinder, find_surface, why_no_surface
 
 FORCE_ZERO = 0.7
 
@@ -186,3 +186,71 @@ def test_it_says_what_it_feels_while_it_waits():
         if finder.add(0.5 + 0.05 * k, 2.2 + 0.05 * k) is not None:
             break
     assert 1.5 < 0.5 + 0.05 * k < 2.5
+
+
+def test_of_a_calculated_force_it_asks_for_no_more_than_it_needs():
+    """It asked for 2 N where 0.16 N are enough: who heeded it pressed a dozen times too hard."""
+    finder = SurfaceFinder(least_noise_n=0.02)
+    for noise in 0.01 * np.random.default_rng(3).standard_normal(500):
+        assert finder.add(-1.0, float(noise)) is None
+    assert finder.feels.endswith("press with 0.16 N at least")  # two weak touches are none
+    forces = 0.4 * np.linspace(0.0, 2.0, 200) ** 1.5
+    pressed = next(f for k, f in enumerate(forces) if finder.add(0.01 * k, float(f)) is not None)
+    assert pressed < 0.25
+
+
+def weak_press(noise_n, seed):
+    """A press of 3 N there and back."""
+    case = ((0.3, 0.006, 1.6, 0.8), 5.0, 1.2, 0.01, noise_n, 500.0)
+    d, f = approach(*case, np.random.default_rng(seed))
+    d, f = d[d < 5.2], f[d < 5.2]
+    return np.concatenate([d, d[::-1]]), np.concatenate([f, f[::-1]])
+
+
+def test_a_press_that_is_weak_beside_the_noise_shows_the_surface_of_a_recording():
+    """Regression: a noisy sensor's recording was said not to go from free motion into contact."""
+    scores = []
+    for seed in range(20):
+        found = find_surface(*weak_press(0.05, seed))
+        assert found is not None
+        scores.append((found.displacement_mm - 1.2) / found.displacement_std_mm)
+    assert np.mean(np.square(scores)) < 4.0
+
+
+def test_why_there_is_no_surface_is_said_truly():
+    d, f = weak_press(0.08, 0)
+    assert find_surface(d, f) is None
+    assert "strong enough: the force stands out of its noise by 2" in why_no_surface(d, f)
+    air = d < 0.0
+    assert why_no_surface(d[air], f[air]) == "does not go from free motion into contact"
+
+
+def feel(finder, displacement, force):
+    for d, f in zip(displacement.tolist(), force.tolist(), strict=True):
+        found = finder.add(d, f)
+        if found is not None:
+            return found
+    return None
+
+
+def test_two_weak_touches_that_agree_are_enough_while_it_runs():
+    """Regression: a wrist's sensor with 0.05 N of noise asked for 5 N, or went on waiting."""
+    scores, errors = [], []
+    for seed in range(20):
+        once, again = weak_press(0.05, seed), weak_press(0.05, 100 + seed)
+        finder = SurfaceFinder()
+        assert feel(finder, *once) is None
+        assert "at least, or twice with " in finder.feels
+        found = feel(finder, *again)
+        assert found is not None
+        errors.append(found.displacement_mm - 1.2)
+        scores.append(errors[-1] / found.displacement_std_mm)
+    assert np.mean(np.square(scores)) < 4.0
+    assert np.median(np.abs(errors)) < 0.15
+
+
+def test_two_touches_of_other_places_are_no_surface():
+    finder = SurfaceFinder()
+    d, f = weak_press(0.05, 1)
+    assert feel(finder, d, f) is None
+    assert feel(finder, d + 3.0, f) is None

@@ -145,3 +145,14 @@ def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:
         read_sensors(tmp_path / "robot", Sensor(time_offset_s=1e300))
     with pytest.raises(ValueError, match="axis = 'w'"):
         read_sensors(tmp_path / "robot", Sensor(axis="w"))
+
+
+def test_a_reading_that_is_repeated_counts_once(tmp_path: Path) -> None:
+    robot_bag(tmp_path / "bag", "joint")  # its first joint stays, its force as well along z
+    held = Sensor(held=True)
+    recording = read_sensors(tmp_path / "bag", Sensor(axis="x", held=True), held)
+    assert not np.isnan(recording.force_n).any()
+    places = np.flatnonzero(~np.isnan(recording.displacement_mm))
+    assert places.tolist() == list(range(0, 1000, 90))  # it rests: once in 90 ms
+    every = read_sensors(tmp_path / "bag", Sensor(axis="x"))
+    assert np.count_nonzero(~np.isnan(every.displacement_mm)) == 101

@@ -206,8 +206,12 @@ def test_doctor_puts_a_recording_right_and_says_what_the_fault_costs(bench, chan
     done = bench.hc("doctor", path, "--json")
     assert done.returncode == 1, done.stderr
     verdict = json.loads(done.stdout)
+    told = [f["settings"] for f in verdict["findings"]]
+    surface_std_mm = [put.pop("contact_position_std", None) for put in told]
     faults = [f for f in verdict["findings"] if f["settings"].keys() == settings.keys()]
     assert faults[-1]["settings"] == settings
+    known = "input.position.zero" in settings
+    assert [std is not None and 0.0 < std < 0.05 for std in surface_std_mm].count(True) == known
     assert all(fault["cost"] for fault in faults)
     assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.1)
 

@@ -24,6 +24,7 @@ from hc_estimator.stream.readings import (
     robust_range,
 )
 from hc_estimator.stream.sanity import check_samples
+from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
 
@@ -42,10 +43,14 @@ SPOILT = (
 )
 """What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
+MOST_NOISES = 1.5
+"""A fit that leaves more than so many times the noise does not say where the surface is."""
 DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
 SYMBOLS = "KBnp"
+CONTACT_STD = "contact_position_std"
+"""The estimator's setting that says how well the surface is known."""
 _LONGEST = 20_000
 """Samples that the slow comparison of the channels gets."""
 
@@ -57,6 +62,7 @@ class Finding:
     Attributes:
         what: in a sentence.
         settings: input settings that put it right, by name below `input.`; empty if none does.
+            CONTACT_STD among them is one of the estimator's own.
         cost: what it changes in K, B, n, p, in words; empty where that is not known.
     """
 
@@ -74,12 +80,15 @@ class Diagnosis:
         estimated: the estimate with all that could be put right put right; None without contact.
         forecasts: motions for what the recording does not show.
         depth_mm: how deep the tool pressed.
+        surface_std_mm: standard deviation of the position that displacements count from, with what
+            was put right put right [mm].
     """
 
     findings: tuple[Finding, ...]
     estimated: Estimated | None
     forecasts: tuple[Forecast, ...]
     depth_mm: float
+    surface_std_mm: float = 0.0
 
 
 def diagnose(
@@ -134,7 +143,8 @@ def diagnose(
         findings.append(
             Finding(
                 f"the contact law does not fit in {100 * after.mismatch:.0f} % of the contact: "
-                "relaxing or layered tissue, a tool that slides, or a fault above"
+                "relaxing or layered tissue, a tool that slides, several places one after another "
+                "(hc contacts --sites), or a fault above"
             )
         )
     depth = float(robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])[1])
@@ -154,7 +164,17 @@ def diagnose(
             depth_mm=depth,
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
-    return Diagnosis(tuple(findings), after, tuple(plans), depth)
+    if samples.surface_std_mm != surface_std_mm:
+        _say_deviation(findings, samples.surface_std_mm)
+    return Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
+
+
+def _say_deviation(findings: list[Finding], surface_std_mm: float) -> None:
+    """Let the last of the findings that move the surface say how well it is known then."""
+    moves_it = [i for i, finding in enumerate(findings) if "position.zero" in finding.settings]
+    if moves_it:
+        last = findings[moves_it[-1]]
+        last.settings[CONTACT_STD] = float(f"{surface_std_mm:.2g}")
 
 
 def _too_few(samples: Samples) -> Finding | None:
@@ -199,7 +219,10 @@ def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
             samples.displacement_mm = samples.displacement_mm - shift
         return {}
     settings: dict[str, Any] = {}
-    if doubt.check in (Check.SIGN, Check.UNITS):
+    if doubt.check is Check.RATE:
+        samples.count_once(doubt.channel)
+        settings["force.held" if doubt.channel == "force" else "position.held"] = True
+    elif doubt.check in (Check.SIGN, Check.UNITS):
         name = "sign" if doubt.check is Check.SIGN else "scale"
         value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
         if doubt.channel in ("displacement", "both"):
@@ -214,6 +237,9 @@ def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
         settings["force.zero"] = rounded(doubt.remedy, 4)
     elif doubt.check is Check.POSITION_ZERO:
         samples.displacement_mm = samples.displacement_mm - doubt.remedy
+        low, high = robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])
+        # A glance at where the force begins: taken for exact, K would be wrong and sure.
+        samples.surface_std_mm = SURFACE_SHARE * (high - low)
         settings["position.zero"] = rounded(doubt.remedy, 3)
     return settings
 
@@ -261,6 +287,11 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         samples.surface_std_mm = moved.surface_std_mm
         findings.append(Finding(what, {key: rounded(value, 4)}, _cost(before, after, True)))
         before = after
+    fits = found.residual_rms_n < MOST_NOISES * found.noise_n
+    at_zero = abs(found.contact_mm) < 3.0 * found.contact_std_mm
+    if samples.surface_std_mm > 0.0 and fits and at_zero:
+        known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
+        samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
     return findings
 
 

@@ -16,18 +16,19 @@ from typing import Any
 from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, each_once, natural, positive
-from hc_msgs_py.units import NANOSECONDS
+from hc_bringup.read_otherwise import less_zeros, read_as
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
 OF_A_TABLE = tuple(
     f"{channel}.{name}"
     for channel in ("force", "position")
-    for name in ("sign", "scale", "zero", "time_offset")
+    for name in ("sign", "scale", "zero", "time_offset", "held")
 )
 """What can be said of a CSV file as well; the rest is for a bag with two sensors' topics."""
 
 _TEXT, _NUMBER, _WHOLE, _NUMBERS = "a word", "a number", "a whole number", "a list of numbers"
+_FLAG = "true or false"
 _SENSOR = {
     "topic": _TEXT,
     "axis": _TEXT,
@@ -36,6 +37,7 @@ _SENSOR = {
     "scale": _NUMBER,
     "zero": _NUMBER,
     "time_offset": _NUMBER,
+    "held": _FLAG,
 }
 _KINDS = {
     "force": _SENSOR,
@@ -67,9 +69,9 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
-        "position.zero (mm) of any recording; sign, scale and time_offset of either also of a CSV; "
-        "of a bag with a wrench and a position topic also force.topic, force.axis, position.joint, "
-        "pairing.maximum_gap and so on",
+        "position.zero (mm) of any recording; sign, scale, time_offset and held of either also of "
+        "a CSV; of a bag with a wrench and a position topic also force.topic, force.axis, "
+        "position.joint, pairing.maximum_gap and so on",
     )
     parser.add_argument(
         "--preset",
@@ -130,8 +132,8 @@ def add_csv_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--units",
         metavar="UNITS",
-        help="time=s,displacement=mm,force=N: also ms, us, min; m, cm, um, nm, in; mN, uN, nN, kN, "
-        "gf, kgf, lbf",
+        help="time=s,displacement=mm,force=N: also ms, us, ns, min; m, cm, um, nm, in; mN, uN, nN, "
+        "kN, gf, kgf, lbf",
     )
     group.add_argument(
         "--separator", metavar="C", help="comma, semicolon, tab, bar or space (or the character)"
@@ -241,7 +243,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
         if table or set(sensors) <= set(ZEROS):
             options = csv_options(arguments)
             recording = read_recording(arguments.input, csv_options=options)
-            recording = _read_as(recording, sensors) if table else _less_zeros(recording, sensors)
+            recording = read_as(recording, sensors) if table else less_zeros(recording, sensors)
         else:
             recording = _read_sensors(arguments.input, sensors)
     except ValueError as error:
@@ -286,21 +288,18 @@ def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> 
 
 
 def _from_surface(recording: Any) -> Any:
-    from hc_estimator.stream.surface import find_surface
+    from hc_estimator.stream.surface import find_surface, why_no_surface
     from hc_estimator.stream.together import together
 
-    found = find_surface(
-        *together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
-    )
+    pairs = together(recording.time_s, recording.displacement_mm, recording.force_n)[1:]
+    found = find_surface(*pairs)
     if found is None:
-        raise UserError(
-            f"--find-surface: {recording.path} does not go from free motion into contact"
-        )
+        raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
     note = (
         f"surface found at {found.displacement_mm:.4g} mm (± {found.displacement_std_mm:.2g}), "
         f"force zero {found.force_n:.4g} N: taken off"
     )
-    zeroed = _less_zeros(
+    zeroed = less_zeros(
         recording, {"position.zero": found.displacement_mm, "force.zero": found.force_n}
     )
     findings = recording.findings
@@ -314,6 +313,8 @@ def _from_surface(recording: Any) -> Any:
 def _is(value: Any, kind: str) -> bool:
     if kind is _TEXT:
         return isinstance(value, str)
+    if kind is _FLAG:
+        return isinstance(value, bool)
     if kind is _NUMBERS:
         return isinstance(value, list) and all(_is(item, _NUMBER) for item in value)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -321,52 +322,6 @@ def _is(value: Any, kind: str) -> bool:
     if kind is _WHOLE and not isinstance(value, int):
         return False
     return abs(value) <= sys.float_info.max  # not of NaN; a whole number may be any size
-
-
-def _less_zeros(recording: Any, zeros: Mapping[str, float]) -> Any:
-    return dataclasses.replace(
-        recording,
-        displacement_mm=recording.displacement_mm - zeros.get("position.zero", 0.0),
-        force_n=recording.force_n - zeros.get("force.zero", 0.0),
-    )
-
-
-def _read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
-    """Return a table with its channels turned, scaled, zeroed and stamped as the settings say."""
-    import numpy as np
-
-    def factor(channel: str) -> float:
-        return float(settings.get(f"{channel}.sign", 1) * settings.get(f"{channel}.scale", 1.0))
-
-    read = _less_zeros(
-        dataclasses.replace(
-            recording,
-            displacement_mm=recording.displacement_mm * factor("position"),
-            force_n=recording.force_n * factor("force"),
-        ),
-        settings,
-    )
-    offsets = [settings.get(f"{name}.time_offset", 0.0) for name in ("position", "force")]
-    if offsets[0] == offsets[1] == 0.0:
-        return read
-    # Every reading at its own stamp, as the node has them.
-    channels = (read.displacement_mm, read.force_n)
-    there = [np.flatnonzero(~np.isnan(values)) for values in channels]
-    shifted = [round(offset * NANOSECONDS) for offset in offsets]
-    stamps = np.concatenate([read.stamps[i] + s for i, s in zip(there, shifted, strict=True)])
-    times = np.concatenate([read.time_s[i] + s for i, s in zip(there, offsets, strict=True)])
-    rows = np.full((len(stamps), 2), np.nan)
-    rows[: len(there[0]), 0] = channels[0][there[0]]
-    rows[len(there[0]) :, 1] = channels[1][there[1]]
-    order = np.argsort(stamps, kind="stable")
-    return dataclasses.replace(
-        read,
-        time_s=times[order],
-        stamps=stamps[order],
-        sequence=np.arange(len(order), dtype=np.uint64),
-        displacement_mm=np.ascontiguousarray(rows[order, 0]),
-        force_n=np.ascontiguousarray(rows[order, 1]),
-    )
 
 
 def _read_sensors(path: str, settings: Mapping[str, Any]) -> Any:

@@ -128,7 +128,7 @@ def _of_sensors(
         "      position:",
         f"        type: {position.kind}",
         *_sensor(position, found.position, "mm", offsets.get("position", 0.0)),
-        *_pairing(min(force.rate_hz, position.rate_hz), offsets),
+        *_pairing(min(found.force.rate_hz, found.position.rate_hz), offsets),
     ]
 
 
@@ -206,8 +206,10 @@ def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -
         settings.append(("zero", _number(rounded(found.zero, 4)), f"{unit}"))
     if offset_s:
         settings.append(("time_offset", offset_s, "s"))
+    if found.held:
+        settings.append(("held", "true", f"new readings at {found.rate_hz:.0f} Hz, then repeated"))
     for name, value, comment in settings:
-        if isinstance(value, str) and name not in ("scale", "zero"):
+        if isinstance(value, str) and name not in ("scale", "zero", "held"):
             value = scalar_for_ros(value)
         lines.append(f"        {name}: {value}" + (f"   # {comment}" if comment else ""))
     return lines

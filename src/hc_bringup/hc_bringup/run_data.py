@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_bringup.tip_path import TipPath, TipSource, tip_of
 from hc_estimator import PARAMETER_NAMES, EstimateSeries, Estimator, __version__
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.together import of_two_readings, together
@@ -25,34 +26,14 @@ from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, record_dtype, records, stamps
 from hc_logger.recorded import only_topic
 from hc_logger.recording import Recording
-from hc_logger.selection import full_name
 from hc_logger.type_names import ESTIMATE_TYPE
 from hc_msgs_py.estimate_fields import estimate_fields
-from hc_msgs_py.topics import TIP, TRUTH
-from hc_msgs_py.units import METRE_IN_MM
+from hc_msgs_py.topics import TRUTH
 
 Array = NDArray[np.float64]
 
 TRUTH_TYPE: Final = "hc_msgs/msg/IndenterTruth"
-TIP_FIELDS: Final = {
-    "geometry_msgs/msg/PointStamped": "point.",
-    "geometry_msgs/msg/PoseStamped": "pose.position.",
-}
 STAMP_FIELDS: Final = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
-
-
-class TipPath(NamedTuple):
-    """Where the tip was sideways: times [s] of the run, (n, 2) positions [mm]."""
-
-    time_s: Array
-    position_mm: Array
-
-
-class TipSource(NamedTuple):
-    """Where a bag has the tip's position: a topic, and its two sideways components."""
-
-    topic: str = f"/{TIP}"
-    axes: str = "xy"
 
 
 class RunEvent(NamedTuple):
@@ -163,7 +144,7 @@ def recorded(recording: Recording, tip: TipSource | None = None) -> RunData | No
 
     Args:
         recording: the recording.
-        tip: where the tip's position is; None takes the topic indenter/tip if it is there.
+        tip: where the tip's position is; None takes what `tip_path.tip_of` finds.
 
     Raises:
         UserError: if the bag cannot be read, or has no such topic.
@@ -265,6 +246,24 @@ def of_series(
     )
 
 
+def tip_path(recording: Recording, tip: TipSource | None = None) -> TipPath | None:
+    """Return where the tip was, None where that is not told.
+
+    Args:
+        recording: the recording.
+        tip: as for `recorded`.
+
+    Raises:
+        UserError: if a position of the tip is asked for that is not there.
+    """
+    if not recording.is_bag:
+        return None
+    with open_bag(recording.path) as bag:
+        found = _beside(bag, recording, recording.stamps[:0], recording.sequence[:0], tip)["tip"]
+    assert found is None or isinstance(found, TipPath)
+    return found
+
+
 def estimate_dtype() -> np.dtype[Any]:
     """Return the dtype of estimates: the fields of the message without its header."""
     whole = record_dtype(installed_definition(ESTIMATE_TYPE), 1)
@@ -337,7 +336,7 @@ def _beside(
     damaged = []
     for name, read in (
         ("truth", lambda: _truth(bag, stamps_ns, sequence)),
-        ("tip", lambda: _tip(bag, start_ns, tip)),
+        ("tip", lambda: tip_of(bag, recording, tip)),
         ("events", lambda: _events(bag, start_ns)),
     ):
         try:
@@ -365,29 +364,6 @@ def _truth(bag: Bag, stamps_ns: NDArray[Any], sequence: NDArray[Any]) -> Array |
     for index, name in enumerate(PARAMETER_NAMES):
         truth[found, index] = table[name][at[found]]
     return truth if np.isfinite(truth).any(axis=0).all() else None
-
-
-def _tip(bag: Bag, start_ns: int, source: TipSource | None) -> TipPath | None:
-    """Return where the tip was.
-
-    Raises:
-        UserError: if a topic was asked for that does not hold it.
-    """
-    asked, source = source is not None, source or TipSource()
-    topic = bag.topics.get(full_name(source.topic))
-    prefix = TIP_FIELDS.get(topic.definition.name) if topic is not None else None
-    if topic is None or prefix is None:
-        if asked:
-            kinds = " or ".join(kind.split("/")[-1] for kind in TIP_FIELDS)
-            raise UserError(f"{bag.path} has no {kinds} on {source.topic}", WRONG_USE)
-        return None
-    fields = [prefix + axis for axis in source.axes]
-    table = records(topic.definition, bag.columns(topic.name), dict.fromkeys(fields, REAL))
-    if not len(table):
-        return None
-    position = np.column_stack([table[name] for name in fields])
-    times = (stamps(table) - start_ns) * 1e-9
-    return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position)
 
 
 def _events(bag: Bag, start_ns: int) -> tuple[RunEvent, ...] | None:

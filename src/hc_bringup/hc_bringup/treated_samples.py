@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
 from hc_estimator.stream.in_pieces import run_in_pieces
+from hc_estimator.stream.repeats import new_readings
+from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
 
@@ -45,6 +47,18 @@ class Samples:
     displacement_mm: FloatArray
     force_n: FloatArray
     surface_std_mm: float
+
+    def count_once(self, channel: str) -> None:
+        """Leave out the readings of a channel that only repeat the one before."""
+        values = self.displacement_mm if channel == "displacement" else self.force_n
+        there = np.flatnonzero(~np.isnan(values))
+        stamps = np.round(self.time_s[there] * NANOSECONDS).astype(np.int64)
+        left = values.copy()
+        left[there[~new_readings(stamps, values[there])]] = np.nan
+        if channel == "displacement":
+            self.displacement_mm = left
+        else:
+            self.force_n = left
 
     def shift_force(self, seconds: float) -> None:
         """Stamp the forces so much later; each reading then stands at its own stamp."""

@@ -11,7 +11,6 @@ import itertools
 import math
 import os
 from pathlib import Path
-from typing import Final
 
 from hc_logger.csv_columns import candidates
 from hc_logger.csv_header import COMMENT_SIGNS, Header, find_header
@@ -27,6 +26,7 @@ from hc_logger.csv_number import (
 from hc_logger.csv_options import CsvOptions
 from hc_logger.csv_table import SEPARATORS, Table, cut, why_no_rows
 from hc_logger.csv_text import find_encoding, first_lines, split_line
+from hc_logger.csv_time import stamps, unit_of_times
 from hc_logger.csv_vocabulary import (
     NAMES,
     QUANTITIES,
@@ -36,9 +36,6 @@ from hc_logger.csv_vocabulary import (
     unit_of,
 )
 from hc_logger.errors import BagError
-
-LONGEST_SECONDS: Final = 0.5
-"""Median step of a time without a unit: below it, it is taken for seconds."""
 
 
 def find_layout(path: str | os.PathLike[str], options: CsvOptions | None = None) -> CsvLayout:
@@ -104,7 +101,9 @@ class _Finder:
         table = self._table()
         header = find_header(self._lines, table)
         cells = list(header.names)
-        indices = {q: self._column(q, table, header) for q in self._quantities}
+        first, nanoseconds = self._stamp(table, cells)
+        indices = {"time": first} if first != NO_COLUMN else {}
+        indices |= {q: self._column(q, table, header) for q in self._quantities if q not in indices}
         if len(set(indices.values())) < len(indices):
             raise self._refusal("two quantities are the same column", "--columns")
         names = {q: cells[i] if cells else f"column {i + 1}" for q, i in indices.items()}
@@ -112,7 +111,11 @@ class _Finder:
         is_open = self._is_open(table)
         for quantity in self._quantities[0 if self._options.rate_hz or not clock else 1 :]:
             self._check_thousands(table, names[quantity], indices[quantity], is_open)
-        found = self._units(table, indices, names, header.units, clock)
+        is_stamp = nanoseconds != NO_COLUMN
+        if is_stamp:
+            nano = cells[nanoseconds] if cells else f"column {nanoseconds + 1}"
+            self._notes.append(f"{names['time']} and {nano} together are the time")
+        found = self._units(table, indices, names, header.units, clock, is_stamp)
         self._notes.insert(0, self._summary(table, names, found))
         if self._options.rate_hz:
             indices["time"], names["time"] = NO_COLUMN, "the time"
@@ -129,6 +132,7 @@ class _Finder:
             table.width,
             header=header.line,
             clock=clock,
+            nanoseconds=nanoseconds,
             rate_hz=self._options.rate_hz,
             decimal_is_sure=bool(self._options.decimal),
             decimal_is_open=is_open,
@@ -143,11 +147,15 @@ class _Finder:
         names: dict[str, str],
         units: tuple[str, ...],
         clock: bool,
+        is_stamp: bool,
     ) -> dict[str, tuple[str, float]]:
         """Return the unit of each quantity and its factor."""
         found = {}
         unknown = []
         for quantity, index in indices.items():
+            if quantity == "time" and is_stamp:
+                found[quantity] = ("s", 1.0)
+                continue
             if quantity == "time" and clock:
                 found[quantity] = ("s", 1.0)
                 self._notes.append(
@@ -299,14 +307,31 @@ class _Finder:
             found = split_name(name, quantity)[1] or unit_of(below, quantity)
             if found in ("gf", "kgf") and is_weight(below or name):
                 self._notes.append(f"{name} is taken for the force of a mass: {found}")
-        if found is None and quantity == "time" and self._looks_like_seconds(table, index):
-            found = "s"
-            self._notes.append(f"{name} has no unit: taken for seconds")
+        if found is None and quantity == "time":
+            found, what = unit_of_times(self._numbers(table, index))
+            if found is not None:
+                self._notes.append(f"{name} has no unit: {what}")
         return None if found is None else (found, UNITS[quantity][found])
 
-    def _looks_like_seconds(self, table: Table, index: int) -> bool:
-        steps = sorted(abs(b - a) for a, b in itertools.pairwise(self._numbers(table, index)))
-        return bool(steps) and 0.0 < steps[len(steps) // 2] < LONGEST_SECONDS
+    def _stamp(self, table: Table, cells: list[str]) -> tuple[int, int]:
+        """Return the columns of seconds and nanoseconds of the time, none if it is in one column.
+
+        Of several messages in a table the stamp of the first counts, unless the user names one; A+B
+        names both.
+        """
+        none = (NO_COLUMN, NO_COLUMN)
+        if "time" not in self._quantities:
+            return none
+        wanted = self._options.columns.get("time")
+        if wanted is not None and "+" in wanted and wanted not in cells:
+            a, b = (part.strip() for part in wanted.split("+", 1))
+            return self._named("time", a, table, cells), self._named("time", b, table, cells)
+        pairs = stamps(cells, table.numeric)
+        if wanted is None:
+            others = set(candidates("time", cells, table.numeric)[0]).difference(*pairs)
+            return pairs[0] if pairs and not others else none
+        named = self._named("time", wanted, table, cells)
+        return next((pair for pair in pairs if pair[0] == named), none)
 
     def _numbers(self, table: Table, index: int) -> list[float]:
         sure = bool(self._options.decimal)

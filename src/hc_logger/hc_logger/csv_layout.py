@@ -23,6 +23,7 @@ class CsvLayout(NamedTuple):
         width: cells in a row.
         header: the cells of the line of names, none if there is none.
         clock: whether the time is written as on a clock.
+        nanoseconds: column of what is to be added to the time, NO_COLUMN if there is none.
         rate_hz: rows in a second; 0 if the file tells the time.
         decimal_is_sure: whether the user said what the decimal sign is.
         decimal_is_open: whether no number that was looked at has a sign that must be decimal.
@@ -40,6 +41,7 @@ class CsvLayout(NamedTuple):
     width: int
     header: tuple[str, ...] = ()
     clock: bool = False
+    nanoseconds: int = NO_COLUMN
     rate_hz: float = 0.0
     decimal_is_sure: bool = False
     decimal_is_open: bool = False

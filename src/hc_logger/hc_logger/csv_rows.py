@@ -9,6 +9,7 @@ chooses one. Text in the midst of the rows is an error that names its line.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Generator, Iterator
 from itertools import islice
@@ -34,6 +35,7 @@ from hc_logger.errors import BagError
 
 BLOCK_ROWS: Final = 65536
 _QUANTITIES: Final = 3
+_NANO_DIGITS: Final = 9
 _SHOWN: Final = 40
 
 
@@ -92,12 +94,28 @@ class RowReader:
             if is_cut_off(lines[-1], layout):
                 lines.pop()
                 self.notes.append("the last line is cut off in its middle: it is left out")
+            if layout.nanoseconds != NO_COLUMN:
+                lines = [self._with_whole_time(text) for text in lines]
             rows = self._parse(lines, line)
             if self._is_open and any(layout.decimal in line for line in lines):
                 self._check_thousands(lines)
             yield rows if (factors == 1.0).all() else rows * factors
             line += len(lines)
         self._end()
+
+    def _with_whole_time(self, line: str) -> str:
+        """Return a line with seconds and nanoseconds in one cell, another one as it is."""
+        layout, cells = self._layout, split_line(line, self._layout.separator)
+        if len(cells) <= max(layout.indices[0], layout.nanoseconds):
+            return line
+        seconds, nano = (cells[i].strip() for i in (layout.indices[0], layout.nanoseconds))
+        if not (seconds.isdigit() and nano.isdigit() and len(nano) <= _NANO_DIGITS):
+            return line
+        cells[layout.indices[0]] = f"{seconds}{layout.decimal}{nano:0>{_NANO_DIGITS}}"
+        text = io.StringIO()
+        separator = "\t" if layout.separator == " " else layout.separator
+        csv.writer(text, delimiter=separator, lineterminator="\n").writerow(cells)
+        return text.getvalue()
 
     def _parse(self, lines: list[str], first: int) -> NDArray[np.float64]:
         """Return the rows of some lines, times as they are written."""

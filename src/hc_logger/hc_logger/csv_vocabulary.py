@@ -10,7 +10,7 @@ STANDARD_GRAVITY: Final = 9.80665
 """m/s²: what makes a force of a gram."""
 
 UNITS: Final[dict[str, dict[str, float]]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
     "displacement": {"m": 1e3, "cm": 10.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "in": 25.4},
     "force": {
         "N": 1.0,
@@ -44,6 +44,12 @@ _OTHER_SPELLINGS: Final = {
     "milliseconds": "ms",
     "usec": "us",
     "µs": "us",
+    "nanosec": "ns",
+    "nanosecs": "ns",
+    "nanosecond": "ns",
+    "nanoseconds": "ns",
+    "nsec": "ns",
+    "nsecs": "ns",
     "minutes": "min",
     "metre": "m",
     "meter": "m",
@@ -85,6 +91,7 @@ _ONLY_AS_FORCE: Final = ("g", "gramm", "kg", "lb", "lbs")
 NAMES: Final[dict[str, tuple[str, ...]]] = {
     "time": ("time", "t", "elapsed time", "timestamp", "time stamp", "test time", "zeit",
              "running time", "date time", "datetime", "time of day", "zeitstempel", "uhrzeit",
+             "unix time", "time unix", "t unix", "epoch", "epoch time", "stamp", "ros time",
              "prüfzeit", "messzeit", "laufzeit", "temps", "durée", "tiempo", "tempo"),
     "displacement": ("displacement", "disp", "distance", "position", "pos", "depth", "indentation",
                      "indentation depth", "penetration", "penetration depth", "deformation",
@@ -106,6 +113,17 @@ NOT_MEASURED: Final = frozenset(
 )  # fmt: skip
 """Words that say that a column is something else than the reading that the other words name."""
 
+_OF_MESSAGES: Final = (
+    (re.compile(r"(?:^|.*[./_])wrench[./_]force[./_](?P<axis>[xyz])$"), "force", "N"),
+    (re.compile(r"(?:^|.*[./_])pose[./_]position[./_](?P<axis>[xyz])$"), "displacement", "m"),
+    (
+        re.compile(r"(?:^|.*[./_])transform[./_]translation[./_](?P<axis>[xyz])$"),
+        "displacement",
+        "m",
+    ),
+)
+"""Fields of WrenchStamped, PoseStamped and TransformStamped, which are in SI, as exports of bags
+name them."""
 _IN_BRACKETS: Final = re.compile(r"^(?P<name>.*?)\s*[\[({<]\s*(?P<unit>[^\])}>]*?)\s*[\])}>]\s*$")
 _AFTER_SIGN: Final = re.compile(
     r"^(?P<name>.+?)\s*(?:_|/|,|:|\s-\s|\sin\s|\s)\s*(?P<unit>[^\s_/,:]+)$"
@@ -137,6 +155,10 @@ def split_name(cell: str, quantity: str | None = None) -> tuple[str, str | None]
         quantity: what is measured; None for any.
     """
     text = " ".join(cell.split())
+    for field, kind, si in _OF_MESSAGES:
+        found = field.match(text.lower())
+        if found and quantity in (None, kind):
+            return f"{kind} {found['axis']}", si
     for pattern in (_IN_BRACKETS, _AFTER_SIGN):
         found = pattern.match(text)
         if found and found["name"]:

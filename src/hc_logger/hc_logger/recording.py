@@ -110,7 +110,8 @@ def _read_bag(path: Path, topic: str) -> Recording:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
             has = ", ".join(reader.topics) or "nothing"
             if not topic and has_several_sensors(reader):
-                has += ": several sensors, name them (force.topic, position.topic)"
+                has += ": several sensors, name them: "
+                has += "--input force.topic=... --input position.topic=..."
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
         definition = reader.topics[name].definition
         if definition.name == SAMPLES_TYPE:

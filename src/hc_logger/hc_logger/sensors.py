@@ -17,6 +17,7 @@ import numpy as np
 
 from hc_estimator.stream.mapping import make_mapping
 from hc_estimator.stream.merger import Merged, Merger
+from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
@@ -45,6 +46,7 @@ class Sensor:
         time_offset_s: added to the stamps.
         joint: name of the joint in a JointState; empty takes the first.
         child_frame: child frame of a TransformStamped; empty takes any.
+        held: the topic repeats the last reading until there is a new one: each counts once.
     """
 
     topic: str = ""
@@ -56,6 +58,7 @@ class Sensor:
     time_offset_s: float = 0.0
     joint: str = ""
     child_frame: str = ""
+    held: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,13 +110,19 @@ def read_sensors(
         take_position = _position_reader(bag, position_topic, position)
         samples: list[Merged] = []
         stamps_of: tuple[list[int], list[int]] = ([], [])  # of the forces, of the positions
+        longest_ns = round(SHARE * 1e9 * pairing.maximum_gap_s)
+        repeated = (Repeats(longest_ns), Repeats(longest_ns))
         for message in bag.messages({force_topic, position_topic}):
             if message.topic == force_topic:
                 for stamp, value in take_force(message.data):
+                    if force.held and repeated[0].is_one(stamp, value):
+                        continue
                     stamps_of[0].append(stamp)
                     samples += merger.add_force(stamp, value, message.log_time)
             else:
                 for stamp, value in take_position(message.data):
+                    if position.held and repeated[1].is_one(stamp, value):
+                        continue
                     stamps_of[1].append(stamp)
                     samples += merger.add_displacement(stamp, value, message.log_time)
         samples += merger.flush()
@@ -173,6 +182,7 @@ def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:
         return fitting[0]
     raise BagError(
         f"{bag.path} has {len(fitting)} {what} topics ({', '.join(fitting) or 'none'}); name one"
+        + (f": --input {what}.topic={fitting[0]}, say" if fitting else "")
     )
 
 

@@ -97,6 +97,34 @@ def test_broken_recordings_are_rows_with_a_reason(
     assert "no contact in 99 samples" in page
 
 
+def test_a_recording_that_is_read_wrongly_has_a_reason_and_no_parameters(
+    make_recordings: MakeRecordings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: K = 6e-7 of an arm whose axes point down stood in the table as a result."""
+    folder, target = make_recordings(3, seconds=6.0), tmp_path / "out"
+    path = folder / "r0001.csv"
+    head, *lines = path.read_text().splitlines()
+    turned = (f"{t},{200.0 - float(d)},{-float(f)}" for t, d, f in map(cells, lines))
+    path.write_text("\n".join([head, *turned]) + "\n")
+    assert batch(folder, "-o", target, "--json") == 0
+    assert summary(capsys)["without_result"] == 1
+    good, turned_row, _other = rows(target / "recordings.csv")
+    assert good["reason"] == ""
+    assert turned_row["reason"] == (
+        "these are not the parameters of the tissue, for the sign of a channel is wrong"
+    )
+    assert "turn the signs of both" in turned_row["notes"]
+    names = [name for name in good if name.startswith(("stiffness", "damping"))]
+    assert len(names) == 6
+    assert all(good[name] and not turned_row[name] for name in names)
+    assert {row["recording"] for row in rows(target / "contacts.csv")} == {"r0000.csv", "r0002.csv"}
+    assert "the sign of a channel is wrong" in (target / "overview.html").read_text()
+
+
+def cells(line: str) -> list[str]:
+    return line.split(",")
+
+
 def test_resume_makes_only_what_is_missing_changed_or_damaged(
     make_recordings: MakeRecordings, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

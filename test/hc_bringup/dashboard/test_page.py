@@ -238,6 +238,36 @@ def test_presses_at_one_place_are_no_map(
     assert page.complaints() == []
 
 
+def test_places_far_apart_show_their_value_and_neighbours_a_line(
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+) -> None:
+    """Regression: of three places pressed one after another only pale boxes were to be seen."""
+    served = serve()
+    table = make_estimates(500)
+    feed(served, table, make_stamps(table), Digest())
+    place = {name: i for i, name in enumerate(MAP_COLUMNS)}
+    cells = np.zeros((5, len(MAP_COLUMNS)))
+    cells[:, place["x"]] = [450.0, 462.0, 474.0, 486.0, 486.5]
+    cells[:, place["ln_K"]] = np.log([0.3, 0.9, 0.15, 0.5, 0.5])
+    cells[:, place["n"]] = 1.5
+    cells[:, place["var_ln_K"]] = 1e-2
+    cells[:, place["deepest"]] = 4.0
+    served.server.publish_map(0, 0.5, cells)
+    opened(page, served, make_status)
+    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
+    dots = page.run(
+        """const { plot } = HC.app.map.chart, seen = [];
+        const arc = plot.ctx.arc;
+        plot.ctx.arc = (x, y, ...rest) => { seen.push([x, y]); arc.call(plot.ctx, x, y, ...rest); };
+        HC.app.map.draw(plot);
+        delete plot.ctx.arc;
+        return [seen, HC.app.map.spots.map((spot) =>
+          [plot.valToPos(spot.x, "x", true), plot.valToPos(spot.value, "y", true)])];"""
+    )
+    np.testing.assert_allclose(dots[0], dots[1][:3], atol=0.5)
+    assert page.complaints() == []
+
+
 def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
     page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
 ) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hc_bringup.run_data import RunData, TipPath, records_of_series
+from hc_bringup.run_data import RunData, records_of_series
+from hc_bringup.tip_path import TipPath
 from hc_estimator import create_estimator
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from hc_bringup.cli import main
 from hc_bringup.report.contact_file import columns, encode
 from hc_bringup.report.contacts import ContactRules, find_contacts
-from hc_bringup.run_data import TipPath
+from hc_bringup.tip_path import TipPath
 from hc_estimator import create_estimator
 from hc_estimator.stream.contacts import ContactTracker
 

@@ -13,7 +13,7 @@ from hc_bringup.errors import UserError
 from hc_bringup.report import map_file
 from hc_bringup.report.contacts import Contact, find_contacts
 from hc_bringup.report.palpation_map import MeasuredPlaces, fit_map, measured_places
-from hc_bringup.run_data import TipPath
+from hc_bringup.tip_path import TipPath
 
 pytest.importorskip("sklearn")
 

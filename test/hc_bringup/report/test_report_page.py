@@ -20,7 +20,7 @@ from hc_bringup.report.contacts import find_contacts
 from hc_bringup.report.rows import page_rows
 from hc_bringup.report.run_page import run_page
 from hc_bringup.report.verdict import Level, verdict
-from hc_bringup.run_data import TipPath
+from hc_bringup.tip_path import TipPath
 from hc_bringup.zero_effect import effect_in
 
 MakeRun = Callable[..., Any]
@@ -53,6 +53,20 @@ def test_words_for_a_good_run(make_run: MakeRun) -> None:
     assert number == pytest.approx(force, rel=0.02)
     assert "The contact law describes what the sensors say." in words
     assert any(text.startswith("The true K lies within 3") for text in words)
+
+
+def test_words_for_several_places_where_the_law_does_not_fit(make_run: MakeRun) -> None:
+    """Regression: relaxing tissue was named, and nobody said that the surfaces may differ."""
+    steps = np.arange(0.0, 8.0, 0.01)
+    places = np.column_stack([6.0 * (steps // 4.0 + steps // 6.0), np.zeros_like(steps)])
+    data = make_run(seconds=8.0, tip=TipPath(steps, places))
+    data.estimates["model_mismatch"][::3] = 1
+    (found,) = [text for text in said(data) if text.startswith("The contact law does not fit")]
+    assert "the tool went to 3 places one after another" in found
+    assert found.endswith("hc contacts --sites takes each by itself.")
+    slid = make_run(seconds=8.0, tip=TipPath(steps, np.column_stack([9.0 * steps, 0.0 * steps])))
+    slid.estimates["model_mismatch"][::3] = 1
+    assert not any("places one after another" in text for text in said(slid))
 
 
 def test_words_for_zeros_that_are_taken_for_exact(make_run: MakeRun) -> None:

@@ -38,6 +38,7 @@ from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
+from hc_bringup.summary import why_unusable
 from hc_bringup.zero_words import Zeros
 from hc_estimator import PARAMETER_NAMES
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -194,6 +195,11 @@ def _result_file(path: Path) -> Iterator[Any]:
         raise ResultError(f"cannot write {path}: {error.strerror or error}") from error
 
 
+_OF_THE_TISSUE: Final = tuple(
+    f"{name}{what}" for name in PARAMETER_NAMES for what in ("", "_std", "_identifiability")
+)
+
+
 def recording_units() -> dict[str, str]:
     """Return the columns of a recording's row and the units that stand behind their names."""
     units = {"duration": "s", "samples": "1", "used": "1", "in_contact": "1", "rejected": "1"}
@@ -266,15 +272,19 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
     series = run_in_pieces(estimator, times, displacements, forces)
     summary = summarise(estimator, recording, series, math.nan)
-    reason = why_no_result(summary)
+    suspicions = check_samples(times, displacements, forces)
+    # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
+    reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)
     contacts = []
     if not reason:
         data = of_series(recording, estimator, series, tip_source(task.arguments))
         contacts = find_contacts(data, contact_rules(task.arguments))
-    said = [s.sentence for s in check_samples(times, displacements, forces)]
+    said = [s.sentence for s in suspicions]
     result = _failure(reason)
     result["notes"] = [_about(task, line) for line in (*recording.findings.lines(), *said)]
     result["recording"] = _row(recording, summary, len(contacts))
+    if reason:  # whoever takes a column of numbers for results is to find none
+        result["recording"] |= dict.fromkeys(_OF_THE_TISSUE, math.nan)
     result["contacts"] = columns(contacts)
     if task.estimates:
         relative = name.with_suffix(f".{task.estimates}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--depth", type=positive, metavar="MM", help="depth of the map (default: 2 mm at most)"
     )
     add_rule_options(parser)
+    parser.add_argument(
+        "--sites",
+        action="store_true",
+        help="several places were pressed one after another, each with a surface of its own: where "
+        "the tip went sideways by 2 mm between two touches (or was in the air for 1 s, if no "
+        "position is recorded) the surface is looked for and the estimator begins anew",
+    )
     recording_input.add_filter_options(parser, "estimate anew with this filter")
     parser.add_argument("--json", action="store_true", help="print what was found as JSON")
 
@@ -65,7 +73,9 @@ def add_rule_options(parser: argparse.ArgumentParser) -> None:
         "--release", type=seconds, default=0.02, metavar="S", help="so long away, and it is over"
     )
     parser.add_argument(
-        "--tip", metavar="TOPIC", help="position of the tip (default: indenter/tip)"
+        "--tip",
+        metavar="TOPIC",
+        help="position of the tip (default: indenter/tip, or a bag's only pose)",
     )
     parser.add_argument(
         "--tip-axes",
@@ -88,8 +98,8 @@ def contact_rules(arguments: argparse.Namespace) -> Any:
 
 
 def tip_source(arguments: argparse.Namespace) -> Any:
-    """Return where the tip's position is (hc_bringup.run_data.TipSource), None: where usual."""
-    from hc_bringup.run_data import TipSource
+    """Return where the tip's position is (hc_bringup.tip_path.TipSource), None: where usual."""
+    from hc_bringup.tip_path import TipSource
 
     if arguments.tip is None and arguments.tip_axes == "xy":
         return None
@@ -120,19 +130,82 @@ def run(arguments: argparse.Namespace) -> int:
             raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     recording = recording_input.load(arguments)
     tip = tip_source(arguments)
-    data = None if estimate.is_asked_for(arguments) else recorded(recording, tip)
-    if data is None:
+    sites: list[Any] = []
+    if arguments.sites:
+        data, sites, series = _by_site(arguments, recording, tip)
+    elif estimate.is_asked_for(arguments) or (data := recorded(recording, tip)) is None:
         data = estimated(recording, estimate.make_estimator(arguments, recording), tip)
     contacts = find_contacts(data, contact_rules(arguments))
+    beside = _site_columns(sites, series, contacts) if sites else {}
     written = []
     if arguments.output is not None:
-        written.append(_write(Path(arguments.output), encode(contacts, targets[0].suffix.lower())))
+        written.append(
+            _write(Path(arguments.output), encode(contacts, targets[0].suffix.lower(), beside))
+        )
     summary: dict[str, Any] = {"contacts": len(contacts)}
+    if sites:
+        summary["sites"] = _of_sites(beside, contacts)
     if arguments.maps:
         summary |= _write_maps(arguments, data, contacts, written)
     summary["written"] = written
     _tell(summary, as_json=arguments.json)
     return 0
+
+
+def _by_site(arguments: argparse.Namespace, recording: Any, tip: Any) -> tuple[Any, list[Any], Any]:
+    """Return the run (run_data.RunData), its places (sites.Site), the series of estimates."""
+    from hc_bringup.run_data import of_series, tip_path
+    from hc_bringup.sites import estimate_sites, find_sites
+
+    path = tip_path(recording, tip)
+    sites = find_sites(recording, path)
+    zeroed, estimator, series = estimate_sites(
+        recording, sites, lambda part: estimate.make_estimator(arguments, part)
+    )
+    data = dataclasses.replace(of_series(zeroed, estimator, series), tip=path)
+    return data, sites, series
+
+
+def _site_columns(
+    sites: list[Any], series: Any, contacts: list[Any]
+) -> dict[str, list[float | int]]:
+    """Return the columns that say of each contact which place it is of, and where its surface."""
+    import numpy as np
+
+    lengths = [site.rows.stop - site.rows.start for site in sites]
+    last = np.array([contact.last for contact in contacts], int)
+    of = np.searchsorted(np.cumsum(lengths), last, side="right")
+    found_mm, found_std_mm = (
+        np.nan_to_num(column[last])
+        for column in (series.contact_position, series.contact_position_std)
+    )
+    known_mm = np.array([site.surface_std_mm for site in sites])[of]
+    return {
+        "site [1]": (of + 1).tolist(),
+        "surface [mm]": (np.array([s.surface_mm for s in sites])[of] + found_mm).tolist(),
+        "surface_std [mm]": np.where(found_std_mm > 0.0, found_std_mm, known_mm).tolist(),
+    }
+
+
+def _of_sites(beside: dict[str, list[Any]], contacts: list[Any]) -> list[dict[str, Any]]:
+    """Return what is known of each place in the end, with the last of its contacts."""
+    from hc_estimator import PARAMETER_NAMES
+
+    last = dict(zip(beside["site [1]"], range(len(contacts)), strict=True))
+    return [
+        {
+            "site": number,
+            "x_mm": float(contacts[i].position_mm[0]),
+            "y_mm": float(contacts[i].position_mm[1]),
+            "surface_mm": beside["surface [mm]"][i],
+            "surface_std_mm": beside["surface_std [mm]"][i],
+            "parameters": dict(zip(PARAMETER_NAMES, contacts[i].parameters.tolist(), strict=True)),
+            "parameters_std": dict(
+                zip(PARAMETER_NAMES, contacts[i].parameters_std.tolist(), strict=True)
+            ),
+        }
+        for number, i in last.items()
+    ]
 
 
 def _write_maps(
@@ -182,6 +255,17 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
         return
     count = summary["contacts"]
     print(f"{count} contact{'' if count == 1 else 's'}")
+    for site in summary.get("sites", ()):
+        values = ", ".join(
+            f"{symbol} = {value:.4g} ± {deviation:.2g}"
+            for symbol, value, deviation in zip(
+                "KBnp", site["parameters"].values(), site["parameters_std"].values(), strict=True
+            )
+        )
+        print(
+            f"site {site['site']}: surface at {site['surface_mm']:.6g} ± "
+            f"{site['surface_std_mm']:.1g} mm, {values}"
+        )
     if "places" in summary:
         print(f"map of {summary['places']} places, stiffness at {summary['depth_mm']:g} mm")
     lump = summary.get("lump")

@@ -118,8 +118,17 @@ def _of_one_message(finding: Any) -> Any:
 def _for_node(node: str) -> Any:
     """Say how a running node gets settings; returns (those that change, all) -> commands."""
     return lambda changed, _present: [
-        f"hc param set {node} input.{name} {value}" for name, value in changed.items()
+        f"hc param set {node} {_full(name)} {_word(value)}" for name, value in changed.items()
     ]
+
+
+def _full(name: str) -> str:
+    """Return the node's name of a setting; those below `input.` have a point."""
+    return f"input.{name}" if "." in name else name
+
+
+def _word(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
@@ -134,18 +143,24 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
         if value is not None:
             words += [f"--{option.replace('_', '-')}", str(value)]
 
+    from hc_bringup.diagnosis import CONTACT_STD
+
     def type_it(changed: dict[str, Any], present: dict[str, Any]) -> list[str]:
         usable = {
             name: value
             for name, value in present.items()
-            if recording.is_bag or name in recording_input.OF_A_TABLE
+            if recording.is_bag or name in (*recording_input.OF_A_TABLE, CONTACT_STD)
         }
         lines = []
         if usable.keys() & changed.keys():
-            settings = [w for name, value in usable.items() for w in ("--input", f"{name}={value}")]
+            settings = [
+                word
+                for name, value in usable.items()
+                for word in ("--input" if "." in name else "--param", f"{name}={_word(value)}")
+            ]
             lines.append(shlex.join(words + settings))
         return lines + [
-            f"in the robot's parameter file: input.{name}: {value}"
+            f"in the robot's parameter file: {_full(name)}: {_word(value)}"
             for name, value in changed.items()
             if name not in usable
         ]
@@ -166,8 +181,10 @@ def apply(present: dict[str, Any], correction: dict[str, Any]) -> dict[str, Any]
 
     changed: dict[str, Any] = {}
     for name, value in correction.items():
-        sensor, key = name.split(".")
-        if key in ("sign", "scale"):
+        sensor, _point, key = name.partition(".")
+        if key in ("", "held"):  # not added to what was set before
+            changed[name] = value
+        elif key in ("sign", "scale"):
             changed[name] = type(value)(present.get(name, 1) * value)
             zero = present.get(f"{sensor}.zero", 0.0)
             if zero:
@@ -211,7 +228,7 @@ def _print_json(
             {
                 "what": finding.what,
                 "cost": finding.cost,
-                "settings": {f"input.{name}": value for name, value in changed.items()},
+                "settings": {_full(name): value for name, value in changed.items()},
                 "type": type_it(changed, settings),
             }
         )

@@ -167,6 +167,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     found = found.rescaled(
         corrections.get("force.scale", 1.0), corrections.get("position.scale", 1.0)
     ).corrected(corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0))
+    if diagnosis.surface_std_mm > 0.0:
+        found = found.with_surface_known_to(diagnosis.surface_std_mm)
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")
@@ -197,10 +199,15 @@ def _tell(stream: Any, found: Any, unit: str) -> None:
     along = f"joint {found.joint}" if found.joint else f"along {found.axis}"
     if found.axis == "direction":
         along = "along " + ", ".join(f"{c:.2f}" for c in found.direction)
+    held = (
+        f" (of {stream.rate_hz:.0f} messages a second; the others repeat it and are passed over)"
+        if found.held
+        else ""
+    )
     zero = "zero not known" if found.zero != found.zero else f"zero {found.zero:.4g} {unit}"
     say(
         f"{stream.name}: {along}, sign {found.sign:+d}, {zero}, noise {found.noise:.2g} {unit}, "
-        f"{found.rate_hz:.0f} Hz"
+        f"{found.rate_hz:.0f} Hz{held}"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -50,17 +50,20 @@ def columns(contacts: Sequence[Contact]) -> dict[str, list[Any]]:
     return table
 
 
-def encode(contacts: Sequence[Contact], suffix: str) -> bytes:
+def encode(
+    contacts: Sequence[Contact], suffix: str, beside: Mapping[str, list[Any]] | None = None
+) -> bytes:
     """Return the file's content.
 
     Args:
         contacts: its rows.
         suffix: .csv or .parquet.
+        beside: further columns.
 
     Raises:
         UserError: if parquet is asked for and its library is not installed.
     """
-    table = columns(contacts)
+    table = columns(contacts) | dict(beside or {})
     if suffix == ".parquet":
         return _parquet(table)
     text = io.StringIO()

@@ -13,7 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_bringup.run_data import RunData, TipPath
+from hc_bringup.run_data import RunData
+from hc_bringup.tip_path import TipPath
 from hc_msgs_py.units import METRE_IN_MM
 
 Array = NDArray[np.float64]

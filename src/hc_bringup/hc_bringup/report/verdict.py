@@ -14,6 +14,7 @@ from hc_bringup.explanation import explain
 from hc_bringup.report.contacts import Contact
 from hc_bringup.report.palpation_map import StiffnessMap
 from hc_bringup.run_data import RunData
+from hc_bringup.sites import APART_MM
 from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros
@@ -66,7 +67,7 @@ def verdict(
     sentences = [
         *_lump(found),
         *_parameters_found(data, scanned=found is not None and found.lump is not None),
-        *_fit(data),
+        *_fit(data, contacts),
         *_channels(data, channels),
         *_unseen(data, channels),
         *_zeros(data),
@@ -115,7 +116,7 @@ def _lump(found: StiffnessMap | None) -> list[Sentence]:
     return [Sentence(Level.NOTE, f"{found.lump.sentence(found.is_line)}.")]
 
 
-def _fit(data: RunData) -> list[Sentence]:
+def _fit(data: RunData, contacts: Sequence[Contact]) -> list[Sentence]:
     used = data.contact & data.used
     share = float(np.mean(data.model_mismatch[used]))
     if share <= MISMATCH_SHARE:
@@ -124,8 +125,23 @@ def _fit(data: RunData) -> list[Sentence]:
             return [Sentence(Level.NOTE, text)]
         return [Sentence(Level.GOOD, "The contact law describes what the sensors say.")]
     text = f"The contact law does not fit in {100 * share:.0f} % of the contact"
-    reason = _reason(data)
+    reason = _places(contacts) or _reason(data)
     return [Sentence(Level.BAD, f"{text}: {reason}." if reason else f"{text}.")]
+
+
+def _places(contacts: Sequence[Contact]) -> str:
+    """Say that several places were pressed, one after another; nothing of a tool that slid."""
+    at = np.array([c.position_mm for c in contacts]).reshape(-1, 2)
+    slid = any(c.travel_mm > APART_MM for c in contacts)
+    if slid or not np.isfinite(at).all():
+        return ""
+    count = 1 + int(np.count_nonzero(np.hypot(*np.diff(at, axis=0).T) > APART_MM))
+    if count < 2:
+        return ""
+    return (
+        f"the tool went to {count} places one after another, and each may have a surface of its "
+        "own; hc contacts --sites takes each by itself"
+    )
 
 
 def _reason(data: RunData) -> str:

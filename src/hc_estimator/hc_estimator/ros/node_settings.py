@@ -14,6 +14,9 @@ LARGEST_BACKLOG = 20_000
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
 MISSING_READINGS = "missing_readings"
 
+OWN_SENSORS = ("sensors", "effort")
+"""Sources of which the node makes samples itself: of now, and published with zeros taken off."""
+
 NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
     (
         "input.source",
@@ -49,7 +52,16 @@ READING = frozenset(
         *(
             f"input.{sensor}.{name}"
             for sensor in ("force", "position")
-            for name in ("topic", "axis", "direction", "sign", "scale", "zero", "time_offset")
+            for name in (
+                "topic",
+                "axis",
+                "direction",
+                "sign",
+                "scale",
+                "zero",
+                "time_offset",
+                "held",
+            )
         ),
         *(setting.name for setting in EFFORT_SETTINGS),
     )
@@ -64,7 +76,7 @@ def _table(*settings: ParameterSpecification) -> dict[str, ParameterSpecificatio
 def _sensor_settings(
     sensor: str, topic: str, zero: str, unit: str, message: str
 ) -> tuple[ParameterSpecification, ...]:
-    """Return what both sensors have: topic, axis, direction, sign, scale, zero, time offset."""
+    """Return what both sensors have: topic, axis, direction, sign, scale, zero, offset, held."""
     name = f"input.{sensor}"
     return (
         setting(f"{name}.topic", topic, f"Topic of the {sensor} sensor, {message}."),
@@ -101,6 +113,11 @@ def _sensor_settings(
             minimum=-10.0,
             maximum=10.0,
             unit="s",
+        ),
+        setting(
+            f"{name}.held",
+            False,
+            "The topic repeats the last reading until there is a new one: count each once.",
         ),
     )
 
@@ -250,7 +267,8 @@ NODE_SETTINGS = _table(
     setting(
         "input.publish_samples",
         True,
-        "With source sensors: publish their readings on indenter/sample, to record and plot.",
+        "With source sensors or effort: publish the samples made of them on indenter/sample, to "
+        "record and plot.",
     ),
     setting(
         "input.silence_timeout",

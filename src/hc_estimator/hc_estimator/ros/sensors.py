@@ -29,6 +29,7 @@ from hc_estimator.stream.contact_reading import ContactReading
 from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.poses import SurfacePose, ToolPose
+from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
 
 _POSITION_TYPES = {"joint": JointState, "pose": PoseStamped, "transform": TransformStamped}
@@ -64,6 +65,7 @@ class SensorInput:
         if values["input.contact.frame"] == "surface":
             moves = values["input.contact.normal_from"] == "topic"
             self._contact = ContactReading(contact_frame(values), moves=moves)
+        self._repeated_forces, self._repeated_positions = Repeats(), Repeats()
         self._merger = Merger(
             maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1, with_surface=moves
         )
@@ -123,6 +125,10 @@ class SensorInput:
         self._merger.maximum_wait_ns = round(values["input.pairing.maximum_wait"] * 1e9)
         self._merger.reorder_window_ns = round(values["input.pairing.reorder_window"] * 1e9)
         self._merger.maximum_gap_ns = round(values["input.pairing.maximum_gap"] * 1e9)
+        for repeats in (self._repeated_forces, self._repeated_positions):
+            repeats.longest_ns = round(SHARE * self._merger.maximum_gap_ns)
+        self._holds_forces = values["input.force.held"]
+        self._holds_positions = values["input.position.held"]
         self._merger.surface_silence_ns = round(values["input.silence_timeout"] * 1e9)
         if self._contact is not None:
             self._contact.frame = contact_frame(values)
@@ -143,6 +149,8 @@ class SensorInput:
         )
         if self._reading and reading != self._reading:
             self._merger.clear()  # readings of before and after do not belong together
+            self._repeated_forces.forget()
+            self._repeated_positions.forget()
         self._reading = reading
 
     @property
@@ -195,6 +203,8 @@ class SensorInput:
         else:
             value = (force.x, force.y, force.z)
         stamp_ns = nanoseconds_from_stamp(message.header.stamp) + self._force_offset_ns
+        if self._holds_forces and self._repeated_forces.is_one(stamp_ns, value):
+            return
         arrival_ns = self._forces.received_ns
         self._hand_on(self._merger.add_force(stamp_ns, value, arrival_ns, self._complete_ns()))
 
@@ -237,6 +247,8 @@ class SensorInput:
     def _add_position(self, stamp_ns: int, value: float | ToolPose) -> None:
         arrival_ns = self._positions.received_ns
         stamp_ns += self._position_offset_ns
+        if self._holds_positions and self._repeated_positions.is_one(stamp_ns, value):
+            return
         complete_ns = self._complete_ns()
         self._hand_on(self._merger.add_displacement(stamp_ns, value, arrival_ns, complete_ns))
 

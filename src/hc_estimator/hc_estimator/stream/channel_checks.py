@@ -65,22 +65,28 @@ _STANDING_SHARE = 0.05
 """Of the time, at its end: by then the parameters follow a channel that says nothing."""
 
 
-def held(readings: Readings) -> str:
-    """A channel that is repeated at a higher rate than it is measured at."""
+def held(readings: Readings) -> tuple[str, float]:
+    """A channel that is repeated at a higher rate than it is measured at.
+
+    Returns:
+        The sentence, and how many samples hold the same reading; empty and NaN for none such.
+    """
     name, _unit, time_s, values = readings
     _starts, lengths = runs(values)
     inner = lengths[1:-1]
     if len(inner) < 20:
-        return ""
+        return "", math.nan
     usual = float(np.median(inner))
     regular = np.mean((inner > 0.5 * usual) & (inner < 1.5 * usual))
     if usual < 2.0 or regular < 0.8 or _step(values) > 0.0:
-        return ""
+        return "", math.nan
     rate = _rate(time_s)
-    return (
-        f"the {name} changes only with every {usual:.0f}th sample: it comes at {rate / usual:.4g} "
-        f"Hz, not at {rate:.4g} Hz; give each reading once, at its own stamp"
+    setting = "force" if name == "force" else "position"
+    sentence = (
+        f"the {name} changes only once in {usual:.0f} samples: it comes at {rate / usual:.4g} "
+        f"Hz, not at {rate:.4g} Hz; count each reading once ({setting}.held)"
     )
+    return sentence, usual
 
 
 def _rate(time_s: FloatArray) -> float:
@@ -130,7 +136,12 @@ def mistimed(readings: Readings) -> str:
     guess = next(
         (
             f", but would be {rate * factor:.4g} Hz if the times were in {unit}"
-            for unit, factor in (("milliseconds", 1e3), ("microseconds", 1e6), ("minutes", 1 / 60))
+            for unit, factor in (
+                ("milliseconds", 1e3),
+                ("microseconds", 1e6),
+                ("nanoseconds", 1e9),
+                ("minutes", 1 / 60),
+            )
             if _USUAL_HZ[0] <= rate * factor <= _USUAL_HZ[1]
         ),
         "",
@@ -161,7 +172,7 @@ def coarse(readings: Readings) -> str:
     if step == 0.0 or step < 0.02 * (high - low):
         return ""
     return (
-        f"the {name} comes in steps of {step:.3g} {unit}, a {(high - low) / step:.0f}th of its "
+        f"the {name} comes in steps of {step:.3g} {unit}, 1/{(high - low) / step:.0f} of its "
         "range: choose a finer range or a better resolution"
     )
 

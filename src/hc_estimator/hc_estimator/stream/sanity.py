@@ -124,16 +124,24 @@ def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> 
     mistimed = "" if is_force else channel_checks.mistimed(readings)
     _add(result, Check.TIMES, readings, mistimed)
     if not mistimed:
-        uneven = channel_checks.irregular(readings) or channel_checks.held(readings)
-        _add(result, Check.RATE, readings, uneven)
+        uneven, repeats = channel_checks.irregular(readings), math.nan
+        if not uneven:
+            uneven, repeats = channel_checks.held(readings)
+        _add(result, Check.RATE, readings, uneven, repeats)
     yield
     _add(result, Check.QUANTISATION, readings, channel_checks.coarse(readings))
     yield
 
 
-def _add(result: list[Suspicion], check: Check, readings: Readings, sentence: str) -> None:
+def _add(
+    result: list[Suspicion],
+    check: Check,
+    readings: Readings,
+    sentence: str,
+    remedy: float = math.nan,
+) -> None:
     if sentence:
-        result.append(Suspicion(check, readings.name, sentence))
+        result.append(Suspicion(check, readings.name, sentence, remedy))
 
 
 # Both channels.

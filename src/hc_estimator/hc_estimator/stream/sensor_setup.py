@@ -13,22 +13,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.channel_checks import held
 from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.readings import (
     CLEAR,
     LEAST_SAMPLES,
     FloatArray,
+    Readings,
     noise,
     robust_range,
     whole,
 )
+from hc_estimator.stream.repeats import new_readings
 from hc_estimator.stream.sanity import pressed_way
 from hc_estimator.stream.surface import find_surface
+from hc_msgs_py.units import NANOSECONDS
 
 AXIS_ALIGNED = math.cos(math.radians(10.0))
 """A direction that is so near to an axis is taken for that axis."""
 RELATED = 0.4
 """Correlation of force and position from which on they belong to one tool."""
+SURFACE_SHARE = 0.05
+"""Of the stroke: deviation of a surface of which only pieces of approaches told."""
 _AXES = "xyz"
 _RIDGE = 0.02
 """Of the position's whole variance."""
@@ -67,6 +73,7 @@ class SensorProposal(NamedTuple):
         noise: standard deviation of the reading's noise [N] or [mm].
         rate_hz: median rate of the readings.
         scale: N or mm that one of the reading stands for.
+        held: whether its topic repeats the last reading until there is a new one.
     """
 
     axis: str
@@ -78,6 +85,7 @@ class SensorProposal(NamedTuple):
     noise: float
     rate_hz: float
     scale: float = 1.0
+    held: bool = False
 
     def rescaled(self, factor: float) -> SensorProposal:
         """Return the proposal for readings that stand for so many times as much."""
@@ -126,6 +134,10 @@ class SetupProposal(NamedTuple):
             displacement_mm=self.displacement_mm - displacement_mm,
         )
 
+    def with_surface_known_to(self, deviation_mm: float) -> SetupProposal:
+        """Return the proposal with another deviation of the position's zero."""
+        return self._replace(position=self.position._replace(zero_std=deviation_mm))
+
 
 def propose(
     force: VectorReadings, position: VectorReadings, *, rest_s: float | None = None
@@ -144,8 +156,12 @@ def propose(
     for readings, what in ((force, "force"), (position, "position")):
         if len(readings.time_s) < LEAST_SAMPLES:
             raise SetupError(f"{len(readings.time_s)} readings of the {what} are too few")
+    repeated = [False, False]
     if force.of_joints:
         force, position = _one_joint(force, position)
+    else:
+        force, repeated[0] = _each_once(force)
+        position, repeated[1] = _each_once(position)
     resting = None if rest_s is None else force.time_s <= rest_s
     push = _main_direction(force.values)
     pushed = force.values @ push
@@ -182,8 +198,12 @@ def propose(
     pushed, moved = force.values @ push, places @ move
     zero_n, surface_mm, surface_std, notes = _zeros(moved, pushed, inside, resting)
     return SetupProposal(
-        _described(push, force, zero_n, noise_n / math.sqrt(LEAST_SAMPLES), noise_n),
-        _described(move, position, surface_mm, surface_std, noise(position.values @ move)),
+        _described(push, force, zero_n, noise_n / math.sqrt(LEAST_SAMPLES), noise_n)._replace(
+            held=repeated[0]
+        ),
+        _described(move, position, surface_mm, surface_std, noise(position.values @ move))._replace(
+            held=repeated[1]
+        ),
         *_at_own_stamps(
             force.time_s[inside],
             pushed[inside] - (0.0 if math.isnan(zero_n) else zero_n),
@@ -192,6 +212,20 @@ def propose(
         ),
         tuple(notes),
     )
+
+
+def _each_once(readings: VectorReadings) -> tuple[VectorReadings, bool]:
+    """Return the readings without those that a topic only repeats, and whether it does.
+
+    The component that changes most often tells: others may stand still, as joints at rest do.
+    """
+    changing = int(np.argmax(np.count_nonzero(np.diff(readings.values, axis=0), axis=0)))
+    _sentence, repeats = held(Readings("", "", readings.time_s, readings.values[:, changing]))
+    if math.isnan(repeats):
+        return readings, False
+    stamps_ns = np.round(readings.time_s * NANOSECONDS).astype(np.int64)
+    new = new_readings(stamps_ns, readings.values)
+    return readings._replace(time_s=readings.time_s[new], values=readings.values[new]), True
 
 
 def _one_joint(
@@ -311,7 +345,7 @@ def _zeros(
     resting: NDArray[np.bool_] | None,
 ) -> tuple[float, float, float, list[str]]:
     """Return force zero, surface and its deviation, NaN where they are not shown, and notes."""
-    coarse = 0.05 * float(np.ptp(moved))
+    coarse = SURFACE_SHARE * float(np.ptp(moved))
     found = find_surface(moved, pushed[inside])
     if found is not None and found.displacement_std_mm <= coarse:
         return found.force_n, found.displacement_mm, found.displacement_std_mm, []

@@ -210,23 +210,22 @@ HC.MapPanel = class {
     ctx.strokeStyle = HC.palette.estimate;
     ctx.lineWidth = 2 * devicePixelRatio;
     ctx.beginPath();
-    let before = null;
-    for (const spot of this.spots) {
-      const gap = before !== null && spot.x - before > 2.5 * 2 * half;
+    const apart = (i) => !(Math.abs(this.spots[i].x - this.spots[i - 1]?.x) <= 2.5 * 2 * half);
+    this.spots.forEach((spot, i) => {
       const at = [px(spot.x), py(spot.value)];
-      if (gap || before === null) ctx.moveTo(...at);
+      if (apart(i)) ctx.moveTo(...at);
       else ctx.lineTo(...at);
-      before = spot.x;
-    }
+    });
     ctx.stroke();
-    if (this.kind === "contacts") {
-      ctx.fillStyle = HC.palette.estimate;
-      for (const spot of this.spots) {
-        ctx.beginPath();
-        ctx.arc(px(spot.x), py(spot.value), 3.5 * devicePixelRatio, 0, 7);
-        ctx.fill();
-      }
-    }
+    // A place without neighbours has no line: its value would not be seen.
+    const alone = (i) => apart(i) && (i + 1 === this.spots.length || apart(i + 1));
+    ctx.fillStyle = HC.palette.estimate;
+    this.spots.forEach((spot, i) => {
+      if (this.kind !== "contacts" && !alone(i)) return;
+      ctx.beginPath();
+      ctx.arc(px(spot.x), py(spot.value), 3.5 * devicePixelRatio, 0, 7);
+      ctx.fill();
+    });
   }
 
   drawTip(ctx, px, py, top, height) {

@@ -1,0 +1,71 @@
+"""A recording whose channels are turned, scaled, zeroed and stamped as input settings say."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from hc_msgs_py.units import NANOSECONDS
+
+
+def less_zeros(recording: Any, zeros: Mapping[str, float]) -> Any:
+    """Return a recording with zeros [mm, N] taken off."""
+    return dataclasses.replace(
+        recording,
+        displacement_mm=recording.displacement_mm - zeros.get("position.zero", 0.0),
+        force_n=recording.force_n - zeros.get("force.zero", 0.0),
+    )
+
+
+def read_as(recording: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a table with its channels turned, scaled, zeroed and stamped as the settings say."""
+    import numpy as np
+
+    def factor(channel: str) -> float:
+        return float(settings.get(f"{channel}.sign", 1) * settings.get(f"{channel}.scale", 1.0))
+
+    read = less_zeros(
+        dataclasses.replace(
+            recording,
+            displacement_mm=recording.displacement_mm * factor("position"),
+            force_n=recording.force_n * factor("force"),
+        ),
+        settings,
+    )
+    read = _each_once(read, settings)
+    offsets = [settings.get(f"{name}.time_offset", 0.0) for name in ("position", "force")]
+    if offsets[0] == offsets[1] == 0.0:
+        return read
+    # Every reading at its own stamp, as the node has them.
+    channels = (read.displacement_mm, read.force_n)
+    there = [np.flatnonzero(~np.isnan(values)) for values in channels]
+    shifted = [round(offset * NANOSECONDS) for offset in offsets]
+    stamps = np.concatenate([read.stamps[i] + s for i, s in zip(there, shifted, strict=True)])
+    times = np.concatenate([read.time_s[i] + s for i, s in zip(there, offsets, strict=True)])
+    rows = np.full((len(stamps), 2), np.nan)
+    rows[: len(there[0]), 0] = channels[0][there[0]]
+    rows[len(there[0]) :, 1] = channels[1][there[1]]
+    order = np.argsort(stamps, kind="stable")
+    return dataclasses.replace(
+        read,
+        time_s=times[order],
+        stamps=stamps[order],
+        sequence=np.arange(len(order), dtype=np.uint64),
+        displacement_mm=np.ascontiguousarray(rows[order, 0]),
+        force_n=np.ascontiguousarray(rows[order, 1]),
+    )
+
+
+def _each_once(recording: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a table without the readings that a channel only repeats, where one is said to."""
+    import numpy as np
+
+    from hc_estimator.stream.repeats import new_readings
+
+    changed = {}
+    for channel, column in (("position", "displacement_mm"), ("force", "force_n")):
+        if settings.get(f"{channel}.held", False):
+            values = getattr(recording, column)
+            changed[column] = np.where(new_readings(recording.stamps, values), values, np.nan)
+    return dataclasses.replace(recording, **changed) if changed else recording

@@ -1,0 +1,113 @@
+"""Where the tip of the tool was sideways, as a bag tells it.
+
+The rig says it on a topic of its own. A robot has a pose, one of whose components is the depth: the
+other two are sideways.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hc_bringup.errors import WRONG_USE, UserError
+from hc_logger.bag import Bag
+from hc_logger.layout import REAL, records, stamps
+from hc_logger.recording import Recording
+from hc_logger.selection import full_name
+from hc_logger.type_names import POSE_TYPE
+from hc_msgs_py.topics import TIP
+from hc_msgs_py.units import METRE_IN_MM
+
+Array = NDArray[np.float64]
+
+TIP_FIELDS: Final = {
+    "geometry_msgs/msg/PointStamped": "point.",
+    POSE_TYPE: "pose.position.",
+}
+IS_DEPTH: Final = 0.999
+"""Correlation of a component of a pose with the depth from which on it is the depth: one along an
+oblique direction has other components that move with it."""
+FEWEST: Final = 20
+
+
+class TipPath(NamedTuple):
+    """Where the tip was sideways: times [s] of the run, (n, 2) positions [mm]."""
+
+    time_s: Array
+    position_mm: Array
+
+
+class TipSource(NamedTuple):
+    """Where a bag has the tip's position: a topic, and its two sideways components."""
+
+    topic: str = f"/{TIP}"
+    axes: str = "xy"
+
+
+def tip_of(bag: Bag, recording: Recording, source: TipSource | None) -> TipPath | None:
+    """Return where the tip was, None if the bag does not tell.
+
+    Args:
+        bag: open.
+        recording: what was read of it.
+        source: where the position is; None takes the rig's topic, or the only pose of which one
+            component is the depth.
+
+    Raises:
+        UserError: if a topic was asked for that does not hold it.
+        BagError: if it is damaged.
+    """
+    topic = bag.topics.get(full_name((source or TipSource()).topic))
+    if source is None and topic is None:
+        source = _pose_with_depth(bag, recording)
+        if source is None:
+            return None
+        topic = bag.topics[source.topic]
+    if topic is None or topic.definition.name not in TIP_FIELDS:
+        if source is not None:
+            kinds = " or ".join(kind.split("/")[-1] for kind in TIP_FIELDS)
+            raise UserError(f"{bag.path} has no {kinds} on {source.topic}", WRONG_USE)
+        return None
+    return _path(bag, recording, topic.name, (source or TipSource()).axes)
+
+
+def _pose_with_depth(bag: Bag, recording: Recording) -> TipSource | None:
+    """Return the bag's only pose, if it has one, and which of its components are sideways."""
+    poses = [t.name for t in bag.topics.values() if t.definition.name == POSE_TYPE]
+    path = _path(bag, recording, poses[0], "xyz") if len(poses) == 1 else None
+    if path is None:
+        return None
+    known = np.flatnonzero(np.isfinite(recording.displacement_mm))
+    order = np.argsort(path.time_s, kind="stable")
+    times = recording.time_s[known] - recording.time_s[0]
+    inside = (times >= path.time_s[order[0]]) & (times <= path.time_s[order[-1]])
+    if np.count_nonzero(inside) < FEWEST:
+        return None
+    depth = recording.displacement_mm[known][inside]
+    moved = [
+        np.interp(times[inside], path.time_s[order], column[order]) for column in path.position_mm.T
+    ]
+    related = [
+        abs(float(np.corrcoef(column, depth)[0, 1]))
+        if np.ptp(column) > 0.0 < np.ptp(depth)
+        else 0.0
+        for column in moved
+    ]
+    best = int(np.argmax(related))
+    if not related[best] > IS_DEPTH:
+        return None
+    return TipSource(poses[0], "xyz".replace("xyz"[best], ""))
+
+
+def _path(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | None:
+    """Return components of the positions on a topic; None without one."""
+    definition = bag.topics[name].definition
+    fields = [TIP_FIELDS[definition.name] + axis for axis in axes]
+    table = records(definition, bag.columns(name), dict.fromkeys(fields, REAL))
+    if not len(table):
+        return None
+    position = np.column_stack([table[field] for field in fields])
+    times = (stamps(table) - int(recording.stamps[0])) * 1e-9
+    return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position)

@@ -1,0 +1,169 @@
+"""Several places pressed one after another: parameters and surface of each come out true."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hc_bringup.cli import main
+from hc_bringup.sites import find_sites
+from hc_bringup.tip_path import TipPath
+from hc_estimator.contact.hunt_crossley import hunt_crossley_force
+from hc_logger.recording import read_recording
+from hc_logger.writer import BagWriter
+
+PLACES = (
+    (0.0, (0.30, 0.006, 1.6, 0.8)),
+    (1.3, (0.90, 0.015, 1.4, 0.9)),
+    (-0.8, (0.15, 0.004, 1.8, 0.7)),
+)
+"""Surface [mm] and K, B, n, p."""
+RATE_HZ = 500.0
+START_NS = 1_700_000_000_000_000_000
+
+
+def palpation(noise_n: float = 0.01) -> tuple[np.ndarray, ...]:
+    """Time [s], depth below a plane and place sideways [mm], force [N]; five presses a place."""
+    generator = np.random.default_rng(4)
+    pieces, sideways, place = [np.full(500, -3.0)], [np.zeros(500)], [np.zeros(500, int)]
+
+    def go(to: float, seconds: float, at: np.ndarray | float, number: int) -> None:
+        share = np.arange(1, round(seconds * RATE_HZ) + 1) / round(seconds * RATE_HZ)
+        begin = pieces[-1][-1]
+        pieces.append(begin + (to - begin) * 0.5 * (1.0 - np.cos(np.pi * share)))
+        sideways.append(at + 0.0 * share)
+        place.append(np.full(len(share), number))
+
+    for number, (surface, _parameters) in enumerate(PLACES):
+        for seconds, deep in ((1.0, 3.0), (0.5, 4.0), (0.3, 3.5), (0.7, 4.0), (0.22, 3.6)):
+            go(surface + deep, seconds, 12.0 * number, number)
+            go(-3.0 if seconds > 0.4 else surface + 0.8, seconds, 12.0 * number, number)
+        go(-3.0, 0.4, 12.0 * number, number)
+        way = np.linspace(12.0 * number, 12.0 * number + 12.0, round(1.5 * RATE_HZ))
+        go(-3.0, 1.5, way, number)
+    depth = np.concatenate(pieces)
+    time_s = np.arange(len(depth)) / RATE_HZ
+    depth = depth + 0.03 * np.sin(19.0 * time_s) + 0.01 * np.sin(48.0 * time_s)
+    speed = np.gradient(depth, time_s)
+    force = [
+        max(hunt_crossley_force(d - PLACES[k][0], v, *PLACES[k][1]), 0.0)
+        if d > PLACES[k][0]
+        else 0.0
+        for d, v, k in zip(depth, speed, np.concatenate(place), strict=True)
+    ]
+    noise = generator.standard_normal((2, len(depth)))
+    measured = np.array(force) + 0.7 + noise_n * noise[1]
+    return time_s, depth + 0.002 * noise[0], np.concatenate(sideways), measured
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("sites") / "sites.csv"
+    time_s, depth, _sideways, force = palpation()
+    rows = np.column_stack([time_s, depth, force])
+    header = "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def of(command: list[str], capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
+    assert main([*command, "--json"]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+def assert_true(sites: list[dict[str, Any]]) -> None:
+    assert [site["site"] for site in sites] == [1, 2, 3]
+    for site, (surface, true) in zip(sites, PLACES, strict=True):
+        found = np.array(list(site["parameters"].values()))
+        deviation = np.array(list(site["parameters_std"].values()))
+        assert site["surface_mm"] == pytest.approx(surface, abs=0.02)
+        np.testing.assert_allclose(found, true, rtol=0.04)
+        assert (np.abs(found - true) < 4.0 * deviation).all()
+        assert (deviation < 0.1 * np.array(true)).all()
+
+
+def test_each_place_has_its_surface_and_its_parameters(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: the third place was told K = 0.47 +- 0.02, n = 1.17 +- 0.01."""
+    target = tmp_path / "contacts.csv"
+    found = of(["contacts", str(table), "--sites", "-o", str(target)], capsys)
+    assert_true(found["sites"])
+    with target.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == found["contacts"]
+    assert {row["site [1]"] for row in rows} == {"1", "2", "3"}
+    assert all(float(row["surface_std [mm]"]) > 0.0 for row in rows)
+    assert all(0.0 < site["surface_std_mm"] < 0.05 for site in found["sites"])
+
+
+def test_it_says_each_place_in_a_line(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["contacts", str(table), "--sites", "-o", str(tmp_path / "c.csv")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line[:18] for line in lines[1:4]] == [f"site {k}: surface at" for k in (1, 2, 3)]
+    assert "K = 0.9" in lines[2]
+
+
+def test_where_the_tip_is_known_its_way_sideways_counts_and_not_the_pause(table: Path) -> None:
+    recording = read_recording(table)
+    time_s, _depth, sideways, _force = palpation()
+    path = TipPath(time_s, np.column_stack([sideways, 0.0 * sideways]))
+    assert len(find_sites(recording, path)) == 3
+    assert len(find_sites(recording, TipPath(time_s, np.zeros((len(time_s), 2))))) == 1
+
+
+def test_of_a_robot_the_only_pose_says_where_the_tip_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    from rclpy.serialization import serialize_message
+
+    with BagWriter(tmp_path / "robot") as writer:
+        wrench = writer.add_topic("/arm/ft", "geometry_msgs/msg/WrenchStamped")
+        pose = writer.add_topic("/arm/tool", "geometry_msgs/msg/PoseStamped")
+        for t, d, x, f in zip(*map(np.ndarray.tolist, palpation()), strict=True):
+            stamp = START_NS + round(t * 1e9)
+            pushed, at = WrenchStamped(), PoseStamped()
+            for message in (pushed, at):
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+            pushed.wrench.force.z = f
+            at.pose.position.z, at.pose.position.y = 0.2 - 1e-3 * d, 0.4 + 1e-3 * x
+            writer.write(wrench, stamp, serialize_message(pushed))
+            writer.write(pose, stamp, serialize_message(at))
+    words = ["contacts", str(tmp_path / "robot"), "-o", str(tmp_path / "c.csv")]
+    words += ["--input", "position.sign=-1", "--input", "position.zero=-200", "--sites"]
+    sites = of(words, capsys)["sites"]
+    assert_true(sites)
+    across = [(site["x_mm"], site["y_mm"]) for site in sites]
+    np.testing.assert_allclose(across, [(0.0, 400.0), (0.0, 412.0), (0.0, 424.0)], atol=0.1)
+
+
+def test_presses_too_weak_for_one_approach_show_the_surface_together(tmp_path: Path) -> None:
+    time_s, depth, _sideways, force = palpation(noise_n=0.05)
+    path = tmp_path / "noisy.csv"
+    rows = np.column_stack([time_s, depth, force])
+    np.savetxt(path, rows, delimiter=",", header="time_s,displacement_mm,force_N", comments="")
+    found = find_sites(read_recording(path), None)
+    errors = [site.surface_mm - surface for site, (surface, _) in zip(found, PLACES, strict=True)]
+    assert np.abs(errors).max() < 0.15
+    assert all(abs(e) < 4.0 * s.surface_std_mm for e, s in zip(errors, found, strict=True))
+
+
+def test_without_an_approach_it_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "air.csv"
+    lines = (f"{i / 500},{-1.0 - i * 1e-3},{0.001 * (i % 3)}\n" for i in range(2000))
+    path.write_text("time_s,displacement_mm,force_N\n" + "".join(lines))
+    assert main(["contacts", str(path), "--sites", "-o", str(tmp_path / "c.csv")]) == 1
+    said = capsys.readouterr().err
+    assert "does not go from free motion into contact" in said
+    assert len(said.splitlines()) == 1
