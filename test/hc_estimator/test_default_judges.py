@@ -119,9 +119,7 @@ def test_a_maneuver_takes_back_scores_and_choice(parts):
     rows_of(options, bank, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     bank.tool.contact_clock = 1.0
     for _ in range(maneuver.PERIOD):
-        maneuver.keep(
-            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
-        )
+        maneuver.keep(bank, 1.0)
     assert bank.maneuver.count == 1
     bank.judge.count = 4
     bank.judge.said_at[:4] = (0.9, 0.99, 1.01, 1.02)
@@ -143,9 +141,7 @@ def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):
     rows_of(options, bank, (1.0,) * FRESH)
     bank.rows[FITTED].active = 0
     for _ in range(maneuver.PERIOD):
-        maneuver.keep(
-            bank.maneuver, bank.rows, bank.rows[0], bank.tool, bank.motion, 1.0, 0.001, False
-        )
+        maneuver.keep(bank, 1.0)
     bank.rows[FITTED].active = 1
     grid.take(bank.delay, 0, 1.0, 2.0)
     maneuver._go_back(bank, 0, 1.0)
@@ -160,6 +156,7 @@ def felt(options, bank, log_stiffness):
     rows = rows_of(options, bank, (1.0,) * FRESH)
     plausible.reset(bank.tool)
     bank.tool.known_time = 1.0
+    bank.judge.chosen, bank.sensor_noise[1] = 0, 1e-4
     bank.tool.deepest, bank.tool.fastest, bank.tool.largest_force = 3.0, 5.0, 10.0
     for m, value in enumerate(log_stiffness):
         rows[m].state[DEPTH], rows[m].state[VELOCITY] = 2.0, 1.0
@@ -170,7 +167,8 @@ def felt(options, bank, log_stiffness):
 def test_a_row_that_expects_the_impossible_begins_anew_from_one_that_does_not(parts):
     options, bank = parts
     rows = felt(options, bank, [0.0, 0.0, 12.0, 0.0, 0.0, -1.0])
-    plausible.check(options, rows, bank.tool, 5, 1e-4)
+    bank.judge.chosen = 5
+    plausible.check(options, bank)
     assert rows[2].state[LOG_STIFFNESS] == -1.0  # the row in charge is the model
     assert rows[2].predicted_force == pytest.approx(rows[5].predicted_force)
     assert rows[0].state[LOG_STIFFNESS] == 0.0  # the others stay
@@ -179,7 +177,7 @@ def test_a_row_that_expects_the_impossible_begins_anew_from_one_that_does_not(pa
 def test_where_no_row_is_possible_all_are_brought_down(parts):
     options, bank = parts
     rows = felt(options, bank, [12.0] * FRESH)
-    plausible.check(options, rows, bank.tool, 0, 1e-4)
+    plausible.check(options, bank)
     largest = plausible.LARGEST_FACTOR * 10.0 + plausible.NOISE * 0.01
     for m in range(FRESH):
         assert rows[m].predicted_force <= largest * (1.0 + 1e-9)
@@ -196,7 +194,7 @@ def test_what_was_not_felt_yet_may_be_as_strong_as_it_likes(new, parts):
         bank.tool.fastest = 0.9
     else:
         bank.tool.known_time = 0.05
-    plausible.check(options, rows, bank.tool, 0, 1e-4)
+    plausible.check(options, bank)
     assert all(rows[m].state[LOG_STIFFNESS] == 12.0 for m in range(FRESH))
 
 

@@ -86,17 +86,18 @@ def test_a_stiffness_that_is_far_off_is_found_within_a_tenth_of_a_second():
 def test_moving_along_the_ridge(k, ratio, p, move_k, move_b, log_speed):
     """Both coordinates move by what the tangent says, and B / K as it is told."""
     b = k + ratio
+    ridge = levels.ridge_at(k, b, p, log_speed)
     share = levels.share_of_damping(k, b, p, log_speed)
-    level = levels.log_level(k, b, p, log_speed)
-    to_k, to_b = levels.moved(k, b, p, move_k, move_b, 0.0, level, share, log_speed)
+    to_k, to_b = levels.moved(ridge, move_k, move_b, 0.0)
     assert to_b - to_k == pytest.approx(ratio + move_b - move_k, abs=1e-9)
     w = p * log_speed
     before, after = np.logaddexp(k, b + w), np.logaddexp(to_k, to_b + w)
     assert after - before == pytest.approx((1.0 - share) * move_k + share * move_b, abs=1e-9)
-    stays = levels.moved(k, b, p, 0.0, 0.0, 0.0, level, share, log_speed)
+    stays = levels.moved(ridge, 0.0, 0.0, 0.0)
     assert stays == pytest.approx((k, b), abs=1e-9)
     for move_p in (0.3, -2.0 * p):  # to an exponent below zero as well
-        plain = levels.moved(k, b, p, move_k, move_b, move_p, k, 0.0, levels.UNBENT)
+        straight = levels.ridge_at(k, b, p, levels.UNBENT)
+        plain = levels.moved(straight, move_k, move_b, move_p)
         assert plain == pytest.approx((k + move_k, b + move_b), abs=1e-9)
 
 

@@ -53,10 +53,10 @@ def test_a_surface_that_was_let_go_is_held_again_after_going_back(running):
     row.position_deviation = 0.3
     row.covariance[OWN + 1, :] = 0.0
     row.covariance[:, OWN + 1] = 0.0
-    chosen, time = bank.rows[bank.judge.chosen], float(bank.clock.state_time)
+    time = float(bank.clock.state_time)
     bank.maneuver.count = bank.maneuver.waited = 0
     for _ in range(maneuver.PERIOD):
-        maneuver.keep(bank.maneuver, bank.rows, chosen, bank.tool, bank.motion, time, 1e-3, False)
+        maneuver.keep(bank, time)
     assert bank.maneuver.count == 1
     let_surface_move(row)
     assert row.covariance[OWN + 1, OWN + 1] > 0.0
@@ -128,7 +128,7 @@ def test_a_search_for_what_moves_begins_anew_when_the_points_get_new_numbers(run
     bank.moving.stage, bank.moving.last, bank.moving.looked_at = 3, POINTS - 2, 4.9
     history._thin_out(bank.history)
     assert bank.history.count == POINTS // 2
-    moving_fit.look(settings, bank, 1e-3)
+    moving_fit.look(settings, bank)
     assert (bank.moving.stage, bank.moving.looked_at) == (0, -math.inf)
 
 

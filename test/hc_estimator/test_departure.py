@@ -101,20 +101,21 @@ def test_nothing_else_does(parts, spoil):
 
 def test_a_test_ends_once_its_reference_explains_all_again(parts):
     settings, bank = parts
-    change, judge, rows, tool = bank.change, bank.judge, bank.rows, bank.tool
-    tool.contact_clock = 10.0
-    changes.begin_test(settings, change, judge, rows, tool)
+    change, rows = bank.change, bank.rows
+    bank.tool.contact_clock = 10.0
+    bank.clock.force_elapsed = 0.01
+    assert changes.begin_test(settings, bank, 0.0)
     rows[0].model_error = 0.0
     for _ in range(49):
-        changes.judge_test(change, judge, rows, tool, 0.01, False)
+        changes.judge_test(bank)
     assert change.testing == 1
     rows[0].alarm_sum = 40.0  # close to an alarm of its own: it does not
-    changes.judge_test(change, judge, rows, tool, 0.01, False)
+    changes.judge_test(bank)
     rows[0].alarm_sum = 0.0
     for _ in range(48):
-        changes.judge_test(change, judge, rows, tool, 0.01, False)
+        changes.judge_test(bank)
     assert change.testing == 1
     for _ in range(4):
-        changes.judge_test(change, judge, rows, tool, 0.01, False)
+        changes.judge_test(bank)
     assert change.testing == 0
     assert change.detected == 0

@@ -23,7 +23,7 @@ from hc_estimator.multiple_model.spline_records import (
 KINDS = [STAYS, RELAXES, STEADY + VARIES, SINKS, VARIES, MOVES, VARIES + MOVES, VARIES + BENDS]
 SHARES = np.array([0.0, 0.1, 0.15, 0.05, 0.1])  # of the force that memories take away
 COUNT, SPACING = 400, 0.02
-NOISE = (1e-8, 1e-6)  # variances of a point's displacement [mm^2] and force [N^2]
+NOISE = (1e-8, 1e-6, 1.0)  # of the points; see `history.noise_of_points`
 ZERO, POSITION, SPEED = 0.05, 0.3, 0.04
 
 
@@ -73,8 +73,7 @@ def filled(records_of):
         history.points[:COUNT, 7] = WIDE
         history.points[:COUNT, 8] = time
         history.count, history.first = COUNT, 0
-        spline.free_all(fit)
-        fit.held[spline.DELAY] = 1
+        spline.free_all(settings, fit)
         if not with_zeros:
             fit.held[spline.FORCE_ZERO] = 1
             fit.held[spline.POSITION] = 1
@@ -110,7 +109,7 @@ def test_its_splines_are_scipys(filled):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
     settings, history, fit, _ = filled(kind)
-    spline_fit.weigh(settings, history, fit, NOISE, 1.0)
+    spline_fit.weigh(settings, history, fit, NOISE)
     fit.values[spline.POSITION] = 0.1
     values = np.array(fit.values)
     spline_fit.gather(settings, history, fit, values)
@@ -131,7 +130,7 @@ def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
 def test_it_finds_what_is_true(kind, filled):
     zeros_off = kind in (STAYS, VARIES, SINKS)
     settings, history, fit, (level, surface, exponent) = filled(kind, with_zeros=zeros_off)
-    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
     assert squares < fit.expected
     values = fit.values
     if zeros_off:
@@ -177,7 +176,7 @@ def test_its_prior_is_the_sum_of_its_terms(filled):
 @pytest.mark.parametrize("kind", [STAYS, RELAXES, VARIES, VARIES + MOVES])
 def test_its_evidence_is_laplaces(kind, filled):
     settings, history, fit, _ = filled(kind, with_zeros=False)
-    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
     free = np.flatnonzero(
         np.concatenate([fit.fixed == 0, np.ones(fit.unknowns - SPLINE_FIRST, bool)])
     )
@@ -198,7 +197,7 @@ def test_its_rates_wander_as_is_likeliest(kind, which, filled):
     """About the fit, in numpy, the evidence is largest at the wandering that it has learned."""
     settings, history, fit, _ = filled(kind, with_zeros=False)
     history.points[:COUNT, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
-    spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    spline_fit.solve_least_squares(settings, history, fit, NOISE)
     usual = (spline_prior.OWN_WALKS[spline_prior.TREND_ROW, 0], spline_prior.SURFACE_WALK)[which]
     learned = float(fit.wandering[which])
     assert usual / spline_prior.CALMER < learned < usual * spline_prior.WILDER
@@ -238,7 +237,7 @@ def test_another_solver_comes_to_the_same(filled):
     """Scipy's least squares on the same cost, with prior and roughness, in numpy."""
     settings, history, fit, _ = filled(VARIES)
     history.points[:COUNT, 2] += 1e-3 * np.random.default_rng(3).standard_normal(COUNT)
-    spline_fit.solve_least_squares(settings, history, fit, NOISE, 1.0)
+    spline_fit.solve_least_squares(settings, history, fit, NOISE)
     count = fit.unknowns
     free = [i for i in range(count) if i >= SPLINE_FIRST or fit.held[i] == 0]
     points = np.array(history.points[:COUNT])

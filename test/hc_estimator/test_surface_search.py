@@ -67,6 +67,6 @@ def test_nothing_is_searched_for_without_need(why, parts):
     bank.change.testing = 1 if why == "tested" else 0
     before = bank.rows[SURFACE_ROW].state[OWN]
     for _ in range(5 if why == "short" else 200):
-        surface_search.look(options, bank, 0.01)
+        surface_search.look(options, bank)
     assert bank.search.count == 0
     assert bank.rows[SURFACE_ROW].state[OWN] == before

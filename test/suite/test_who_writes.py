@@ -42,6 +42,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "held": "held",
     "given": "given",
     "onset": "onset",
+    "window": "window",
     "air": "air",
     "search": "search",
     "memory": "memory",
@@ -50,7 +51,6 @@ OWNERS = {
     "bank": (
         "filters/self_tuning_ukf",
         "multiple_model/beginning",
-        "multiple_model/first_guess",
         "multiple_model/sample",
     ),
     "clock": ("screening", "multiple_model/alignment", "multiple_model/sample"),
@@ -95,8 +95,9 @@ OWNERS = {
         "multiple_model/delay_evidence",
     ),
     "held": ("multiple_model/alignment",),
-    "given": ("multiple_model/given_out",),
+    "given": ("multiple_model/report",),
     "onset": ("multiple_model/contact_onset",),
+    "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
@@ -113,9 +114,9 @@ GUESTS = {
     "multiple_model/beginning": {
         "change": "detected",
         "clock": "refused_count refused_since started",
-        "history": "fit unfitted",
-        "row": "active index",
-        "tool": "away_time contact_clock",
+        "history": "unfitted",
+        "row": "active index state",
+        "tool": "away_time contact_clock worthless_time",
     },
     "multiple_model/readings": {"bank": "calibrated motion_anew sensor_noise"},
     "multiple_model/sample": {
@@ -156,8 +157,7 @@ GUESTS = {
         "row": "claimed counts_from inconsistent_time log_likelihood model_error score",
     },
     "multiple_model/maneuver": {
-        "row": "active alarm_line alarm_sum covariance inconsistent_time log_likelihood "
-        "model_error position_deviation recent_nis score state",
+        "row": "alarm_sum covariance state",
     },
     "multiple_model/plausible": {"row": "predicted_force state"},
     "multiple_model/reserve": {"row": "active state"},
@@ -184,7 +184,7 @@ GUESTS = {
     "filters/particle_models": {"memory": "point"},
     "filters/rbpf": {"memory": "begun change_detected"},
     "filters/rls": {
-        "memory": "begun curvature predicted_measurement prior_variance regression "
+        "memory": "begun change_detected curvature predicted_measurement prior_variance regression "
         "regression_factor regression_prior regression_seen regressor sensitivity state"
     },
     "filters/rwstukf": {"memory": "innovation nis predicted_measurement"},

@@ -13,12 +13,12 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import end_of_parameters
+from hc_estimator.contact.registry import end_of_parameters, is_plain
 from hc_estimator.linear_algebra import cholesky, clear_matrix
 from hc_estimator.prediction import central_covariance_weight, sigma_scale
 from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 from hc_estimator.state_space import registry as state_space
-from hc_estimator.state_space.sigma_forces import has_shared_logarithms, measure_sigma_points
+from hc_estimator.state_space.sigma_forces import measure_sigma_points
 
 # Once the gate has opened, so many samples in a row must lie inside before it closes: a change
 # that takes a few samples must not be met by refusal after refusal.
@@ -59,17 +59,10 @@ def measure_unscented(settings: Any, memory: Any) -> bool:
     scale = sigma_scale(settings)
     spread = math.sqrt(scale)
     outputs, center = memory.outputs, memory.predicted_state
-    if state_space.has_linear_process(settings.state_space) and has_shared_logarithms(
-        settings.contact_model
-    ):
-        measure_sigma_points(
-            settings.contact_model,
-            center,
-            memory.predicted_covariance,
-            memory.factor,
-            spread,
-            outputs,
-        )
+    model = settings.contact_model
+    if state_space.has_linear_process(settings.state_space) and is_plain(model):
+        covariance = memory.predicted_covariance
+        measure_sigma_points(model, center, covariance, memory.factor, spread, outputs)
     else:
         _measure_points(settings, memory, spread)
     for i in range(2):

@@ -34,7 +34,7 @@ from hc_estimator.specification import (
 from hc_estimator.state_space import registry as state_space_registry
 from hc_estimator.state_space.registry import STATE_SPACES
 
-STATE_FORMAT = 27  # of Estimator.state(); raised when its meaning changes
+STATE_FORMAT = 28  # of Estimator.state(); raised when its meaning changes
 
 
 def _all_specifications() -> dict[str, ParameterSpecification]:
@@ -279,7 +279,8 @@ class Estimator:
         """Everything the estimator knows, as plain data (numbers, texts, lists, dicts).
 
         `restore` on an estimator of the same filter, state space and contact model continues from
-        it to the last bit. Survives JSON.
+        it to the last bit, but does not go back before it for a reading that comes late
+        (`reorder_window`). Survives JSON.
         """
         return {
             **self.state_without_memory(),

@@ -102,8 +102,15 @@ def fixed_value(model: int, parameter: int) -> float:
 
 
 @compiled
-def _limited(value: float, smallest: float, largest: float) -> float:
-    return min(max(value, smallest), largest)
+def limited_n(n: float) -> float:
+    """Give the exponent of the depth, brought into its physical range."""
+    return min(max(n, SMALLEST_DISPLACEMENT_EXPONENT), LARGEST_DISPLACEMENT_EXPONENT)
+
+
+@compiled
+def limited_p(p: float) -> float:
+    """The same of the velocity's."""
+    return min(max(p, SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
 
 
 @compiled
@@ -121,12 +128,10 @@ def contact_force(
     Unilateral but for a law that may pull. The exponents are limited to their physical range here:
     an estimate may leave it for a while, a force computed from it must not explode.
     """
-    n = _limited(
-        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
-    )
+    n = limited_n(displacement_exponent)
     p = velocity_exponent
     if not _LAGGED[model]:
-        p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+        p = limited_p(p)
     force: float = _force(model, displacement, velocity, stiffness, damping, n, p)
     return force if _MAY_PULL[model] else max(force, 0.0)
 
@@ -217,12 +222,10 @@ def contact_gradient(
                 gradient,
             )
         return force
-    n = _limited(
-        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
-    )
+    n = limited_n(displacement_exponent)
     p = velocity_exponent
     if not _LAGGED[model]:
-        p = _limited(p, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+        p = limited_p(p)
     found: float = _gradient(model, displacement, velocity, stiffness, damping, n, p, gradient)
     return _without_tension(
         model, found, n != displacement_exponent, p != velocity_exponent, gradient
@@ -240,9 +243,7 @@ def displacement_power(displacement: float, displacement_exponent: float) -> tup
     """Give ln d and d^n as `plain_gradient` wants them; any numbers for d <= 0."""
     if displacement <= hunt_crossley.TINY:
         return 0.0, 0.0
-    n = _limited(
-        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
-    )
+    n = limited_n(displacement_exponent)
     log_displacement = math.log(displacement)
     return log_displacement, math.exp(min(n * log_displacement, hunt_crossley.LARGEST_EXPONENT))
 
@@ -267,10 +268,8 @@ def plain_gradient(
         gradient[i] = 0.0
     if displacement <= hunt_crossley.TINY:
         return 0.0
-    n = _limited(
-        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
-    )
-    p = _limited(velocity_exponent, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
+    n = limited_n(displacement_exponent)
+    p = limited_p(velocity_exponent)
     force: float = hunt_crossley.gradient_at_velocity(
         displacement, power[0], power[1], velocity, stiffness, damping, n, p, gradient
     )

@@ -17,20 +17,10 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector
-from hc_estimator.multiple_model import contact_onset
+from hc_estimator.multiple_model import air_window, contact_onset
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.contact_onset import (
-    CALMEST,
-    FEWEST,
-    LEAST_DISTANCE,
-    LEAST_TRAVEL,
-    SAME,
-    SIGNIFICANT,
-    SMALLEST_ZERO,
-    SURE,
-    TRAVEL_DEVIATIONS,
-)
+from hc_estimator.multiple_model.air_window import FEWEST, SIGNIFICANT, SMALLEST_ZERO
+from hc_estimator.multiple_model.contact_onset import LEAST_DISTANCE, SURE
 from hc_estimator.multiple_model.hypotheses import DEPTH
 
 SURELY = 3.0  # deviations of the depth
@@ -62,12 +52,8 @@ def _forget(air: Any) -> None:
 @compiled
 def _begin(air: Any) -> None:
     """Begin another stretch outside."""
-    air.count = 0
     air.time = 0.0
-    air.lowest = math.inf
-    air.highest = -math.inf
-    clear_vector(air.mean)
-    clear_vector(air.moment)
+    air_window.clear(air.window)
 
 
 @compiled
@@ -105,10 +91,7 @@ def learn(settings: Any, bank: Any, time: float) -> None:
         return
     air.time += clock.elapsed
     if clock.present[1] != 0:
-        air.count += 1
-        contact_onset.add(air.count, air.mean, air.moment, depth, clock.measurement[1])
-        air.lowest = min(air.lowest, depth)
-        air.highest = max(air.highest, depth)
+        air_window.add(air.window, depth, clock.measurement[1])
     if air.time >= LONGEST:
         _conclude(bank, time)
 
@@ -116,21 +99,21 @@ def learn(settings: Any, bank: Any, time: float) -> None:
 @compiled
 def _conclude(bank: Any, time: float) -> None:
     """Judge a stretch outside, and move the zero if the mean says so; too few readings wait."""
-    air, noise, moment = bank.air, bank.sensor_noise, bank.air.moment
-    if air.count < FEWEST:
+    air, noise, window = bank.air, bank.sensor_noise, bank.air.window
+    count, mean = window.count, window.mean[1]
+    if count < FEWEST:
         return
-    scatter = moment[2] / (air.count - 1)
-    calm = scatter >= CALMEST * noise[1] and scatter <= WILDEST * noise[1]
-    if air.highest - air.lowest >= max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
-        same = moment[1] * moment[1] <= SAME * SAME * scatter * moment[0]
-        air.travelled = 1 if calm and same else 0
+    scatter = air_window.scatter_of(window)
+    calm = air_window.is_calm(window, noise, WILDEST)
+    if air_window.travels(window, noise):
+        air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:
-        steps = abs(air.mean[1] * air.seen - air.sum)
-        if steps > SIGNIFICANT * math.sqrt(scatter / air.count) * air.seen:
+        steps = abs(mean * air.seen - air.sum)
+        if steps > SIGNIFICANT * math.sqrt(scatter / count) * air.seen:
             _forget(air)  # a step, as of a driver that tared: what was before is another zero
-        air.seen += air.count
+        air.seen += count
         air.seen_time += air.time
-        air.sum += air.count * air.mean[1]
+        air.sum += count * mean
         level, deviation = air.sum / air.seen, math.sqrt(scatter / air.seen)
         moves = abs(level) > max(SIGNIFICANT * deviation, SMALLEST_ZERO * math.sqrt(noise[1]))
         if moves:
@@ -152,4 +135,4 @@ def _move(bank: Any, level: float, deviation: float, time: float) -> None:
     contact_onset.move_readings(bank)
     # A step is more likely to have come while nobody touched anything.
     if abs(level) <= SURE * math.sqrt(bank.sensor_noise[1]):
-        histories.move_along(bank.history, level, bank.air.known_at, time)
+        histories.move(bank.history, 0.0, level, bank.air.known_at, time)

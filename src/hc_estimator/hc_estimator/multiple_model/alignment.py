@@ -17,20 +17,23 @@ from hc_estimator.multiple_model import (
     batch_fit,
     beginning,
     delay_evidence,
+    delay_points,
     delay_sensitivity,
     moving_fit,
     plausible,
     sample,
     surface_search,
+    zero_fit,
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.choice import choose
-from hc_estimator.multiple_model.delay_rules import BEGIN_ANEW
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
 from hc_estimator.multiple_model.records import HELD
 from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
+
+BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -202,20 +205,20 @@ def _take_point(settings: Any, bank: Any) -> None:
     finder, rows = bank.delay, bank.rows
     before = finder.grid_count
     if bank.change.detected != 0:
-        delays.forget_tissue(finder)
+        delay_points.forget(finder)
     full = grids.advance(finder)
-    if finder.grid_count > before and bank.calibrated != 0:
-        surface_search.look(settings, bank, finder.grid_step)
-    if finder.grid_count > before and is_tried(settings, FITTED) and bank.calibrated != 0:
-        clock = bank.tool.contact_clock
-        if batch_fit.update(settings, bank, rows[FITTED], rows[0], bank.clock.period, clock):
+    new = finder.grid_count > before and bank.calibrated != 0
+    if new:
+        surface_search.look(settings, bank)
+    if new and is_tried(settings, FITTED):
+        if batch_fit.update(settings, bank) and zero_fit.look(settings, bank):
             beginning.begin_with_zeros(settings, bank)
         elif plausible.is_no_law(settings, rows[FITTED], bank.tool):
             rows[FITTED].active = 0
         if rows[bank.judge.chosen].active == 0:
             bank.judge.chosen = 0
-            choose(settings, bank.judge, rows, bank.tool, clock)
-        moving_fit.look(settings, bank, bank.clock.period)
+            choose(settings, bank.judge, rows, bank.tool, bank.tool.contact_clock)
+        moving_fit.look(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
 

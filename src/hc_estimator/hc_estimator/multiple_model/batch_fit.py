@@ -24,7 +24,7 @@ from hc_estimator.linear_algebra import (
     copy_matrix,
     copy_vector,
 )
-from hc_estimator.multiple_model import delay_sensitivity, smoothing, zero_fit
+from hc_estimator.multiple_model import delay_sensitivity, smoothing
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.fit_covariance import (
@@ -33,7 +33,7 @@ from hc_estimator.multiple_model.fit_covariance import (
     take_off_velocity_noise,
     widen,
 )
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, STATES, SURFACE_ROW, is_tried
+from hc_estimator.multiple_model.hypotheses import FITTED, LOG_STIFFNESS
 from hc_estimator.multiple_model.levenberg_marquardt import improve
 from hc_estimator.multiple_model.model_error import SMALLEST_SHARE
 from hc_estimator.multiple_model.normal_equations import (
@@ -43,14 +43,13 @@ from hc_estimator.multiple_model.normal_equations import (
     weigh,
 )
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import guess_of, is_held, seed
+from hc_estimator.multiple_model.rows import cut, guess_of, is_held, seed
 
 PASSES = 5  # of Levenberg-Marquardt with other weights, at most
 SETTLED = 1.1  # misfit that gave the weights over what is left, up to which they hold
 LARGEST_SHARE_OF_NOISE = 0.3  # in what the points say of B / K and p
 CUBIC_NOISE = 5.25  # variance of what a cubic adds to a slope over that of the slope
 CUBIC_EVIDENCE = 4.0  # squared deviations at which half of that is used
-FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 FEWEST = 20  # remembered points that make a fit
 SHARE = 1.0 / 16.0  # of the time in contact so far after which the fit is made anew
 RAREST = 0.5  # time in contact after which it is made anew in any case [s]
@@ -61,21 +60,20 @@ SMALL_MISFIT = 4.0
 
 
 @compiled
-def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clock: float) -> bool:
+def update(settings: Any, bank: Any) -> bool:
     """Take the newest point of the grid, and fit anew if it is time to.
+
+    The fitted row takes the fit, or is switched off where there is none; its motion, and its first
+    parameters, are those of the filter's row of constant tissue.
 
     Args:
         settings: settings record.
-        bank: what was felt and the fit to it are changed.
-        row: the fitted row; takes the fit, or is switched off where there is none.
-        constant: the filter's row, whose motion it takes and from whose parameters it begins.
-        period: usual time between two samples [s].
-        clock: contact clock [s].
+        bank: what was felt, the fit to it and the fitted row are changed.
 
     Returns:
-        True if the points tell of a zero that is off, by onset.shift (`zero_fit`).
+        True if the points were fitted anew.
     """
-    history, finder = bank.history, bank.delay
+    history, finder, constant, row = bank.history, bank.delay, bank.rows[0], bank.rows[FITTED]
     if not histories.learn(history, finder, bank.sensor_noise):
         return False
     count = history.count - histories.oldest(history)
@@ -86,18 +84,19 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     if history.fitted == 0:
         for i in range(4):
             history.fit[i] = constant.state[LOG_STIFFNESS + i]
-    noise, scatter = histories.noise_of_points(history, finder, bank.sensor_noise, period)
+    force_noise = histories.noise_of_points(bank)[1]
     independent = count * min(finder.grid_step * history.every / finder.grid_width, 1.0)
-    _take_velocity_noise(history, finder, bank.sensor_noise[0], independent)
-    left = _fit(settings, history, noise[1], independent)
+    _take_velocity_noise(bank, independent)
+    left = _fit(settings, history, force_noise, independent)
     if left < 0.0:
         row.active = 0
         _forget(history)
         histories.forget_older_half(history)
-        return _look_for_zeros(settings, bank, noise, scatter)
+        return True
     if row.active == 0:
         row.active = 1
-        seed(constant, row, clock, constant.counts_from)  # a copy of one that waits waits too
+        # A copy of one that waits waits too.
+        seed(constant, row, bank.tool.contact_clock, constant.counts_from)
         row.score = constant.score
         row.log_likelihood = constant.log_likelihood
     history.fitted = 1
@@ -106,33 +105,11 @@ def update(settings: Any, bank: Any, row: Any, constant: Any, period: float, clo
     for i in range(4):
         k = LOG_STIFFNESS + i
         row.state[k] = history.fit[i]
-        for j in range(STATES):
-            row.covariance[k, j] = 0.0
-            row.covariance[j, k] = 0.0
+        cut(row, k)
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
-    return _look_for_zeros(settings, bank, noise, scatter)
-
-
-@compiled
-def _look_for_zeros(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -> bool:
-    """Ask the points for zeros that are off; True if onset.shift says by how much.
-
-    Args:
-        settings: settings record.
-        bank: records of the zeros are changed.
-        noise: variances of a point by its share in the information [mm^2], [N^2].
-        scatter: variance of what is left of a point's readings over `noise`.
-    """
-    finder, onset = bank.delay, bank.onset
-    if onset.doubted != 0 or not is_tried(settings, SURFACE_ROW):
-        return False
-    # A delay of many milliseconds must have been found before, or ruled out.
-    looked = finder.windows >= FEWEST_WINDOWS
-    if math.isnan(settings.channel_delay) and not looked:
-        return False
-    return zero_fit.look(settings, bank, noise, scatter)
+    return True
 
 
 @compiled
@@ -165,15 +142,14 @@ def _share_cubic(history: Any, variance: float, independent: float) -> None:
 
 
 @compiled
-def _take_velocity_noise(history: Any, finder: Any, noise: float, independent: float) -> None:
+def _take_velocity_noise(bank: Any, independent: float) -> None:
     """Noise of the points' velocities, of the narrow parabolas and of the wide cubics.
 
     Args:
-        history: velocity_std and velocity_noise are set, and the share of the cubic.
-        finder: record of `delay`.
-        noise: variance of a displacement [mm^2].
+        bank: velocity_std and velocity_noise of the history are set, and the share of the cubic.
         independent: number of points whose errors are independent of one another.
     """
+    history, finder, noise = bank.history, bank.delay, bank.sensor_noise[0]
     spacing, width = finder.grid_step * history.every, finder.grid_width
     variance = grids.velocity_variance(finder, noise)
     _share_cubic(history, variance, independent)
@@ -217,7 +193,7 @@ def _fit(
         before = max(squares / count, 1.0)
         if not _hold(settings, history, 1.0 / before):
             return -1.0
-        if _is_anything_held(history):
+        if history.held.max() != 0:
             squares = math.nan  # the fit has moved
         squares = improve(settings, history, 1.0 / min(before, 1e6), squares)
         if not math.isfinite(squares):
@@ -228,10 +204,7 @@ def _fit(
     largest = LARGEST_MISFIT**2 * _mean_square_force(history)
     if not left < max(largest, SMALL_MISFIT):
         return -1.0
-    history.guessed = 0
-    for i in range(4):
-        history.guessed = max(history.guessed, history.held[i])
-        history.held[i] = 0
+    clear_vector(history.held)
     if not _is_gathered(history):
         gather(settings, history, history.fit)
     add_prior(settings, history, history.fit, 1.0 / left)
@@ -256,15 +229,14 @@ def _is_finite(history: Any) -> bool:
 @compiled
 def _forget(history: Any) -> None:
     """Keep nothing of a fit that failed: it need not have been numbers."""
-    clear_vector(history.gradient)
-    for vector in (history.above, history.below):
+    for vector in (history.gradient, history.above, history.below):
         clear_vector(vector)
     for vector in (history.fit, history.next, history.slope, history.pull):
         clear_vector(vector)
     for matrix in (history.information, history.damped, history.factor, history.seen):
         clear_matrix(matrix)
-    for matrix in (history.covariance, history.false):
-        clear_matrix(matrix)
+    clear_matrix(history.covariance)
+    clear_matrix(history.false)
     history.fitted = 0
 
 
@@ -285,8 +257,7 @@ def _hold(settings: Any, history: Any, weight: float) -> bool:
     Returns:
         False if the points and the prior together do not determine the parameters.
     """
-    for i in range(4):
-        history.held[i] = 0
+    clear_vector(history.held)
     damping, exponent = history.fit[1], history.fit[3]
     if _is_at_rest(history):
         history.held[1] = 1
@@ -325,15 +296,6 @@ def _take_first_guess(settings: Any, history: Any, i: int) -> None:
         history.fit[1] = history.fit[0] + math.log(ratio)
     else:
         history.fit[i] = guess_of(settings, i)
-
-
-@compiled
-def _is_anything_held(history: Any) -> bool:
-    """True if something is held at its first guess."""
-    held = 0
-    for i in range(4):
-        held = max(held, history.held[i])
-    return bool(held != 0)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""How the bank begins: before any sample, once the channels are aligned, and when it is lost."""
+"""How the bank begins: before any sample, at the first contact, once aligned, and when lost."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import (
     air_zero,
     contact_onset,
@@ -35,6 +36,7 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.rows import (
     free_parameters,
+    guess_of,
     is_held,
     is_sound,
     limit,
@@ -44,6 +46,12 @@ from hc_estimator.multiple_model.rows import (
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 
 ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
+# From which a force says the order of magnitude of K [mm], and in deviations of the depth.
+SMALLEST_DEPTH = 0.05
+CERTAIN = 3.0
+FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
+CONTACT_READINGS = 3  # readings in a row that say there is a force
+SURE = 5.0  # a force beyond so many standard deviations is one
 RECOVERY_TIME = 1.0  # a filter that refuses everything for so long starts anew [s]
 WORTHLESS_TIME = 0.5  # so does one whose model error exceeds the forces themselves for so long [s]
 RECOVERY_SAMPLES = 20  # and for so many samples
@@ -94,26 +102,67 @@ def take_noise(settings: Any, bank: Any) -> None:
 
 
 @compiled
+def centre_prior(settings: Any, bank: Any) -> None:
+    """Centre the prior of K and B on the first clear contact; its width stays.
+
+    K spans decades between tissues. From a first guess a hundred times too stiff the linearised
+    update needs long to come down, and the first force reading says the order of magnitude (no fit;
+    ours). As long as nothing was felt yet, it says what K is at most.
+    """
+    clock = bank.clock
+    chosen = bank.rows[bank.judge.chosen]
+    depth = chosen.state[DEPTH]
+    sure = SURE * math.sqrt(bank.sensor_noise[1])
+    if clock.present[1] == 0 or depth < SMALLEST_DEPTH:
+        return
+    if depth < CERTAIN * math.sqrt(chosen.covariance[DEPTH, DEPTH]):
+        return
+    pressed = clock.measurement[1] >= sure
+    if bank.contact_readings < CONTACT_READINGS:
+        bank.contact_readings = bank.contact_readings + 1 if pressed else 0
+    if not pressed and (depth < FREE_DEPTH or bank.contact_readings == CONTACT_READINGS):
+        return
+    if pressed:  # until calibrated each sample says it anew, for no force is used
+        bank.guessed = bank.calibrated
+    if is_held(settings, 0):
+        return
+    log_force = math.log(max(clock.measurement[1], sure))
+    for m in range(bank.rows.shape[0]):
+        state = bank.rows[m].state
+        shift = log_force - state[EXPONENT] * math.log(depth) - state[LOG_STIFFNESS]
+        if not pressed and shift > 0.0:
+            continue
+        if bank.tool.deepest > depth:  # felt before the zeros moved, in the same tissue
+            most = math.log(plausible.LARGEST_FACTOR * max(bank.tool.largest_force, sure))
+            most -= state[EXPONENT] * math.log(bank.tool.deepest)
+            shift = min(shift, most - state[LOG_STIFFNESS])
+        state[LOG_STIFFNESS] += shift
+        if not is_held(settings, 1):
+            state[LOG_DAMPING] += shift
+
+
+@compiled
+def _begin_rows(settings: Any, rows: Any, fit: tuple[float, float, float, float]) -> None:
+    """Begin every row that takes part with ln K, ln B, n and p of a fit."""
+    for m in range(FRESH):
+        row = rows[m]
+        if row.active == 0:
+            continue
+        reset(settings, row, row.state[DEPTH])
+        for i in range(4):
+            row.state[LOG_STIFFNESS + i] = fit[i]
+        free_parameters(settings, row, ALIGNED_DEVIATIONS)
+        limit(settings, row)
+
+
+@compiled
 def begin_aligned(settings: Any, bank: Any) -> None:
     """Begin every row with what the last window says, now that the channels are aligned."""
     fit = bank.delay.fit
     stiffness = max(fit[0], 1e-6)
     damping = max(fit[1], 1e-3 * stiffness)
-    for m in range(FRESH):
-        row = bank.rows[m]
-        if row.active == 0:
-            continue
-        displacement = row.state[DEPTH]
-        reset(settings, row, displacement)
-        state = row.state
-        if not is_held(settings, 0):
-            state[LOG_STIFFNESS] = math.log(stiffness)
-        if not is_held(settings, 1):
-            state[LOG_DAMPING] = math.log(damping)
-        if not is_held(settings, 2):
-            state[EXPONENT] = fit[2]
-        free_parameters(settings, row, ALIGNED_DEVIATIONS)
-        limit(settings, row)
+    p = guess_of(settings, 3)
+    _begin_rows(settings, bank.rows, (math.log(stiffness), math.log(damping), fit[2], p))
     bank.motion_anew = 1
     _choose_anew(bank)
     histories.reset(bank.history)
@@ -133,19 +182,8 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     """Begin every row with the fit that found a zero to be off, in the new zeros."""
     contact_onset.move_zeros(bank)
     fit = bank.zeros.fit
-    for m in range(FRESH):
-        row = bank.rows[m]
-        if row.active == 0:
-            continue
-        state = row.state
-        reset(settings, row, state[DEPTH])
-        for i in range(4):
-            if not is_held(settings, i):
-                state[LOG_STIFFNESS + i] = fit[i]
-        free_parameters(settings, row, ALIGNED_DEVIATIONS)
-        limit(settings, row)
-    for i in range(4):
-        bank.history.fit[i] = fit[i]
+    _begin_rows(settings, bank.rows, (fit[0], fit[1], fit[2], fit[3]))
+    copy_vector(fit, bank.history.fit)
     bank.history.unfitted = bank.history.count
     bank.rows[FITTED].active = 0
     _go_on_moving(settings, bank)
@@ -178,7 +216,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     bank.rows[FITTED].active = 0
     bank.guessed = 0
     _go_on_moving(settings, bank)
-    plausible.begin_tissue(bank.tool)
+    bank.tool.worthless_time = 0.0
     levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
     _choose_anew(bank)

@@ -52,11 +52,9 @@ DEVIATIONS = (1.0, 1.0, 0.3, 0.1)  # of ln K, ln B, n and p about their old valu
 @compiled
 def reset(change: Any, rows: Any) -> None:
     """The rows are believed until the data object."""
-    change.testing = 0
-    change.leads = 0
+    end_test(change, rows)
     change.detected = 0
     change.fitting_time = 0.0
-    rows[FRESH].active = 0
 
 
 @compiled
@@ -68,11 +66,17 @@ def end_test(change: Any, rows: Any) -> None:
 
 
 @compiled
-def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> None:
-    """Begin the fresh row, against the chosen one."""
+def begin_test(settings: Any, bank: Any, ahead: float) -> bool:
+    """Begin the fresh row against the chosen one; False where an alarm may not yet.
+
+    What the row in use made of the motion since the change is as wrong as its parameters: the
+    motion is that of the displacement, the last of which is some time [s] ago.
+    """
+    change, judge, rows, tool = bank.change, bank.judge, bank.rows, bank.tool
+    if not (is_tried(settings, FRESH) and tool.contact_clock > PROBATION):
+        return False
     change.testing = 1
     change.leads = 0
-    change.ratio = 0.0
     change.time = 0.0
     change.calm_time = 0.0
     change.reference = judge.chosen
@@ -95,64 +99,30 @@ def begin_test(settings: Any, change: Any, judge: Any, rows: Any, tool: Any) -> 
     fresh.contact_time = 0.0
     fresh.active = 1
     free_parameters(settings, fresh, DEVIATIONS)
+    if motion_density.is_settled(bank.motion):
+        take_motion(settings, fresh, bank.motion, bank.sensor_noise[0], ahead)
+    return True
 
 
 @compiled
-def may_test(settings: Any, tool: Any) -> bool:
-    """True if an alarm may begin a test."""
-    return bool(is_tried(settings, FRESH) and tool.contact_clock > PROBATION)
-
-
-@compiled
-def start_fresh_motion(settings: Any, rows: Any, motion: Any, noise: float, ahead: float) -> None:
-    """What the row in use made of the motion since the change is as wrong as its parameters.
-
-    Args:
-        settings: settings record.
-        rows: the fresh row is changed.
-        motion: record of `motion_density`.
-        noise: variance of the displacement's noise [mm^2].
-        ahead: time of the sample since the last displacement [s].
-    """
-    if motion_density.is_settled(motion):
-        take_motion(settings, rows[FRESH], motion, noise, ahead)
-
-
-@compiled
-def answer(
-    settings: Any,
-    change: Any,
-    judge: Any,
-    rows: Any,
-    tool: Any,
-    motion: Any,
-    sensor_noise: Any,
-    ahead: float,
-) -> None:
+def answer(settings: Any, bank: Any, ahead: float) -> None:
     """Answer the alarms of this sample: a test of a change, or model error.
 
     Args:
         settings: settings record.
-        change: changed.
-        judge: who is chosen.
-        rows: changed.
-        tool: record of the motion.
-        motion: record of `motion_density`.
-        sensor_noise: variances in use, shape (2,).
+        bank: its records `change` and `rows` are changed.
         ahead: time of the sample since the last displacement [s].
     """
+    change, chosen = bank.change, bank.judge.chosen
     for m in range(FRESH + 1):
-        row = rows[m]
+        row = bank.rows[m]
         if row.active == 0 or row.alarm == 0:
             continue
-        begins = m == judge.chosen and change.testing == 0
-        if begins and may_test(settings, tool):
-            begin_test(settings, change, judge, rows, tool)
-            start_fresh_motion(settings, rows, motion, sensor_noise[0], ahead)
-        else:
-            raise_model_error(settings, row, sensor_noise[1])
-            if m == judge.chosen:
-                change.fitting_time = 0.0
+        if m == chosen and change.testing == 0 and begin_test(settings, bank, ahead):
+            continue
+        raise_model_error(settings, row, bank.sensor_noise[1])
+        if m == chosen:
+            change.fitting_time = 0.0
 
 
 @compiled
@@ -211,17 +181,13 @@ def is_explained(change: Any) -> bool:
 
 
 @compiled
-def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, rose: bool) -> None:
+def judge_test(bank: Any) -> None:
     """After all rows have used a sample in contact: who leads, and is it over?
 
-    Args:
-        change: changed.
-        judge: changed if it is another tissue.
-        rows: changed if it is another tissue.
-        tool: record of the motion.
-        elapsed: time since the last sample [s].
-        rose: True if a sensor's noise was just seen to rise.
+    The record `change` is changed, and if it is another tissue `judge` and `rows`.
     """
+    change, rows, elapsed = bank.change, bank.rows, bank.clock.force_elapsed
+    rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
     late = change.time > SEEN_LATE * elapsed
     if rose and not late:
         # The alarm was the sensor's. If the tissue changed as well, the next alarm is near.
@@ -232,24 +198,24 @@ def judge_test(change: Any, judge: Any, rows: Any, tool: Any, elapsed: float, ro
     calm = reference.model_error == 0.0 and reference.alarm_sum < CALM * THRESHOLD
     change.calm_time = change.calm_time + elapsed if calm else 0.0
     beaten = _others_are_beaten(change, rows, elapsed)
-    change.ratio = rows[change.reference].change_lead
+    ratio = reference.change_lead
     over = change.time > PROBATION
     if over and change.leads == 0:  # whatever happens to the rows just now came too late
         end_test(change, rows)
         return
     believed = _is_believed(change, rows)
-    if change.leads == 0 and change.ratio > LEAD and beaten and believed:
+    if change.leads == 0 and ratio > LEAD and beaten and believed:
         change.leads = 1
-    elif change.leads != 0 and (change.ratio < -LEAD or not believed):
+    elif change.leads != 0 and (ratio < -LEAD or not believed):
         change.leads = 0
     differs = _differs(change, rows)
     at_once = change.trusted != 0 and late and differs
-    if change.leads != 0 and (at_once or (over and change.ratio > KEEP)):
+    if change.leads != 0 and (at_once or (over and ratio > KEEP)):
         change.detected = 1 if differs else 0
-        judging.give_to_all(judge, rows, tool.contact_clock)
+        judging.give_to_all(bank.judge, rows, bank.tool.contact_clock)
         end_test(change, rows)
         return
-    hopeless = change.ratio < -LEAD or (change.fitted != 0 and not believed)
+    hopeless = ratio < -LEAD or (change.fitted != 0 and not believed)
     hopeless = hopeless or is_explained(change)
     if over or (change.time > SETTLED and change.leads == 0 and hopeless):
         end_test(change, rows)

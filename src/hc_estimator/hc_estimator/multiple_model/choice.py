@@ -165,8 +165,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
             continue
         if _is_eligible(rows[m], clock, steadiest, likeliest):
             best = min(best, _cost(rows[m]))
-        if _is_eligible(rows[m], clock, steadiest, likeliest) and not SURFACE[m]:
-            best_still = min(best_still, _cost(rows[m]))
+            best_still = best_still if SURFACE[m] else min(best_still, _cost(rows[m]))
     for m in range(FRESH):
         rows[m].score = min(rows[m].score, FORGIVEN * best)
     for m in range(asked):

@@ -20,9 +20,10 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.multiple_model import air_window, plausible, zero_fit
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import plausible, zero_fit
+from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
 
@@ -33,14 +34,8 @@ THRESHOLD = 12.0
 LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
 SETTLING = 5  # readings in the mean before one can leave it
-FEWEST = 20  # readings in the air that make a mean
 DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
-LEAST_TRAVEL = 0.5  # in the air [mm]
-TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the displacement sensor
-SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
-CALMEST, WILDEST = 0.05, 4.0  # scatter of a working sensor in the air over its noise variance
-SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
-SMALLEST_ZERO = 0.2  # deviations of a reading below which no zero is moved
+WILDEST = 4.0  # scatter of a working sensor in the air over its noise variance
 STEEPEST = 3.0  # exponent of a tissue
 SURELY = 2.0  # factor on the force that a law through the zero allows
 LARGEST_DELAY = 0.06  # of the channels while it is not known [s]
@@ -64,8 +59,7 @@ LATEST = 3.0  # time from the last reading without force within which it must co
 def reset(bank: Any) -> None:
     """Both zeros are as they were given."""
     onset = bank.onset
-    for i in range(2):
-        onset.zero[i] = 0.0
+    clear_vector(onset.zero)
     onset.doubted = 0
     onset.force_deviation = math.nan
     for m in range(bank.rows.shape[0]):
@@ -84,8 +78,8 @@ def restart(onset: Any) -> None:
     onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
-    onset.count = 0
-    onset.rise_count = 0
+    air_window.clear(onset.window)
+    air_window.clear(onset.rise)
     onset.highest_level = -NOWHERE
 
 
@@ -154,21 +148,21 @@ def _take(
     side = _leaves_window(onset, displacement, velocity, force, time, noise[1])
     if side != 0:
         is_air = side > 0 and _is_air(onset, noise, sure)
-        onset.count = 0
+        if not is_air:
+            onset.highest_level = max(onset.highest_level, onset.window.mean[1])
+        air_window.clear(onset.window)
         if is_air:
             onset.in_air = 1
             onset.free = 1
             onset.free_at = onset.inside_at
             onset.free_time = onset.inside_time
-            level = onset.air_mean[1]
+            level = onset.inside.mean[1]
             if abs(level) > max(SIGNIFICANT * onset.level_deviation, SMALLEST_ZERO * sure / SURE):
                 onset.shift[1] = level
                 onset.force_deviation = onset.level_deviation
                 onset.force_seen = 0  # what was taken for a force was this zero
                 onset.touched = 0
                 return True
-        else:
-            onset.highest_level = max(onset.highest_level, onset.mean[1])
     if force < sure:
         onset.contradictions = 0
         if onset.force_seen != 0:
@@ -186,11 +180,11 @@ def _take(
     if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
-        surely = displacement < -distance or onset.rise_count >= IN_A_ROW
+        surely = displacement < -distance or onset.rise.count >= IN_A_ROW
         if surely and _rises(onset, displacement, force):
             onset.decided = 1
             onset.shift[0] = _extrapolated(onset)
-            onset.position_deviation = GUESSED * (onset.rise_mean[0] - onset.shift[0])
+            onset.position_deviation = GUESSED * (onset.rise.mean[0] - onset.shift[0])
             return True
         return False
     if time - onset.free_time > LATEST:
@@ -232,21 +226,19 @@ def _contradicts(
 @compiled
 def _rises(onset: Any, displacement: float, force: float) -> bool:
     """Take a force that was there before the zero; True if it clearly grows with depth."""
-    mean, moment = onset.rise_mean, onset.rise_moment
-    if onset.rise_count == 0:
+    rise = onset.rise
+    mean, moment = rise.mean, rise.moment
+    if rise.count == 0:
         onset.rise_lowest = force
         onset.rise_highest = force
-        clear_vector(mean)
-        clear_vector(moment)
     onset.rise_lowest = min(onset.rise_lowest, force)
     onset.rise_highest = max(onset.rise_highest, force)
-    onset.rise_count += 1
-    add(onset.rise_count, mean, moment, displacement, force)
-    if onset.rise_count < FEWEST_RISING or moment[1] <= 0.0:
+    air_window.add(rise, displacement, force)
+    if rise.count < FEWEST_RISING or moment[1] <= 0.0:
         return False
     if onset.rise_highest - onset.rise_lowest < LEAST_RISE * mean[1]:
         return False
-    left = max(moment[2] - moment[1] * moment[1] / moment[0], 0.0) / (onset.rise_count - 2)
+    left = max(moment[2] - moment[1] * moment[1] / moment[0], 0.0) / (rise.count - 2)
     if not moment[1] * moment[1] > CLEAR**2 * left * moment[0]:
         return False
     beyond = mean[0] - _extrapolated(onset)
@@ -256,19 +248,8 @@ def _rises(onset: Any, displacement: float, force: float) -> bool:
 @compiled
 def _extrapolated(onset: Any) -> float:
     """Where a force that rises so begins, for the exponent of a sphere on an elastic half space."""
-    slope = onset.rise_moment[1] / onset.rise_moment[0]
-    return onset.rise_mean[0] - SPHERE * onset.rise_mean[1] / slope  # type: ignore[no-any-return]
-
-
-@compiled
-def add(count: int, mean: Any, moment: Any, displacement: float, force: float) -> None:
-    """Take a reading into means and sums of squares about them (Welford, Technometrics 4, 1962)."""
-    way, change = displacement - mean[0], force - mean[1]
-    mean[0] += way / count
-    mean[1] += change / count
-    moment[0] += way * (displacement - mean[0])
-    moment[1] += way * (force - mean[1])
-    moment[2] += change * (force - mean[1])
+    mean, moment = onset.rise.mean, onset.rise.moment
+    return mean[0] - SPHERE * mean[1] / (moment[1] / moment[0])  # type: ignore[no-any-return]
 
 
 @compiled
@@ -280,31 +261,21 @@ def _leaves_window(
     Returns:
         1 or -1 if the force has left the window upwards or downwards, else 0.
     """
-    mean, moment = onset.mean, onset.moment
-    if onset.count == 0:
+    window, inside = onset.window, onset.inside
+    if window.count == 0:
         onset.upward = 0.0
         onset.downward = 0.0
-        onset.air_count = 0
-        onset.lowest = displacement
-        onset.highest = displacement
+        air_window.clear(inside)
         onset.fastest = velocity
-        clear_vector(mean)
-        clear_vector(moment)
-    onset.count += 1
-    if onset.count > SETTLING:
-        term = (force - mean[1]) / math.sqrt(variance)
+    if window.count >= SETTLING:
+        term = (force - window.mean[1]) / math.sqrt(variance)
         term = min(max(term, -LARGEST_TERM), LARGEST_TERM)
         onset.upward = max(onset.upward + term - DRIFT, 0.0)
         onset.downward = max(onset.downward - term - DRIFT, 0.0)
-    add(onset.count, mean, moment, displacement, force)
-    onset.lowest = min(onset.lowest, displacement)
-    onset.highest = max(onset.highest, displacement)
+    air_window.add(window, displacement, force)
     onset.fastest = max(onset.fastest, velocity)
     if onset.upward == 0.0:  # what came before an onset
-        onset.air_count = onset.count
-        copy_vector(mean, onset.air_mean)
-        copy_vector(moment, onset.air_moment)
-        onset.air_travel = onset.highest - onset.lowest
+        air_window.copy(window, inside)
         onset.air_slowing = onset.fastest - velocity
         onset.air_fastest = onset.fastest
         onset.inside_at = displacement
@@ -321,30 +292,27 @@ def _is_air(onset: Any, noise: Any, sure: float) -> bool:
     Not after a contact, for there the force may stay the same where a tool retreats as fast as the
     tissue follows.
     """
-    count, mean, moment = onset.air_count, onset.air_mean, onset.air_moment
-    if count < FEWEST:
+    inside, mean = onset.inside, onset.inside.mean
+    way = inside.highest - inside.lowest
+    if inside.count < FEWEST or not air_window.travels(inside, noise):
         return False
     if onset.highest_level > mean[1] + SURELY * sure:
         return False
-    if onset.inside_at < onset.lowest + DOWN * onset.air_travel:
+    if onset.inside_at < onset.window.lowest + DOWN * way:
         return False
-    if onset.air_travel < max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0])):
+    if not air_window.is_calm(inside, noise, WILDEST):
         return False
-    scatter = moment[2] / (count - 1)
-    if not (scatter >= CALMEST * noise[1] and scatter <= WILDEST * noise[1]):
-        return False
-    onset.level_deviation = math.sqrt(scatter / count)
-    slope = moment[1] / moment[0]
-    deviation = math.sqrt(scatter / moment[0])
-    if not abs(slope) <= SAME * deviation:
+    scatter = air_window.scatter_of(inside)
+    onset.level_deviation = math.sqrt(scatter / inside.count)
+    if not air_window.stays_the_same(inside):
         return False
     if mean[0] <= 0.0 or mean[1] < SURE * onset.level_deviation:
         return True
     # What a tissue pushes more with the depth, it may push less as the tool slows down.
-    if onset.air_slowing * mean[0] > onset.air_fastest * onset.air_travel:
+    if onset.air_slowing * mean[0] > onset.air_fastest * way:
         return False
     # A tissue that pushed so would push at least in proportion to the depth.
-    return bool(mean[1] / mean[0] > 2.0 * SAME * deviation)
+    return bool(mean[1] / mean[0] > 2.0 * SAME * math.sqrt(scatter / inside.moment[0]))
 
 
 @compiled
@@ -363,7 +331,7 @@ def take_back(bank: Any) -> None:
 def move_zeros(bank: Any) -> None:
     """Move the zeros by onset.shift, and with them all readings that are remembered."""
     move_readings(bank)
-    histories.move(bank.history, bank.onset.shift[0], bank.onset.shift[1])
+    histories.move(bank.history, bank.onset.shift[0], bank.onset.shift[1], 0.0, 0.0)
 
 
 @compiled

@@ -19,12 +19,16 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import delay_evidence, delay_fit, delay_points, smoothing
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model.delay_evidence import CORRECTION, FAR
 from hc_estimator.multiple_model.delay_points import count_of
 from hc_estimator.multiple_model.delay_records import CANDIDATES
-from hc_estimator.multiple_model.delay_rules import APART, CORRECTION, FAR, LEAD, RIVAL
 
+APART = 0.012  # delays further apart are rivals [s]
+RIVAL = 4.0  # log likelihood ratio to the best rival
+LEAD = 8.0  # log likelihood ratio to what is in use
 LEAST_CONTACT = 0.3  # share of a window that must be in contact
 FEWEST_IN_CONTACT = 12  # points of a window that must be
 INDEPENDENT = 0.5  # share of the points that counts as independent: 0.1 s apart
@@ -62,19 +66,10 @@ def reset(finder: Any) -> None:
 
 
 @compiled
-def forget_tissue(finder: Any) -> None:
-    """It is another tissue: the points that are kept are none of it."""
-    delay_points.forget(finder)
-    finder.fitted = 0
-    finder.clear = 0
-    finder.fits = 0
-
-
-@compiled
 def forget(finder: Any) -> None:
     """What was said of the delay no longer holds: the zeros are others."""
     finder.windows = 0
-    forget_tissue(finder)
+    delay_points.forget(finder)
     delay_evidence.reset(finder)
 
 
@@ -107,7 +102,8 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
         finder.delay = finder.found
         finder.deviation = finder.found_deviation
         finder.doubt = finder.deviation**2
-        _note_fit(finder)
+        law, fit = finder.law[CANDIDATES], finder.fit
+        fit[0], fit[1], fit[2] = law[0], law[0] * law[1], law[2]
         return True
     if finder.delay == 0.0:
         _note_none(finder)
@@ -242,20 +238,11 @@ def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
             if abs(j - centre) > finder.reach:
                 break
             if anew:
-                for i in range(4):
-                    finder.law[j, i] = finder.law[j - side, i]
+                copy_vector(finder.law[j - side], finder.law[j])
             delay_fit.improve(settings, finder, j, j, j if anew else j - side, steps)
             if _least_near(finder, j) < _least_near(finder, finder.chosen):
                 finder.chosen = j
     _find_zero(settings, finder)
-
-
-@compiled
-def _candidate_in_use(finder: Any) -> int:
-    """Candidate nearest to the delay in use."""
-    centre = CANDIDATES // 2
-    near = centre + round(finder.delay / finder.grid_step)
-    return min(max(near, centre - finder.reach), centre + finder.reach)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -294,7 +281,9 @@ def _leads(settings: Any, finder: Any) -> bool:
         return False
     if not away > (BEGINS if none else FAR) * finder.found_deviation:
         return False
-    used = _candidate_in_use(finder)
+    centre = CANDIDATES // 2
+    used = centre + round(finder.delay / finder.grid_step)
+    used = min(max(used, centre - finder.reach), centre + finder.reach)
     if used == finder.chosen and not none:
         return True
     ratio = finder.left[used] / finder.left[CANDIDATES]
@@ -322,8 +311,7 @@ def _find_zero(settings: Any, finder: Any) -> None:
     """
     chosen, fine = finder.chosen, CANDIDATES
     finder.place = chosen + _step(finder, chosen)
-    for i in range(4):
-        finder.law[fine, i] = finder.law[chosen, i]
+    copy_vector(finder.law[chosen], finder.law[fine])
     for _ in range(BETWEEN):
         base = delay_fit.candidate_below(finder)
         delay_points.shift(finder, finder.place - base)
@@ -360,13 +348,6 @@ def _explains(finder: Any, count: int) -> bool:
     left = finder.left[CANDIDATES] / max(squared / count, 1e-300)
     noisy = finder.noise_share[CANDIDATES] > LARGEST_NOISE
     return bool(left < LARGEST_MISFIT**2 * total and law[0] > 0.0 and not noisy)
-
-
-@compiled
-def _note_fit(finder: Any) -> None:
-    """K, B and n of the fit at its delay, in finder.fit."""
-    law = finder.law[CANDIDATES]
-    finder.fit[0], finder.fit[1], finder.fit[2] = law[0], law[0] * law[1], law[2]
 
 
 @compiled

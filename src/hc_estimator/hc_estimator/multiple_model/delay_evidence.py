@@ -23,12 +23,6 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.delay_records import WINDOWS
-from hc_estimator.multiple_model.delay_rules import (
-    CORRECTED,
-    CORRECTION,
-    FAR,
-    SMALLEST_DEVIATION,
-)
 from hc_estimator.multiple_model.hypotheses import EXPONENT, LOG_DAMPING, LOG_STIFFNESS
 from hc_estimator.specification import ParameterSpecification
 
@@ -41,6 +35,11 @@ SPECIFICATIONS = (
     ),
 )
 
+# What a correction of a delay is, and when it is another one; for `delay` as well.
+CORRECTION = 0.0002  # by which a delay in use is corrected, at least [s]
+FAR = 3.0  # deviations, from which on it is another delay
+CORRECTED = 2.0  # standard deviations by which it is corrected, at least
+SMALLEST_DEVIATION = 0.0001  # no more is claimed [s]
 FARTHEST = 0.02  # error of which a half second still says something [s]
 LINEAR = 0.01  # error that is believed [s]
 BENT = 0.1  # share of an error by which it may be off, for what is not linear
@@ -95,7 +94,8 @@ def learn(finder: Any, rows: Any, row: Any) -> bool:
     changes = abs(mean - finder.delay) > max(CORRECTED * deviation, CORRECTION)
     if changes:
         finder.delay = mean
-    _tell(finder, mean, deviation)
+    finder.deviation = math.hypot(deviation, mean - finder.delay)
+    finder.doubt = finder.deviation**2
     return bool(changes)
 
 
@@ -113,13 +113,6 @@ def note_fit(finder: Any, row: Any) -> None:
     fit[0] = math.exp(state[LOG_STIFFNESS])
     fit[1] = math.exp(state[LOG_DAMPING])
     fit[2] = state[EXPONENT]
-
-
-@compiled
-def _tell(finder: Any, mean: float, deviation: float) -> None:
-    """Deviation of a delay that is in use."""
-    finder.deviation = math.hypot(deviation, mean - finder.delay)
-    finder.doubt = finder.deviation**2
 
 
 @compiled

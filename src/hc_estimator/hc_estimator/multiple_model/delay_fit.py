@@ -22,7 +22,12 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import leading_cholesky
+from hc_estimator.linear_algebra import (
+    clear_matrix,
+    clear_vector,
+    copy_vector,
+    leading_cholesky,
+)
 from hc_estimator.multiple_model import delay_points
 from hc_estimator.multiple_model.delay_points import count_of
 from hc_estimator.multiple_model.delay_records import CANDIDATES, DELAY_POINTS, TEMPERED
@@ -30,6 +35,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.rows import (
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
+    guess_of,
     prior_deviation,
 )
 
@@ -122,11 +128,8 @@ def _columns(finder: Any, k: int, j: int, law: Any) -> float:
 @compiled
 def _clear(finder: Any) -> None:
     """Nothing is added up of the points with one K."""
-    for i in range(9):
-        finder.sums_of_k[i] = 0.0
-    for i in range(7):
-        for m in range(4):
-            finder.moments[i, m] = 0.0
+    clear_vector(finder.sums_of_k)
+    clear_matrix(finder.moments)
 
 
 @compiled
@@ -157,9 +160,8 @@ def _eliminate(finder: Any, law: Any) -> None:
     window = finder.window_added % TEMPERED
     finder.window_left[window] = finder.squares - finder.window_before
     finder.window_before = finder.squares
-    finder.noise_taken[0] += square * sums[3]
-    finder.noise_taken[1] += square * sums[4]
-    finder.noise_taken[2] += square * sums[5]
+    for i in range(3):
+        finder.noise_taken[i] += square * sums[3 + i]
 
 
 @compiled
@@ -177,12 +179,9 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
         squares less what noise of the velocity adds to them.
     """
     normal, slope, column = finder.normal, finder.slope, finder.column
-    for i in range(4):
-        slope[i] = 0.0
-        for m in range(4):
-            normal[i, m] = 0.0
-    for i in range(3):
-        finder.noise_taken[i] = 0.0
+    clear_vector(slope)
+    clear_matrix(normal)
+    clear_vector(finder.noise_taken)
     finder.squares, finder.window_before = 0.0, 0.0
     _clear(finder)
     sums, moments = finder.sums_of_k, finder.moments
@@ -230,10 +229,7 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
     taken[0] *= share
     for i in range(2):
         deviation = max(prior_deviation(settings, 2 + i), SMALLEST_PRIOR)
-        usual = settings.initial_displacement_exponent
-        if i == 1:
-            usual = settings.initial_velocity_exponent
-        off = (usual - law[2 + i]) / deviation
+        off = (guess_of(settings, 2 + i) - law[2 + i]) / deviation
         normal[1 + i, 1 + i] += 1.0 / (deviation * deviation)
         slope[1 + i] += off / deviation
         finder.squares += off * off
@@ -278,24 +274,19 @@ def improve(settings: Any, finder: Any, j: int, slot: int, other: int, steps: in
         law[1] = FIRST_DAMPING
     others = math.inf
     if other != slot:
-        for i in range(4):
-            trial[i] = finder.law[other, i]
+        copy_vector(finder.law[other], trial)
         others = add_up(settings, finder, j, trial)
     left = add_up(settings, finder, j, law)
     if others < left:
-        for i in range(4):
-            law[i] = finder.law[other, i]
+        copy_vector(finder.law[other], law)
         left = add_up(settings, finder, j, law)
     for _ in range(steps):
         if not _solve(finder.normal, slope, law[1] <= 0.0 and slope[0] <= 0.0):
             add_up(settings, finder, j, law)
             break
-        size, better = 1.0, math.inf
         largest = max(abs(slope[1]) / LARGEST_STEPS[0], abs(slope[2]) / LARGEST_STEPS[1])
-        if largest > 1.0:
-            size = 1.0 / largest
-        for i in range(UNKNOWNS):
-            finder.direction[i] = slope[i]
+        size, better = 1.0 / largest if largest > 1.0 else 1.0, math.inf
+        copy_vector(slope, finder.direction)
         for _ in range(HALVINGS):
             for i in range(UNKNOWNS):
                 trial[1 + i] = law[1 + i] + size * finder.direction[i]
@@ -309,8 +300,7 @@ def improve(settings: Any, finder: Any, j: int, slot: int, other: int, steps: in
             break
         done = left - better < LEAST_GAIN * finder.squares
         left = better
-        for i in range(4):
-            law[i] = trial[i]
+        copy_vector(trial, law)
         if done:
             break
     finder.left[slot] = finder.squares
@@ -348,8 +338,7 @@ def candidate_below(finder: Any) -> int:
 def _left_of(settings: Any, finder: Any, j: int, share: float, slot: int) -> float:
     """Squares that a law leaves at a candidate, or a share of a step above it."""
     delay_points.shift(finder, share)
-    for i in range(4):
-        finder.trial[i] = finder.law[slot, i]
+    copy_vector(finder.law[slot], finder.trial)
     add_up(settings, finder, j, finder.trial)
     return finder.squares  # type: ignore[no-any-return]
 

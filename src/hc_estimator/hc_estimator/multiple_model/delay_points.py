@@ -48,9 +48,12 @@ def find_contact(finder: Any) -> int:
 
 @compiled
 def forget(finder: Any) -> None:
-    """No point is kept, and none of those that are in the grid by now will be."""
+    """No point is kept, none of those that are in the grid by now will be, and no fit to them."""
     finder.kept = 0
     finder.kept_from = finder.grid_count
+    finder.fitted = 0
+    finder.clear = 0
+    finder.fits = 0
 
 
 @compiled
@@ -69,10 +72,10 @@ def take(finder: Any) -> None:
     every = max(round(APART / finder.grid_step), 1)
     # Taps come back to the same phases: with another first point in each window these differ.
     contact = finder.windows % every
-    column = 1
+    quick, noise = 0, velocities[0] + velocities[1]
     if finder.neighbours >= smoothing.FEWEST_NEIGHBOURS:
-        column = 4 if _differ(finder, smooths, 1, smooths, 4, velocities[0] + velocities[1]) else 1
-    quick = 1 if column == 4 else 0
+        quick = 1 if _differ(finder, smooths, 1, smooths, smoothing.BY_CUBIC, noise) else 0
+    column = smoothing.BY_CUBIC if quick != 0 else 1
     bends = _differ(finder, smooths, 0, grid, 0, finder.depth_noise[0] + finder.depth_noise[1])
     bends = bends or _differ(finder, smooths, column, grid, 1, velocities[quick] + velocities[2])
     sharp = not bends and _differ(finder, smooths, 3, grid, 3, forces[0] + forces[1])

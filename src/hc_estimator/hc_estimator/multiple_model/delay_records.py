@@ -36,9 +36,8 @@ DELAY = record_type(
         Field("windows", np.int64, (), 0),  # so far
         Field("fit", np.float64, (3,)),  # K, B, n that go with the delay
         # Within one window:
-        # Its points smoothed, slots as in `grid`; the last is the velocity by a cubic.
-        Field("smooth", np.float64, (GRID, 5)),
-        Field("sums", np.float64, (7,)),
+        # Its points smoothed, slots as in `grid`, but for `smoothing.BY_CUBIC`.
+        Field("smooth", np.float64, (GRID, 4)),
         Field("wide", np.float64, (2,)),  # velocity and acceleration of one point by a wide cubic
         Field("in_contact", np.int64, (GRID,), 0, 1),
         Field("parabola", np.float64, (5,)),  # the last: mean square left

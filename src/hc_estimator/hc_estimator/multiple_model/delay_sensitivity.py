@@ -18,6 +18,7 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
@@ -27,7 +28,6 @@ from hc_estimator.multiple_model.hypotheses import (
     FIRST_PARAMETER,
     LAST_PARAMETER,
     OWN,
-    STATES,
     VELOCITY,
 )
 
@@ -42,24 +42,10 @@ def clear(row: Any, first: int, last: int) -> None:
 
 
 @compiled
-def reset(row: Any) -> None:
-    """Nothing depends on the delay."""
-    clear(row, 0, STATES)
-
-
-@compiled
 def forget_evidence(row: Any) -> None:
     """The innovations have said nothing of the delay."""
     row.delay_score = 0.0
     row.delay_information = 0.0
-
-
-@compiled
-def clear_motion(row: Any) -> None:
-    """The motion does not depend on the delay: it is what the displacement alone says."""
-    row.by_delay[DEPTH] = 0.0
-    row.by_delay[VELOCITY] = 0.0
-    row.by_delay[ACCELERATION] = 0.0
 
 
 @compiled
@@ -107,7 +93,7 @@ def of_force(row: Any) -> float:
         whitened[j] = rest / factor[j, j] if factor[j, j] > 0.0 else 0.0
         total += row.sensitivity[j] * whitened[j]
     if not abs(total) < LARGEST:
-        reset(row)
+        clear_vector(row.by_delay)
         return 0.0
     return total
 

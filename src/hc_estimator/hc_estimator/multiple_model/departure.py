@@ -31,20 +31,14 @@ UNSEEN = 2.0  # samples that the motion may have begun earlier
 
 
 @compiled
-def learn(maneuver: Any, motion: Any, noise: float, elapsed: float) -> None:
-    """Take the acceleration of the displacement alone after an accepted sample.
-
-    Args:
-        maneuver: changed.
-        motion: record of `motion_density`.
-        noise: variance of the displacement's noise [mm^2].
-        elapsed: since the last sample [s].
-    """
+def learn(bank: Any) -> None:
+    """Take the acceleration of the displacement alone after an accepted sample."""
+    maneuver, motion, elapsed = bank.maneuver, bank.motion, bank.clock.elapsed
     maneuver.departed += elapsed
     forgotten = maneuver.square_acceleration * (1.0 - min(elapsed / MEMORY, 1.0))
     square = 0.0
     if motion_density.is_settled(motion):
-        variance = motion_density.covariance_of(motion, 2, 2, noise)
+        variance = motion_density.covariance_of(motion, 2, 2, bank.sensor_noise[0])
         square = motion_density.motion_of(motion, 2) ** 2 - CERTAIN_ACCELERATION**2 * variance
     maneuver.square_acceleration = max(forgotten, square)
 

@@ -15,15 +15,11 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import cholesky, copy_matrix
+from hc_estimator.linear_algebra import cholesky, clear_matrix, copy_matrix
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.kalman import force_of
+from hc_estimator.multiple_model.kalman import exp_limited, force_of
 from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.normal_equations import (
-    exp_limited,
-    law_at,
-    velocity_at,
-)
+from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held, prior_deviation
 
@@ -49,6 +45,16 @@ def invert(settings: Any, history: Any) -> bool:
 
 
 @compiled
+def _factorise(settings: Any, history: Any) -> bool:
+    """Factor of the covariance, with a variance of one for what is held fixed; False if none."""
+    copy_matrix(history.covariance, history.damped)
+    for i in range(4):
+        if is_held(settings, i):
+            history.damped[i, i] = 1.0
+    return cholesky(history.damped, history.factor)
+
+
+@compiled
 def widen(settings: Any, history: Any, weight: float) -> bool:
     """Add to the covariance how far what is nonlinear in the law can have moved the fit.
 
@@ -57,15 +63,9 @@ def widen(settings: Any, history: Any, weight: float) -> bool:
     """
     factor, values, gradient = history.factor, history.next, history.gradient
     moved = history.information
-    copy_matrix(history.covariance, history.damped)
-    for i in range(4):
-        if is_held(settings, i):
-            history.damped[i, i] = 1.0
-    if not cholesky(history.damped, factor):
+    if not _factorise(settings, history):
         return False
-    for i in range(4):
-        for j in range(4):
-            moved[i, j] = 0.0
+    clear_matrix(moved)
     fit = history.fit
     stiffness, damping = exp_limited(fit[0]), exp_limited(fit[1])
     for k in range(histories.oldest(history), history.count):
@@ -144,11 +144,7 @@ def take_off_velocity_noise(settings: Any, history: Any, weight: float, independ
     """
     false, factor, way = history.false, history.factor, history.next
     # In coordinates in which all information, that of the prior included, is the unit matrix.
-    copy_matrix(history.covariance, history.damped)
-    for i in range(4):
-        if is_held(settings, i):
-            history.damped[i, i] = 1.0
-    if not cholesky(history.damped, factor):
+    if not _factorise(settings, history):
         return
     doubtful = 1.0 + 2.0 * math.sqrt(2.0 / max(independent, 2.0))
     shares = history.damped
@@ -164,9 +160,7 @@ def take_off_velocity_noise(settings: Any, history: Any, weight: float, independ
     if not finite:
         return
     share, direction = np.linalg.eigh(shares)
-    for i in range(4):
-        for j in range(4):
-            history.covariance[i, j] = 0.0
+    clear_matrix(history.covariance)
     for m in range(4):
         for i in range(4):
             way[i] = 0.0

@@ -167,9 +167,6 @@ def _choose_step(finder: Any) -> None:
     if abs(step - finder.grid_step) > SAME_STEP * finder.grid_step:
         finder.grid_step = step
         delay_points.forget(finder)
-        finder.fitted = 0
-        finder.clear = 0
-        finder.fits = 0
 
 
 @compiled

@@ -44,26 +44,19 @@ def reset(history: Any) -> None:
     history.waited = 0
     history.unfitted = 0
     history.fitted = 0
-    for i in range(4):
-        history.held[i] = 0
+    clear_vector(history.held)
 
 
 @compiled
-def move(history: Any, displacement: float, force: float) -> None:
-    """The zeros have moved by so much [mm], [N]; what was felt is the same."""
-    history.points[:, 0] -= displacement
-    history.points[:, 2] -= force
-    history.points[:, MEMORY:] -= force
-    history.memory -= force
-    history.last_force -= force
+def move(history: Any, displacement: float, force: float, begun: float, now: float) -> None:
+    """The zeros have moved by so much [mm], [N]; what was felt is the same.
 
-
-@compiled
-def move_along(history: Any, force: float, begun: float, now: float) -> None:
-    """The force's zero has moved by so much [N], evenly from one time to another [s]."""
+    The force's zero evenly from one time to another [s]; at once where they are the same.
+    """
     for k in range(max(history.count - POINTS, 0), history.count):
         point = history.points[k % POINTS]
         share = min(max((point[8] - begun) / (now - begun), 0.0), 1.0) if now > begun else 1.0
+        point[0] -= displacement
         point[2] -= share * force
         point[MEMORY:] -= share * force
     history.memory -= force
@@ -208,22 +201,15 @@ def is_motion_known(history: Any, first: int) -> bool:
 
 
 @compiled
-def noise_of_points(
-    history: Any, finder: Any, noise: Any, period: float
-) -> tuple[tuple[float, float], float]:
+def noise_of_points(bank: Any) -> tuple[float, float, float]:
     """How noisy the points are, as far as the information goes.
-
-    Args:
-        history: how far apart they are.
-        finder: record of `delay`.
-        noise: variances of a reading, shape (2,).
-        period: usual time between two readings [s].
 
     Returns:
         Variances of displacement [mm^2] and force [N^2] by a point's share in the information; and
         the variance of what is left of a point's readings, over that. Of the middle of a parabola
         it is 9/4 of a reading's over their number.
     """
-    spacing = finder.grid_step * history.every
-    share = period / spacing
-    return (share * noise[0], share * noise[1]), 2.25 * spacing / finder.grid_width
+    finder, noise = bank.delay, bank.sensor_noise
+    spacing = finder.grid_step * bank.history.every
+    share = bank.clock.period / spacing
+    return share * noise[0], share * noise[1], 2.25 * spacing / finder.grid_width

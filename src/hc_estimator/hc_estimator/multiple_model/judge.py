@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import reserve
 from hc_estimator.multiple_model.choice import (
     CONSISTENT,
@@ -67,7 +68,8 @@ def reset(judge: Any) -> None:
     judge.known = 0.0
     judge.varying = 0
     judge.found = 0
-    reserve.reset(judge)
+    judge.needed_time = 0.0
+    judge.unneeded_time = 0.0
 
 
 @compiled
@@ -84,20 +86,10 @@ def _surest(judge: Any, rows: Any) -> float:
     """Smallest variance [N^2] that a row gave its prediction of this sample's force."""
     least = math.inf
     for m in range(FRESH):
-        standing_by = stands_by(judge, m)
-        if rows[m].active != 0 and rows[m].innovation_variance[1] > 0.0 and not standing_by:
-            least = min(least, rows[m].innovation_variance[1])
+        variance = rows[m].innovation_variance[1]
+        if rows[m].active != 0 and variance > 0.0 and not stands_by(judge, m):
+            least = min(least, variance)
     return max(least, SMALLEST_VARIANCE) if least < math.inf else 1.0
-
-
-@compiled
-def _note(judge: Any, rows: Any, clock: float) -> None:
-    """Keep what every row says now."""
-    slot = judge.count % SLOTS
-    judge.said_at[slot] = clock
-    judge.said_variance[slot] = _surest(judge, rows)
-    _write(judge, rows, slot)
-    judge.count += 1
 
 
 @compiled
@@ -154,19 +146,19 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
 
 
 @compiled
-def _score(
-    settings: Any, judge: Any, rows: Any, clock: float, force: float, noise: float, share: float
-) -> None:
+def _score(settings: Any, bank: Any, share: float) -> None:
     """Hold what the rows said some time ago against the force of now.
 
     Each error counts by what the surest row claimed to know when it was said: what nobody could
     know yet says nothing about who is right by now.
     """
+    judge, rows, clock = bank.judge, bank.rows, bank.tool.contact_clock
+    force, noise = bank.clock.measurement[1], bank.sensor_noise[1]
     period = max(PERIOD, judge.waited)
     tool = rows[trusted_motion(judge, rows)].state
     known = 0.0
-    for h in range(HORIZONS.size):
-        back = max(round(HORIZONS[h] / period), 1)
+    for horizon in HORIZONS:
+        back = max(round(horizon / period), 1)
         if back <= min(judge.count, SLOTS - 1):
             known += 1.0 / judge.said_variance[(judge.count - back) % SLOTS]
     if known == 0.0:
@@ -178,8 +170,8 @@ def _score(
         if row.active == 0:
             continue
         total, weight = 0.0, 0.0
-        for h in range(HORIZONS.size):
-            back = max(round(HORIZONS[h] / period), 1)
+        for horizon in HORIZONS:
+            back = max(round(horizon / period), 1)
             if back > min(judge.count, SLOTS - 1):
                 break
             slot = (judge.count - back) % SLOTS
@@ -199,30 +191,12 @@ def _score(
 
 
 @compiled
-def learn(
-    settings: Any,
-    judge: Any,
-    rows: Any,
-    tool: Any,
-    force: float,
-    noise: float,
-    elapsed: float,
-    contact: bool,
-) -> None:
-    """Take an accepted force into scores and likelihoods, and choose.
+def learn(settings: Any, bank: Any) -> None:
+    """Take an accepted force in contact into scores and likelihoods, and choose.
 
-    Args:
-        settings: settings record.
-        judge: changed.
-        rows: scores are changed; rows that stay inconsistent are seeded anew.
-        tool: record of the motion, whose contact clock has advanced.
-        force: reading, less the zero [N].
-        noise: variance of the force sensor [N^2].
-        elapsed: time since the last sample [s].
-        contact: True if the tool is in contact.
+    The record `judge` and the rows' scores are changed; rows that stay inconsistent begin anew.
     """
-    if not contact:
-        return
+    judge, rows, tool, elapsed = bank.judge, bank.rows, bank.tool, bank.clock.force_elapsed
     for m in range(FRESH):
         row = rows[m]
         if row.active != 0:
@@ -233,8 +207,12 @@ def learn(
     clock = tool.contact_clock
     share = min(LARGEST_SHARE, judge.waited / MEMORY)
     judge.weight = min(1.0, judge.weight + share)
-    _score(settings, judge, rows, clock, force, noise, share)
-    _note(judge, rows, clock)
+    _score(settings, bank, share)
+    slot = judge.count % SLOTS
+    judge.said_at[slot] = clock
+    judge.said_variance[slot] = _surest(judge, rows)
+    _write(judge, rows, slot)
+    judge.count += 1
     if judge.weight > FIRST_WEIGHT:
         choose(settings, judge, rows, tool, clock)
         likelier = rows[judge.chosen].log_likelihood - rows[0].log_likelihood
@@ -308,8 +286,7 @@ def give_to_all(judge: Any, rows: Any, clock: float) -> None:
         seed(fresh, row, since, clock)
         row.model_error = 0.0
         for slot in range(SLOTS):
-            for j in range(judge.said.shape[2]):
-                judge.said[slot, m, j] = judge.said[slot, FRESH, j]
+            copy_vector(judge.said[slot, FRESH], judge.said[slot, m])
     judge.chosen = 0
     judge.varying = 0
     judge.found = 0

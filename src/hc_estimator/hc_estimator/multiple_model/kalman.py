@@ -50,9 +50,22 @@ def force_of(
     settings: Any, depth: float, velocity: float, k: float, b: float, n: float, p: float
 ) -> float:
     """Force [N] of the contact law; k and b are ln K and ln B."""
-    stiffness = math.exp(min(max(k, -LARGEST_LOG), LARGEST_LOG))
-    damping = math.exp(min(max(b, -LARGEST_LOG), LARGEST_LOG))
+    stiffness, damping = exp_limited(k), exp_limited(b)
     return contact_force(settings.contact_model, depth, velocity, stiffness, damping, n, p)
+
+
+@compiled
+def exp_limited(logarithm: float) -> float:
+    """K or B of its logarithm, finite."""
+    return math.exp(min(max(logarithm, -LARGEST_LOG), LARGEST_LOG))
+
+
+@compiled
+def force_at(settings: Any, row: Any, depth: float, velocity: float) -> float:
+    """Force [N] that a row's parameters give at a depth and a velocity."""
+    state = row.state
+    k, b, n, p = state[LOG_STIFFNESS], state[LOG_DAMPING], state[EXPONENT], state[VELOCITY_EXPONENT]
+    return force_of(settings, depth, velocity, k, b, n, p)
 
 
 @compiled
@@ -74,11 +87,10 @@ def squares_left(settings: Any, points: Any, first: int, last: int, row: Any) ->
         last: number of the one after the last.
         row: whose parameters they are.
     """
-    state, total = row.state, 0.0
-    k, b, n, p = state[LOG_STIFFNESS], state[LOG_DAMPING], state[EXPONENT], state[VELOCITY_EXPONENT]
+    total = 0.0
     for i in range(first, last):
         point = points[i % points.shape[0]]
-        error = point[2] - force_of(settings, point[0], point[1], k, b, n, p)
+        error = point[2] - force_at(settings, row, point[0], point[1])
         total += error * error
     return total
 
@@ -102,15 +114,7 @@ def force_of_row(settings: Any, row: Any, ahead: float) -> float:
     if SURFACE[row.index]:
         depth -= state[OWN] + ahead * state[OWN + 1]
         velocity -= state[OWN + 1]
-    return force_of(
-        settings,
-        depth,
-        velocity,
-        state[LOG_STIFFNESS],
-        state[LOG_DAMPING],
-        state[EXPONENT],
-        state[VELOCITY_EXPONENT],
-    )
+    return force_at(settings, row, depth, velocity)
 
 
 @compiled

@@ -89,9 +89,16 @@ def share_of_damping(k: float, b: float, p: float, log_speed: float) -> float:
 
 
 @compiled
-def log_level(k: float, b: float, p: float, log_speed: float) -> float:
-    """ln(K + B v^p)."""
-    return k if log_speed <= UNBENT else k + _log_rest(b - k + p * log_speed)
+def ridge_at(
+    k: float, b: float, p: float, log_speed: float
+) -> tuple[float, float, float, float, float, float]:
+    """The ridge through ln K, ln B and p at a usual speed, as `moved` takes it.
+
+    Returns:
+        The four given; share of the damping and logarithm of the level there.
+    """
+    level = k if log_speed <= UNBENT else k + _log_rest(b - k + p * log_speed)
+    return k, b, p, log_speed, share_of_damping(k, b, p, log_speed), level
 
 
 @compiled
@@ -102,29 +109,20 @@ def _log_rest(log_ratio: float) -> float:
 
 @compiled
 def moved(
-    k: float,
-    b: float,
-    p: float,
+    ridge: tuple[float, float, float, float, float, float],
     move_k: float,
     move_b: float,
     move_p: float,
-    level: float,
-    share: float,
-    log_speed: float,
 ) -> tuple[float, float]:
     """Some way along the ridge, in ln K and ln B; a straight one where the level is K.
 
     Args:
-        k: ln K at the mean.
-        b: ln B there.
-        p: velocity exponent there.
+        ridge: see `ridge_at`.
         move_k: way along the tangent in ln K.
         move_b: in ln B.
         move_p: in p.
-        level: its logarithm at the mean.
-        share: of the damping there.
-        log_speed: logarithm of the usual speed.
     """
+    k, b, p, log_speed, share, level = ridge
     ratio = b - k
     ratio += move_b - move_k
     if log_speed <= UNBENT:
@@ -152,11 +150,11 @@ def follow(
         log_speed: logarithm of the usual speed.
     """
     state, covariance = row.state, row.covariance
-    share = share_of_damping(k, b, p, log_speed)
+    ridge = ridge_at(k, b, p, log_speed)
+    share = ridge[4]
     move_k, move_b = state[LOG_STIFFNESS] - k, state[LOG_DAMPING] - b
     move_p = state[VELOCITY_EXPONENT] - p
-    level = log_level(k, b, p, log_speed)
-    k, b = moved(k, b, p, move_k, move_b, move_p, level, share, log_speed)
+    k, b = moved(ridge, move_k, move_b, move_p)
     state[LOG_STIFFNESS] = k
     state[LOG_DAMPING] = b
     # The tangents turn by what the share has changed.

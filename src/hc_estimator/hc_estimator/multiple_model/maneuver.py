@@ -24,7 +24,7 @@ from typing import Any
 
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import copy_matrix, copy_vector
+from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model import judge as judging
@@ -89,28 +89,10 @@ def reset(maneuver: Any) -> None:
 
 
 @compiled
-def keep(
-    maneuver: Any,
-    rows: Any,
-    chosen: Any,
-    tool: Any,
-    motion: Any,
-    time: float,
-    elapsed: float,
-    hold: bool,
-) -> None:
-    """Keep the rows after an accepted sample if it is time to.
-
-    Args:
-        maneuver: changed.
-        rows: kept.
-        chosen: the row in charge.
-        tool: record of the motion.
-        motion: record of `motion_density`.
-        time: of the sample [s].
-        elapsed: since the last one [s].
-        hold: True while nothing is to be kept (a test of a change runs).
-    """
+def keep(bank: Any, time: float) -> None:
+    """Keep the rows after an accepted sample [s] if it is time to, and no test of a change runs."""
+    maneuver, rows, motion = bank.maneuver, bank.rows, bank.motion
+    chosen, elapsed = rows[bank.judge.chosen], bank.clock.elapsed
     square = chosen.state[VELOCITY] ** 2 - MOVING**2 * chosen.covariance[VELOCITY, VELOCITY]
     forgotten = maneuver.square_speed * (1.0 - min(elapsed / SPEED_MEMORY, 1.0))
     maneuver.square_speed = max(forgotten, square)
@@ -119,7 +101,7 @@ def keep(
     if motion.age[member] < motion_density.SETTLED[member]:
         maneuver.doubted = 0
     maneuver.alarm_since = 0.0 if chosen.alarm_sum == 0.0 else maneuver.alarm_since + 1.0
-    if hold:
+    if bank.change.testing != 0:
         return
     maneuver.waited += 1
     if maneuver.waited < PERIOD:
@@ -127,22 +109,28 @@ def keep(
     maneuver.waited = 0
     slot = maneuver.count % KEPT
     for m in range(FRESH):
-        kept = maneuver.rows[slot, m]
-        kept.active = rows[m].active
-        if rows[m].active != 0:
-            copy_vector(rows[m].state, kept.state)
-            copy_matrix(rows[m].covariance, kept.covariance)
-            kept.position_deviation = rows[m].position_deviation
-            kept.model_error = rows[m].model_error
-            kept.score = rows[m].score
-            kept.log_likelihood = rows[m].log_likelihood
-            kept.recent_nis = rows[m].recent_nis
-            kept.inconsistent_time = rows[m].inconsistent_time
+        _copy(rows[m], maneuver.rows[slot, m])
     maneuver.time[slot] = time
-    maneuver.contact_clock[slot] = tool.contact_clock
+    maneuver.contact_clock[slot] = bank.tool.contact_clock
     maneuver.chosen[slot] = chosen.index
     maneuver.member[slot] = motion.chosen
     maneuver.count += 1
+
+
+@compiled
+def _copy(row: Any, kept: Any) -> None:
+    """Copy what is kept of a row that takes part; and back, with both the other way round."""
+    kept.active = row.active
+    if row.active == 0:
+        return
+    copy_vector(row.state, kept.state)
+    copy_matrix(row.covariance, kept.covariance)
+    kept.position_deviation = row.position_deviation
+    kept.model_error = row.model_error
+    kept.score = row.score
+    kept.log_likelihood = row.log_likelihood
+    kept.recent_nis = row.recent_nis
+    kept.inconsistent_time = row.inconsistent_time
 
 
 @compiled
@@ -208,10 +196,7 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
     slot = _find(maneuver, time, elapsed, maneuver.alarm_since + before_alarm)
     if slot < 0:
         return False
-    if changes.may_test(settings, bank.tool):
-        changes.begin_test(settings, change, bank.judge, bank.rows, bank.tool)
-        ahead = since_displacement(bank, time)
-        changes.start_fresh_motion(settings, bank.rows, bank.motion, bank.sensor_noise[0], ahead)
+    changes.begin_test(settings, bank, since_displacement(bank, time))
     _go_back(bank, slot, time)
     maneuver.doubted = 1
     return True
@@ -281,12 +266,10 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
     variance = bank.sensor_noise[0] + ahead * ahead * square
     varied = chosen > FITTED and not SURFACE[chosen]
     for m in range(FRESH):
-        row, kept = bank.rows[m], maneuver.rows[slot, m]
-        row.active = kept.active
+        row = bank.rows[m]
+        _copy(maneuver.rows[slot, m], row)
         if row.active == 0:
             continue
-        copy_vector(kept.state, row.state)
-        copy_matrix(kept.covariance, row.covariance)
         clear_motion(row)
         if varied:  # then what turned may be the rate, and not the tool
             free_rate(row)
@@ -296,17 +279,9 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
         row.covariance[DEPTH, VELOCITY] = ahead * square
         row.covariance[VELOCITY, VELOCITY] = square
         row.covariance[ACCELERATION, ACCELERATION] = acceleration
-        row.position_deviation = kept.position_deviation
-        row.model_error = kept.model_error
-        row.score = kept.score
-        row.log_likelihood = kept.log_likelihood
-        row.recent_nis = kept.recent_nis
-        row.inconsistent_time = kept.inconsistent_time
         row.alarm_sum = 0.0
         delay_sensitivity.forget_evidence(row)
-        for k in range(row.alarm_line.shape[0]):
-            for j in range(row.alarm_line.shape[1]):
-                row.alarm_line[k, j] = 0.0
+        clear_matrix(row.alarm_line)
     clock = maneuver.contact_clock[slot]
     judging.go_back(bank.judge, bank.rows, maneuver.chosen[slot], clock)
     maneuver.density = 3.0 * square / TURN_TIME**3

@@ -41,7 +41,7 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import is_held, limit, seed
+from hc_estimator.multiple_model.rows import cut, is_held, limit, seed
 from hc_estimator.multiple_model.spline import has
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
@@ -133,19 +133,16 @@ def reset(moving: Any) -> None:
 
 
 @compiled
-def look(settings: Any, bank: Any, period: float) -> None:
+def look(settings: Any, bank: Any) -> None:
     """Ask what tissue and surface do, if it is time to: one fit a call, so that none takes long.
 
     Args:
         settings: settings record.
         bank: its records `moving`, `fit`, `judge` and `rows` are changed, and weights of points.
-        period: usual time between two samples [s].
     """
     moving, judge, clock = bank.moving, bank.judge, bank.tool.contact_clock
     wanted = settings.fit_movement != 0 and bank.tool.retreated != 0 and judge.needed_time > 0.0
     wanted = wanted and not is_held(settings, 0)  # these fits all look for K
-    finder = bank.delay
-    noise, scatter = histories.noise_of_points(bank.history, finder, bank.sensor_noise, period)
     if not wanted or bank.change.testing != 0:
         moving.stage = 0
     elif moving.stage > 0 and moving.last > bank.history.count:
@@ -159,7 +156,7 @@ def look(settings: Any, bank: Any, period: float) -> None:
             moving.stage = 1
     elif moving.stage <= ORDER.size:
         k = moving.stage - 1
-        beyond = _fit_kind(settings, bank, k, noise, scatter)
+        beyond = _fit_kind(settings, bank, k)
         # What no freer kind can explain better by enough is what is found.
         moving.stage = ORDER.size + 1 if beyond < 2.0 * LIKELIER[k] else moving.stage + 1
         for m in range(k + 1, ORDER.size):
@@ -172,7 +169,7 @@ def look(settings: Any, bank: Any, period: float) -> None:
         if found == RELAXING or _relaxes(moving, found):
             judging.keep_to_fit(judge, bank.rows, clock, RELAXES_FOR)
         elif found >= 0:
-            _begin_found(settings, bank, found, noise, scatter)
+            _begin_found(settings, bank, found)
 
 
 @compiled
@@ -192,9 +189,7 @@ def _oldest(last: int) -> int:
 
 
 @compiled
-def _fit_kind(
-    settings: Any, bank: Any, k: int, noise: tuple[float, float], scatter: float
-) -> float:
+def _fit_kind(settings: Any, bank: Any, k: int) -> float:
     """Fit a kind, and note its evidence; by how much a freer one can lower its squares."""
     fit, history, moving = bank.fit, bank.history, bank.moving
     moving.evidence[k] = -math.inf
@@ -202,7 +197,7 @@ def _fit_kind(
     if not _lay_out(settings, history, fit, ORDER[k], moving.last):
         return math.inf
     spline.begin(fit, bank.rows[bank.judge.chosen])
-    left = solve_least_squares(settings, history, fit, noise, scatter)
+    left = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
     copy_vector(fit.values, moving.values[k])
     moving.unknowns[k] = fit.unknowns
     if k == RELAXING and not spline.share_released(history, fit) > LEAST_RELEASED:
@@ -220,10 +215,8 @@ def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> boo
     """Lay out a fit of a kind with the zeros as they are; False if points are too far apart."""
     if kind & BENDS != 0 and is_held(settings, 2):
         return False
-    spline.free_all(fit)
+    spline.free_all(settings, fit)
     fit.held[spline.FORCE_ZERO] = 1
-    if not math.isnan(settings.channel_delay):
-        fit.held[spline.DELAY] = 1
     fit.position_deviation = SURFACE_DEVIATION
     if kind & SINKS == 0:
         fit.held[spline.POSITION] = 1
@@ -260,9 +253,7 @@ def _likeliest(moving: Any) -> int:
 
 
 @compiled
-def _begin_found(
-    settings: Any, bank: Any, found: int, noise: tuple[float, float], scatter: float
-) -> None:
+def _begin_found(settings: Any, bank: Any, found: int) -> None:
     """Let the row that says the same as a kind begin with its fit."""
     fit, history, moving, judge = bank.fit, bank.history, bank.moving, bank.judge
     kind = ORDER[found]
@@ -276,7 +267,7 @@ def _begin_found(
             copy_vector(moving.values[found], fit.values)
         else:
             spline.begin(fit, bank.rows[judge.chosen])
-        left = solve_least_squares(settings, history, fit, noise, scatter)
+        left = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
         if not left < CONSISTENT * fit.expected:
             continue
         _note_outcome(fit, moving, bank.clock.state_time)
@@ -371,9 +362,7 @@ def _take(settings: Any, bank: Any, row: Any, clock: float) -> None:
     targets = TARGETS[row.index]
     for i in range(OUTCOME):
         if _is_taken(settings, row, i):
-            for j in range(STATES):
-                row.covariance[targets[i], j] = 0.0
-                row.covariance[j, targets[i]] = 0.0
+            cut(row, targets[i])
     for i in range(OUTCOME):
         if not _is_taken(settings, row, i):
             continue

@@ -17,14 +17,11 @@ from hc_estimator.contact.registry import (
     is_plain,
     plain_gradient,
 )
-from hc_estimator.linear_algebra import (
-    clear_matrix,
-    clear_vector,
-)
+from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model.kalman import LARGEST_LOG
+from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.records import POINTS
-from hc_estimator.multiple_model.rows import is_held, prior_deviation
+from hc_estimator.multiple_model.rows import guess_of, is_held, prior_deviation
 
 HELD_SHARE = 1e-3  # of the prior's deviation that is left to what is held
 
@@ -114,12 +111,6 @@ def velocity_at(history: Any, point: Any) -> float:
 
 
 @compiled
-def exp_limited(logarithm: float) -> float:
-    """K or B of its logarithm, finite."""
-    return math.exp(min(max(logarithm, -LARGEST_LOG), LARGEST_LOG))
-
-
-@compiled
 def weigh(settings: Any, history: Any, force_noise: float) -> float:
     """Give each point its weight by the law at history.fit: the motion is not exact either.
 
@@ -175,14 +166,9 @@ def gather(settings: Any, history: Any, values: Any) -> float:
     for k in range(histories.oldest(history), history.count):
         point = history.points[k % POINTS]
         depth, velocity, weight = point[0], velocity_at(history, point), point[3]
-        if spread > 0.0:
-            force, change = law_beside(
-                settings, stiffness, damping, values, depth, velocity, spread, history
-            )
-        else:
-            n, p = values[2], values[3]
-            force = law_at(settings, stiffness, damping, n, p, depth, velocity, gradient)
-            change = 0.0
+        force, change = law_beside(
+            settings, stiffness, damping, values, depth, velocity, spread, history
+        )
         residual = point[2] - force
         total += weight * residual * residual
         for i in range(4):
@@ -190,8 +176,6 @@ def gather(settings: Any, history: Any, values: Any) -> float:
             pull[i] += share * residual
             for j in range(i + 1):
                 seen[i, j] += share * gradient[2 + j]
-        if spread <= 0.0:
-            continue
         total -= 0.25 * weight * change * change
         for i in range(4):
             share = 0.25 * weight * (above[2 + i] - below[2 + i])
@@ -224,15 +208,10 @@ def prior_off(settings: Any, history: Any, values: Any, i: int) -> float:
     deviation = deviation_in(settings, history, i)
     if deviation == 0.0:
         return 0.0
-    if i == 0:
-        off = values[0] - math.log(settings.initial_stiffness)
-    elif i == 1:
+    off = values[i] - guess_of(settings, i)
+    if i == 1:
         guess = math.log(settings.initial_damping / settings.initial_stiffness)
         off = values[1] - values[0] - guess
-    elif i == 2:
-        off = values[2] - settings.initial_displacement_exponent
-    else:
-        off = values[3] - settings.initial_velocity_exponent
     return off / deviation  # type: ignore[no-any-return]
 
 

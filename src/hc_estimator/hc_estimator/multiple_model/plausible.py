@@ -15,15 +15,13 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model.hypotheses import (
     DEPTH,
-    EXPONENT,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
     SURFACE,
     VELOCITY,
-    VELOCITY_EXPONENT,
 )
-from hc_estimator.multiple_model.kalman import force_of, force_of_row
+from hc_estimator.multiple_model.kalman import force_at, force_of_row
 from hc_estimator.multiple_model.rows import free_parameters, is_held, seed
 from hc_estimator.specification import ParameterSpecification
 
@@ -71,12 +69,6 @@ def learn(tool: Any, row: Any, force: float, elapsed: float) -> None:
 
 
 @compiled
-def begin_tissue(tool: Any) -> None:
-    """The law begins anew; what was felt is the same."""
-    tool.worthless_time = 0.0
-
-
-@compiled
 def move(tool: Any, displacement: float, force: float) -> None:
     """The zeros have moved by so much [mm], [N]; what was felt is the same."""
     if tool.deepest > -NOWHERE:
@@ -94,17 +86,8 @@ def foretells_possible(settings: Any, row: Any, tool: Any) -> bool:
 @compiled
 def _foretold(settings: Any, row: Any, tool: Any, velocity: float) -> float:
     """Force [N] of the row's law where the tool was deepest, at a velocity [mm/s]."""
-    state = row.state
-    surface = state[OWN] if SURFACE[row.index] else 0.0
-    return force_of(
-        settings,
-        tool.deepest - surface,
-        velocity,
-        state[LOG_STIFFNESS],
-        state[LOG_DAMPING],
-        state[EXPONENT],
-        state[VELOCITY_EXPONENT],
-    )
+    surface = row.state[OWN] if SURFACE[row.index] else 0.0
+    return force_at(settings, row, tool.deepest - surface, velocity)
 
 
 @compiled
@@ -154,17 +137,10 @@ def is_no_law(settings: Any, row: Any, tool: Any) -> bool:
 
 
 @compiled
-def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) -> None:
-    """Note what every row expects of the sample, and begin impossible rows anew.
-
-    Args:
-        settings: settings record.
-        rows: predicted to the sample; predicted_force is written.
-        tool: what was felt.
-        chosen: index of the row in charge.
-        force_noise: variance of the force sensor [N^2].
-    """
-    largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(force_noise)
+def check(settings: Any, bank: Any) -> None:
+    """Note what every row, predicted to the sample, expects of it; begin impossible ones anew."""
+    rows, tool, chosen = bank.rows, bank.tool, bank.judge.chosen
+    largest = LARGEST_FACTOR * tool.largest_force + NOISE * math.sqrt(bank.sensor_noise[1])
     looked_long = settings.possible_forces != 0 and tool.known_time > KNOWN_AFTER
     possible = -1
     for m in range(rows.shape[0]):
@@ -180,8 +156,11 @@ def check(settings: Any, rows: Any, tool: Any, chosen: int, force_noise: float) 
             continue
         if possible >= 0:
             seed(rows[possible], row, tool.contact_clock, tool.contact_clock)
-        else:
-            _bring_down(settings, row, largest)
+        else:  # the law is scaled to the largest force that is possible, and let go
+            shift = math.log(largest / abs(row.predicted_force))
+            row.state[LOG_STIFFNESS] += shift
+            row.state[LOG_DAMPING] += shift
+            free_parameters(settings, row, DEVIATIONS)
         row.predicted_force = force_of_row(settings, row, 0.0)
 
 
@@ -193,12 +172,3 @@ def _is_possible(row: Any, tool: Any, looked_long: bool, largest: float) -> bool
     if row.state[DEPTH] > tool.deepest or abs(row.state[VELOCITY]) > tool.fastest:
         return True
     return bool(abs(row.predicted_force) <= largest)
-
-
-@compiled
-def _bring_down(settings: Any, row: Any, largest: float) -> None:
-    """Scale the law to the largest force that is possible; its parameters are let go."""
-    shift = math.log(largest / abs(row.predicted_force))
-    row.state[LOG_STIFFNESS] += shift
-    row.state[LOG_DAMPING] += shift
-    free_parameters(settings, row, DEVIATIONS)

@@ -1,7 +1,7 @@
 """The records in which the default filter keeps what it knows; one per question.
 
-A kernel gets the records that it may touch and nothing else, so that its signature says what it
-reads and writes. All of it is saved and restored with the estimator.
+A kernel gets the records that it may touch, or where these are many the bank; who may write which
+field stands in test/suite/test_who_writes.py. All of it is saved and restored with the estimator.
 """
 
 from __future__ import annotations
@@ -94,9 +94,7 @@ JUDGE = record_type(
         Field("chosen", np.int64, (), 0, ROW_COUNT - 1),
         Field("said", np.float64, (SLOTS, ROW_COUNT, SAID)),
         Field("said_at", np.float64, (SLOTS,)),  # contact clock [s]
-        Field(
-            "said_variance", np.float64, (SLOTS,)
-        ),  # that the surest row gave its force then [N^2]
+        Field("said_variance", np.float64, (SLOTS,)),  # of the surest row's force then [N^2]
         Field("known", np.float64, (), 0.0),  # forgetting mean of its inverse [1/N^2]
         Field("count", np.int64, (), 0),
         Field("waited", np.float64, (), 0.0),  # contact since the last snapshot [s]
@@ -118,7 +116,6 @@ CHANGE = record_type(
     (
         Field("testing", np.int64, (), 0, 1),
         Field("reference", np.int64, (), 0, ROW_COUNT - 1),  # row whose alarm began the test
-        Field("ratio", np.float64, ()),  # log likelihood ratio of the fresh row to that one
         Field("time", np.float64, ()),  # in contact since the alarm [s]
         Field("calm_time", np.float64, (), 0.0),  # for which that row has explained all [s]
         Field("leads", np.int64, (), 0, 1),  # 1 while the fresh row is given out
@@ -189,7 +186,6 @@ HISTORY = record_type(
         Field("fit", np.float64, (4,)),  # ln K, ln B, n, p
         Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
-        Field("guessed", np.int64, (), 0, 1),  # 1 if something was held in the last fit
         # Within one fit:
         # Of a point's velocity, of that by a wide cubic and by a narrow one: deviation [mm/s], and
         # variance by the share of the point in the information [mm^2/s^2].
@@ -223,6 +219,17 @@ HELD_READINGS = record_type(
     )
 )
 
+# Readings of the force beside the place of the tool; see `air_window`.
+WINDOW = record_type(
+    (
+        Field("count", np.int64, (), 0),  # readings in it
+        Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
+        Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
+        Field("lowest", np.float64, (), finite=False),  # displacement [mm]
+        Field("highest", np.float64, (), finite=False),
+    )
+)
+
 # Where, and at which reading, does the force begin?
 ONSET = record_type(
     (
@@ -242,29 +249,20 @@ ONSET = record_type(
         Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
         # The window in which the force stays the same:
-        Field("count", np.int64, (), 0),  # readings in it
+        Field("window", WINDOW),
         Field("highest_level", np.float64),  # largest mean of a window that was not in the air [N]
         Field("upward", np.float64, (), 0.0),  # cumulative sums
         Field("downward", np.float64, (), 0.0),
-        Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
-        Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
-        Field("lowest", np.float64),  # displacement [mm]
-        Field("highest", np.float64),
         Field("fastest", np.float64),  # velocity [mm/s]
         # The same up to where the force began to leave it upwards:
-        Field("air_count", np.int64, (), 0),
-        Field("air_mean", np.float64, (2,)),
-        Field("air_moment", np.float64, (3,)),
-        Field("air_travel", np.float64, (), 0.0),  # [mm]
+        Field("inside", WINDOW),
         Field("air_slowing", np.float64, (), 0.0),  # from the largest velocity on [mm/s]
         Field("air_fastest", np.float64),
         Field("inside_at", np.float64),  # displacement there [mm]
         Field("inside_time", np.float64),  # [s]
         Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
         # Forces before the zero, as long as the tool was never seen free:
-        Field("rise_count", np.int64, (), 0),
-        Field("rise_mean", np.float64, (2,)),  # displacement [mm], force [N]
-        Field("rise_moment", np.float64, (3,)),
+        Field("rise", WINDOW),
         Field("rise_lowest", np.float64),  # force [N]
         Field("rise_highest", np.float64),
     )
@@ -281,12 +279,8 @@ AIR = record_type(
         Field("seen_time", np.float64, (), 0.0),  # that they span [s]
         Field("sum", np.float64),  # of their forces [N]
         # In the present stretch:
-        Field("count", np.int64, (), 0),
         Field("time", np.float64, (), 0.0),  # that they span [s]
-        Field("lowest", np.float64, (), finite=False),  # displacement [mm]
-        Field("highest", np.float64, (), finite=False),
-        Field("mean", np.float64, (2,)),  # displacement [mm], force [N]
-        Field("moment", np.float64, (3,)),  # sums of squares and products about them: dd, dF, FF
+        Field("window", WINDOW),
     )
 )
 
@@ -299,7 +293,6 @@ SEARCH = record_type(
         Field("points", np.float64, (GRID, 4)),  # displacement, velocity, force, time from now
         Field("count", np.int64, (), 0, GRID),
         Field("touching_force", np.float64, (), 0.0),  # from which on there is a contact [N]
-        Field("tried", np.float64, (2,)),  # K and B
         Field("best", np.float64, (4,)),  # position [mm], speed [mm/s], K, B
     )
 )

@@ -1,4 +1,7 @@
-"""Writes what the bank knows after a sample into one row of numbers; see `estimate`."""
+"""What is given out of a sample: by which row, what that expected, and what it made of it.
+
+At the end it is one row of numbers; see `estimate`.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,7 @@ from numpy.typing import NDArray
 from hc_estimator import estimate as columns
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import levels, plausible, zero_doubt
-from hc_estimator.multiple_model.given_out import given_row
+from hc_estimator.multiple_model import levels, plausible, readings, zero_doubt
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
@@ -24,26 +26,67 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE_ROW,
     VELOCITY,
 )
-from hc_estimator.multiple_model.kalman import depth_of, log_speed_of
+from hc_estimator.multiple_model.kalman import depth_of, force_of_row, log_speed_of
 from hc_estimator.multiple_model.rows import is_held, prior_deviation
 from hc_estimator.report import clear_row, write_fixed_parameters
 from hc_estimator.screening import ACCEPTED, OUTLIER
 
-PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE
-IDENTIFIABILITY, INNOVATION = columns.IDENTIFIABILITY, columns.INNOVATION
-FORCE_PREDICTED, FORCE_RECONSTRUCTED = columns.FORCE_PREDICTED, columns.FORCE_RECONSTRUCTED
-NIS, REJECTED = columns.NIS, columns.REJECTED
-DISPLACEMENT_COLUMN, VELOCITY_COLUMN = columns.DISPLACEMENT, columns.VELOCITY
-DISPLACEMENT_NOISE_STD = columns.DISPLACEMENT_NOISE_STD
-FORCE_NOISE_STD = columns.FORCE_NOISE_STD
-CONTACT, CHANGE_DETECTED = columns.CONTACT, columns.CHANGE_DETECTED
-MODEL_MISMATCH = columns.MODEL_MISMATCH
-PROCESS_NOISE_SCALE = columns.PROCESS_NOISE_SCALE
-CONTACT_POSITION, CONTACT_POSITION_STD = columns.CONTACT_POSITION, columns.CONTACT_POSITION_STD
-FORCE_ZERO, FORCE_ZERO_STD = columns.FORCE_ZERO, columns.FORCE_ZERO_STD
-CHANNEL_DELAY, CHANNEL_DELAY_STD = columns.CHANNEL_DELAY, columns.CHANNEL_DELAY_STD
-HYPOTHESIS, HYPOTHESIS_SCORES = columns.HYPOTHESIS, columns.HYPOTHESIS_SCORES
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
+
+
+@compiled
+def given_row(bank: Any) -> int:
+    """Index of the row whose estimate is given out."""
+    if bank.change.leads != 0:
+        return FRESH
+    return bank.judge.chosen  # type: ignore[no-any-return]
+
+
+@compiled
+def foretell(settings: Any, bank: Any) -> None:
+    """Note the force that the row in charge expects of the sample's own reading."""
+    row = bank.rows[given_row(bank)]
+    bank.given.row = row.index
+    bank.given.predicted_force = force_of_row(settings, row, bank.given.extrapolated)
+    bank.given.reconstructed_force = bank.given.predicted_force
+    bank.given.innovation[0] = math.nan
+    bank.given.innovation[1] = math.nan
+    bank.given.nis = 0.0
+
+
+@compiled
+def give_refused(bank: Any) -> None:
+    """Note what the row in charge expected of a displacement that is refused; the force waits."""
+    given = bank.given
+    innovation, variance = readings.innovation_of(bank, bank.rows[given.row], 0)
+    given.innovation[0] = innovation
+    given.nis = innovation * innovation / variance
+
+
+@compiled
+def give(settings: Any, bank: Any, decision: int) -> None:
+    """Note what the row in charge made of the readings that were used.
+
+    The force is its mean given law and sensor, each weighed by what is known of its error; an error
+    of the linearisation that repeats itself counts once for the force of this moment.
+    """
+    clock, given, row = bank.clock, bank.given, bank.rows[bank.given.row]
+    if clock.present[0] != 0:
+        given.innovation[0] = row.innovation[0]
+        given.nis += row.nis[0]
+    if clock.present[1] == 0:
+        return
+    # The innovation of both readings together is against the state before either.
+    given.innovation[1] = clock.measurement[1] - row.predicted_force
+    given.nis += row.nis[1]
+    unsure = row.explained + row.model_error
+    share = unsure / (unsure + bank.sensor_noise[1]) if decision == ACCEPTED else 0.0
+    if given.extrapolated == 0.0:
+        law = clock.measurement[1] - row.innovation[1]
+        given.reconstructed_force = law + share * row.innovation[1]
+    else:
+        law = given.predicted_force
+        given.reconstructed_force = law + share * (given.latest_force - law)
 
 
 @compiled
@@ -62,15 +105,18 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     possible = plausible.limited_law(settings, row, bank.tool, bank.sensor_noise[1])
     for i in range(4):
         value = possible[i] if i < 2 else state[LOG_STIFFNESS + i]
-        out[PARAMETERS + i] = math.exp(value) if i < 2 else value
+        out[columns.PARAMETERS + i] = math.exp(value) if i < 2 else value
     for i in range(4):
-        slope = out[PARAMETERS + i] if i < 2 else 1.0
+        slope = out[columns.PARAMETERS + i] if i < 2 else 1.0
         for j in range(i + 1):
-            other = out[PARAMETERS + j] if j < 2 else 1.0
+            other = out[columns.PARAMETERS + j] if j < 2 else 1.0
             element = slope * covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] * other
-            out[COVARIANCE + 4 * i + j] = element
-            out[COVARIANCE + 4 * j + i] = element
-    _add_delay(row, bank.delay.doubt, out)
+            out[columns.COVARIANCE + 4 * i + j] = element
+            out[columns.COVARIANCE + 4 * j + i] = element
+    if bank.delay.doubt > 0.0:
+        slope, k = row.by_delay, LOG_STIFFNESS
+        way = (slope[k], slope[k + 1], slope[k + 2], slope[k + 3])
+        zero_doubt.add_along(bank.delay.doubt, way, out)
     _add_bend(row, bank.tool, out)
     since_varying = bank.tool.contact_clock - bank.judge.varied_at
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
@@ -80,30 +126,31 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     _write_identifiability(settings, out)
     write_fixed_parameters(settings, out)
     if rejected in (ACCEPTED, OUTLIER):
-        out[FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
-        out[NIS] = given.nis
+        out[columns.FORCE_PREDICTED] = given.predicted_force + bank.onset.zero[1]
+        out[columns.NIS] = given.nis
         for i in range(2):
-            out[INNOVATION + i] = given.innovation[i]
-    out[FORCE_RECONSTRUCTED] = given.reconstructed_force + bank.onset.zero[1]
-    out[DISPLACEMENT_COLUMN] = state[DEPTH] + bank.onset.zero[0]
-    out[VELOCITY_COLUMN] = state[VELOCITY]
-    out[DISPLACEMENT_NOISE_STD] = math.sqrt(bank.sensor_noise[0])
-    out[FORCE_NOISE_STD] = math.sqrt(bank.sensor_noise[1] + row.model_error)
-    out[CONTACT] = 1.0 if depth_of(row) > 0.0 else 0.0
-    out[CHANGE_DETECTED] = float(bank.change.detected)
-    out[MODEL_MISMATCH] = 1.0 if row.model_error > 0.0 else 0.0
-    out[REJECTED] = float(rejected)
+            out[columns.INNOVATION + i] = given.innovation[i]
+    out[columns.FORCE_RECONSTRUCTED] = given.reconstructed_force + bank.onset.zero[1]
+    out[columns.DISPLACEMENT] = state[DEPTH] + bank.onset.zero[0]
+    out[columns.VELOCITY] = state[VELOCITY]
+    out[columns.DISPLACEMENT_NOISE_STD] = math.sqrt(bank.sensor_noise[0])
+    out[columns.FORCE_NOISE_STD] = math.sqrt(bank.sensor_noise[1] + row.model_error)
+    out[columns.CONTACT] = 1.0 if depth_of(row) > 0.0 else 0.0
+    out[columns.CHANGE_DETECTED] = float(bank.change.detected)
+    out[columns.MODEL_MISMATCH] = 1.0 if row.model_error > 0.0 else 0.0
+    out[columns.REJECTED] = float(rejected)
     density = motion_density.jerk_density(settings, bank.motion)
-    out[PROCESS_NOISE_SCALE] = density / settings.jerk_density
-    out[CHANNEL_DELAY] = bank.delay.delay
-    out[CHANNEL_DELAY_STD] = bank.delay.deviation
+    out[columns.PROCESS_NOISE_SCALE] = density / settings.jerk_density
+    out[columns.CHANNEL_DELAY] = bank.delay.delay
+    out[columns.CHANNEL_DELAY_STD] = bank.delay.deviation
     _write_zeros(settings, bank, row, out)
-    out[HYPOTHESIS] = float(CODES[row.index])
+    out[columns.HYPOTHESIS] = float(CODES[row.index])
     for m in range(FRESH + 1):
         if bank.rows[m].active != 0 and bank.judge.weight > 0.0:
             score = math.sqrt(max(bank.rows[m].score, 0.0))
-            best = out[HYPOTHESIS_SCORES + CODES[m]]  # of the rows that are reported alike
-            out[HYPOTHESIS_SCORES + CODES[m]] = score if math.isnan(best) else min(score, best)
+            place = columns.HYPOTHESIS_SCORES + CODES[m]
+            best = out[place]  # of the rows that are reported alike
+            out[place] = score if math.isnan(best) else min(score, best)
 
 
 @compiled
@@ -112,32 +159,20 @@ def _clear_held(settings: Any, out: NDArray[np.float64]) -> None:
     for i in range(4):
         if is_held(settings, i):
             for j in range(4):
-                out[COVARIANCE + 4 * i + j] = 0.0
-                out[COVARIANCE + 4 * j + i] = 0.0
+                out[columns.COVARIANCE + 4 * i + j] = 0.0
+                out[columns.COVARIANCE + 4 * j + i] = 0.0
 
 
 @compiled
 def _write_identifiability(settings: Any, out: NDArray[np.float64]) -> None:
     """How much of the prior variance the data took away, by all that the covariance owes to."""
     for i in range(4):
-        slope = out[PARAMETERS + i] if i < 2 else 1.0
+        slope = out[columns.PARAMETERS + i] if i < 2 else 1.0
         prior = prior_deviation(settings, i) ** 2
         share = 0.0
         if prior > 0.0 and slope > 0.0:
-            share = 1.0 - out[COVARIANCE + 5 * i] / slope / slope / prior
-        out[IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
-
-
-@compiled
-def _add_delay(row: Any, variance: float, out: NDArray[np.float64]) -> None:
-    """Add to the covariance what is not known of the delay in use [s^2]."""
-    if variance == 0.0:
-        return
-    for i in range(4):
-        first = row.by_delay[LOG_STIFFNESS + i] * (out[PARAMETERS + i] if i < 2 else 1.0)
-        for j in range(4):
-            second = row.by_delay[LOG_STIFFNESS + j] * (out[PARAMETERS + j] if j < 2 else 1.0)
-            out[COVARIANCE + 4 * i + j] += variance * (first * second)
+            share = 1.0 - out[columns.COVARIANCE + 5 * i] / slope / slope / prior
+        out[columns.IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
 
 
 @compiled
@@ -146,11 +181,7 @@ def _add_bend(row: Any, tool: Any, out: NDArray[np.float64]) -> None:
     log_speed = log_speed_of(row, levels.log_usual_speed(tool))
     if log_speed <= levels.UNBENT:
         return
-    variance = levels.bend_variance(row, log_speed)
-    for i in range(2):
-        for j in range(2):
-            both = out[PARAMETERS + i] * out[PARAMETERS + j]
-            out[COVARIANCE + 4 * i + j] += variance * both
+    zero_doubt.add_along(levels.bend_variance(row, log_speed), (1.0, 1.0, 0.0, 0.0), out)
 
 
 @compiled
@@ -160,29 +191,25 @@ def _add_spread(row: Any, other: Any, out: NDArray[np.float64]) -> None:
     Between two inclusions constant tissue explains the force again, and a row of constant tissue is
     very sure of itself; that the tissue varies is not forgotten with it.
     """
-    for i in range(4):
-        here = out[PARAMETERS + i] if i < 2 else 1.0
-        first = here * (other.state[LOG_STIFFNESS + i] - row.state[LOG_STIFFNESS + i])
-        for j in range(4):
-            there = out[PARAMETERS + j] if j < 2 else 1.0
-            second = there * (other.state[LOG_STIFFNESS + j] - row.state[LOG_STIFFNESS + j])
-            out[COVARIANCE + 4 * i + j] += first * second
+    a, b, k = other.state, row.state, LOG_STIFFNESS
+    way = (a[k] - b[k], a[k + 1] - b[k + 1], a[k + 2] - b[k + 2], a[k + 3] - b[k + 3])
+    zero_doubt.add_along(1.0, way, out)
 
 
 @compiled
 def _write_zeros(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     """Where the contact begins and what the force reads in the air, and how well that is known."""
-    out[CONTACT_POSITION] = bank.onset.zero[0]
-    out[FORCE_ZERO] = bank.onset.zero[1]
-    out[FORCE_ZERO_STD] = zero_doubt.force_deviation(settings, bank)
+    out[columns.CONTACT_POSITION] = bank.onset.zero[0]
+    out[columns.FORCE_ZERO] = bank.onset.zero[1]
+    out[columns.FORCE_ZERO_STD] = zero_doubt.force_deviation(settings, bank)
     surface = bank.rows[SURFACE_ROW]
     if SURFACE[row.index]:
         surface = row
-        out[CONTACT_POSITION] += row.state[OWN]
+        out[columns.CONTACT_POSITION] += row.state[OWN]
     elif bank.zeros.off[0] > 0.0:
-        out[CONTACT_POSITION_STD] = bank.zeros.off[0]
+        out[columns.CONTACT_POSITION_STD] = bank.zeros.off[0]
         return
     if surface.active != 0:
-        out[CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
+        out[columns.CONTACT_POSITION_STD] = math.sqrt(max(surface.covariance[OWN, OWN], 0.0))
     elif settings.contact_position_std > 0.0:
-        out[CONTACT_POSITION_STD] = settings.contact_position_std
+        out[columns.CONTACT_POSITION_STD] = settings.contact_position_std

@@ -31,13 +31,6 @@ DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
 
 
 @compiled
-def reset(judge: Any) -> None:
-    """Constant tissue does."""
-    judge.needed_time = 0.0
-    judge.unneeded_time = 0.0
-
-
-@compiled
 def review(settings: Any, judge: Any, rows: Any, clock: float, elapsed: float) -> None:
     """Call the reserve, or send it away.
 

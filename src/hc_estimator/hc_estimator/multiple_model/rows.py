@@ -11,13 +11,12 @@ from typing import Any
 from hc_estimator.adaptation import motion_density
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import fixed_value
-from hc_estimator.linear_algebra import clear_matrix
+from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model import delay_sensitivity
 from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     COUNTS,
     DEPTH,
-    EXPONENT,
     LOG_DAMPING,
     LOG_STIFFNESS,
     OWN,
@@ -25,10 +24,8 @@ from hc_estimator.multiple_model.hypotheses import (
     STATES,
     SURFACE,
     VELOCITY,
-    VELOCITY_EXPONENT,
 )
 from hc_estimator.multiple_model.kalman import predict
-from hc_estimator.multiple_model.records import ALARM_DELAY
 
 MOTION = (DEPTH, VELOCITY, ACCELERATION)
 # Limits of the estimate, inside which the contact law means something.
@@ -83,9 +80,7 @@ def clear_adaptation(row: Any) -> None:
     row.alarm_sum = 0.0
     row.alarm_position = 0
     row.alarm = 0
-    for k in range(ALARM_DELAY):
-        for j in range(4):
-            row.alarm_line[k, j] = 0.0
+    clear_matrix(row.alarm_line)
     row.contact_time = 0.0
     row.recent_nis = 2.0
     row.score = 0.0
@@ -98,14 +93,20 @@ def clear_adaptation(row: Any) -> None:
 
 
 @compiled
+def cut(row: Any, i: int) -> None:
+    """Take from a state its variance and its ties to the others."""
+    for j in range(STATES):
+        row.covariance[i, j] = 0.0
+        row.covariance[j, i] = 0.0
+
+
+@compiled
 def begin_own_states(row: Any) -> None:
     """Own states at their start, without ties to the others."""
     delay_sensitivity.clear(row, OWN, STATES)
     for i in range(OWN, STATES):
         row.state[i] = 0.0
-        for j in range(STATES):
-            row.covariance[i, j] = 0.0
-            row.covariance[j, i] = 0.0
+        cut(row, i)
         row.covariance[i, i] = OWN_VARIANCES[row.index, i - OWN]
     if SURFACE[row.index] and row.position_deviation > 0.0:
         row.covariance[OWN, OWN] = row.position_deviation**2
@@ -130,11 +131,9 @@ def free_rate(row: Any) -> None:
 @compiled
 def clear_motion(row: Any) -> None:
     """Zero the motion's variances and its ties to everything else."""
-    delay_sensitivity.clear_motion(row)
     for i in MOTION:
-        for j in range(STATES):
-            row.covariance[i, j] = 0.0
-            row.covariance[j, i] = 0.0
+        row.by_delay[i] = 0.0  # it is what the displacement alone says
+        cut(row, i)
 
 
 @compiled
@@ -152,7 +151,7 @@ def begin_motion(settings: Any, row: Any, displacement: float) -> None:
 @compiled
 def reset(settings: Any, row: Any, displacement: float) -> None:
     """Begin from the prior, with the tool at a displacement [mm]."""
-    delay_sensitivity.reset(row)
+    clear_vector(row.by_delay)
     clear_matrix(row.covariance)
     for i in range(4):
         row.state[LOG_STIFFNESS + i] = guess_of(settings, i)
@@ -195,9 +194,7 @@ def free_parameters(settings: Any, row: Any, deviations: tuple[float, float, flo
     """Let the parameters go: their mean stays, their deviations are the given ones."""
     for i in range(4):
         k = LOG_STIFFNESS + i
-        for j in range(STATES):
-            row.covariance[k, j] = 0.0
-            row.covariance[j, k] = 0.0
+        cut(row, k)
         if not is_held(settings, i):
             row.covariance[k, k] = deviations[i] ** 2
 
@@ -231,16 +228,19 @@ def _keep(row: Any, i: int, low: float, high: float) -> None:
 
 
 @compiled
-def limit(settings: Any, row: Any) -> None:
-    """Keep the mean of the parameters where the contact law means something.
-
-    What is held fixed stays where it was given.
-    """
-    state = row.state
-    if not is_held(settings, 0):
-        _keep(row, LOG_STIFFNESS, -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS)
+def _keep_parameter(settings: Any, row: Any, i: int, low: float, high: float) -> None:
+    """The same of ln K, n or p (0, 2, 3); what is held fixed stays where it was given."""
+    if is_held(settings, i):
+        row.state[LOG_STIFFNESS + i] = guess_of(settings, i)
     else:
-        state[LOG_STIFFNESS] = guess_of(settings, 0)
+        _keep(row, LOG_STIFFNESS + i, low, high)
+
+
+@compiled
+def limit(settings: Any, row: Any) -> None:
+    """Keep the mean of the parameters where the contact law means something."""
+    state = row.state
+    _keep_parameter(settings, row, 0, -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS)
     if not is_held(settings, 1):
         ratio = state[LOG_DAMPING] - state[LOG_STIFFNESS]
         if not SMALLEST_LOG_RATIO <= ratio <= LARGEST_LOG_RATIO:
@@ -249,14 +249,8 @@ def limit(settings: Any, row: Any) -> None:
             row.by_delay[LOG_DAMPING] = row.by_delay[LOG_STIFFNESS]
     else:
         state[LOG_DAMPING] = guess_of(settings, 1)
-    if not is_held(settings, 2):
-        _keep(row, EXPONENT, SMALLEST_EXPONENT, LARGEST_EXPONENT)
-    else:
-        state[EXPONENT] = guess_of(settings, 2)
-    if not is_held(settings, 3):
-        _keep(row, VELOCITY_EXPONENT, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
-    else:
-        state[VELOCITY_EXPONENT] = guess_of(settings, 3)
+    _keep_parameter(settings, row, 2, SMALLEST_EXPONENT, LARGEST_EXPONENT)
+    _keep_parameter(settings, row, 3, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT)
     for i in range(OWN, COUNTS[row.index]):
         _keep(row, i, -LARGEST_RATE, LARGEST_RATE)
 

@@ -25,13 +25,12 @@ from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
     departure,
-    first_guess,
-    given_out,
     levels,
     lift_off,
     model_error,
     plausible,
     readings,
+    report,
     tempering,
     unknown_velocity,
 )
@@ -40,11 +39,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.choice import WAIT
-from hc_estimator.multiple_model.hypotheses import (
-    DEPTH,
-    FITTED,
-    SURFACE,
-)
+from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, SURFACE
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
@@ -99,7 +94,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     if anew and math.isnan(readings.last_displacement(bank)):
         # As long as nobody knows where the tool is, a force says nothing.
         bank.motion_anew = 1
-        given_out.foretell(settings, bank)
+        report.foretell(settings, bank)
         note_accepted(clock, time)
         readings.learn(settings, bank, place)
         clock.state_time = place
@@ -136,12 +131,12 @@ def _update(settings: Any, bank: Any, place: float) -> int:
     """Predict every row to the sample's place [s] and update it with the readings there are."""
     clock, rows = bank.clock, bank.rows
     _predict(settings, bank)
-    plausible.check(settings, rows, bank.tool, bank.judge.chosen, bank.sensor_noise[1])
-    given_out.foretell(settings, bank)
+    plausible.check(settings, bank)
+    report.foretell(settings, bank)
     chosen = rows[bank.judge.chosen]
     log_speed = levels.log_usual_speed(bank.tool)
     if clock.present[0] != 0 and readings.is_outlier(settings, bank, chosen, 0):
-        given_out.give_refused(bank)
+        report.give_refused(bank)
         return OUTLIER
     for m in range(rows.shape[0]):
         row = rows[m]
@@ -160,7 +155,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
             return NUMERICAL
         open_before = clock.outlier_counts[1] > settings.outlier_limit
         if readings.is_outlier(settings, bank, chosen, 1):
-            given_out.give(settings, bank, OUTLIER)
+            report.give(settings, bank, OUTLIER)
             limit_wild(settings, rows)
             return OUTLIER
         opens = not open_before and clock.outlier_counts[1] > settings.outlier_limit
@@ -173,7 +168,7 @@ def _update(settings: Any, bank: Any, place: float) -> int:
                 # What surprises now is the motion, and teaches nothing about the tissue.
                 hold = HOLD_ALL if departs else _hold(settings, bank, rows[m])
                 use_force(rows[m], hold, log_speed)
-    given_out.give(settings, bank, ACCEPTED)
+    report.give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
@@ -202,7 +197,7 @@ def _predict(settings: Any, bank: Any) -> None:
         clock.restart = 1
         bank.motion_anew = 0
     if bank.guessed == 0:
-        first_guess.centre_prior(settings, bank)
+        beginning.centre_prior(settings, bank)
 
 
 @compiled
@@ -272,7 +267,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
     # A row that expects no force where there is one must not stop what would refute it.
-    pressed = clock.present[1] != 0 and clock.measurement[1] > first_guess.SURE * math.sqrt(
+    pressed = clock.present[1] != 0 and clock.measurement[1] > beginning.SURE * math.sqrt(
         bank.sensor_noise[1]
     )
     touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
@@ -290,33 +285,14 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         chosen = rows[bank.judge.chosen]
     _correct_density(settings, bank, chosen)
     turning = maneuvers.is_turning(bank.maneuver, chosen, clock.period)
-    if clock.present[1] != 0 and not turning:
-        judging.learn(
-            settings,
-            bank.judge,
-            rows,
-            tool,
-            clock.measurement[1],
-            bank.sensor_noise[1],
-            clock.force_elapsed,
-            touching,
-        )
+    if touching and clock.present[1] != 0 and not turning:
+        judging.learn(settings, bank)
     alarm = rows[bank.judge.chosen].alarm != 0
     tested = bank.change.testing != 0  # then the fresh row has used this sample as well
     if not maneuvers.answer(settings, bank, time, alarm):
-        changes.answer(
-            settings,
-            bank.change,
-            bank.judge,
-            rows,
-            tool,
-            bank.motion,
-            bank.sensor_noise,
-            readings.since_displacement(bank, time),
-        )
+        changes.answer(settings, bank, readings.since_displacement(bank, time))
     if tested and bank.change.testing != 0 and touching and clock.present[1] != 0:
-        rose = bank.noise[0].jumped > 0 or bank.noise[1].jumped > 0
-        changes.judge_test(bank.change, bank.judge, rows, tool, clock.force_elapsed, rose)
+        changes.judge_test(bank)
         if bank.change.testing == 0 and bank.change.detected == 0:
             maneuvers.audit(settings, bank)
     if bank.change.detected != 0:
@@ -328,17 +304,8 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
         bank.change.fitting_time += elapsed
     if clock.restart != 0 or bank.change.detected != 0:
         bank.maneuver.count = 0
-    departure.learn(bank.maneuver, bank.motion, bank.sensor_noise[0], clock.elapsed)
-    maneuvers.keep(
-        bank.maneuver,
-        rows,
-        rows[bank.judge.chosen],
-        tool,
-        bank.motion,
-        time,
-        clock.elapsed,
-        bank.change.testing != 0,
-    )
+    departure.learn(bank)
+    maneuvers.keep(bank, time)
 
 
 @compiled

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model.delay_records import GRID, NEIGHBOURS
 
 HALF_WIDTH = 0.05  # of grid and neighbours together [s]
@@ -25,6 +26,7 @@ HALF_WIDTH = 0.05  # of grid and neighbours together [s]
 # [-1, 1], by Gauss-Legendre quadrature, exact for polynomials of degree 4.
 NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 WEIGHTS = np.array([5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0])
+BY_CUBIC = 2  # slot of a smoothed point's velocity by a cubic, in place of the acceleration
 FEWEST_NEIGHBOURS = 2  # to either side that make a wide cubic
 SMOOTH = 4.0  # mean square that it leaves over the noise up to which it fits
 VALUE_VARIANCE = 2.25  # of a parabola's value, times its readings, over that of a reading
@@ -38,46 +40,40 @@ def neighbours(step: float, width: float) -> int:
 
 @compiled
 def smooth(finder: Any) -> None:
-    """Displacement, velocity, acceleration, force of a full window's points, smoothed.
+    """Displacement, velocity and force of a full window's points, smoothed.
 
     And the velocity by a cubic, which flattens a quick motion less and is noisier.
 
     In finder.smooth, ring slots as in finder.grid. From finder.first - reach to the window's end
     + reach; the margin of the grid holds the neighbours of these.
     """
-    m, step = finder.neighbours, finder.grid_step
-    grid, sums = finder.grid, finder.sums
+    m, step, grid = finder.neighbours, finder.grid_step, finder.grid
     squares, fourths, sixths = _even_sums(m)
     count, odd = 2 * m + 1, squares * sixths - fourths * fourths
     determinant = count * fourths - squares * squares
     for k in range(-finder.reach - 1, finder.points + finder.reach + 1):
         here = finder.first + k
-        slot = here % GRID
-        point = grid[slot]
+        point, out = grid[here % GRID], finder.smooth[here % GRID]
         if m == 0:
-            for i in range(4):
-                finder.smooth[slot, i] = point[i]
-            finder.smooth[slot, 4] = point[1]
+            copy_vector(point, out)
+            out[BY_CUBIC] = point[1]
             continue
-        for i in range(7):
-            sums[i] = 0.0
+        y0, y1, y2, y3, f0, f2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(-m, m + 1):
             near = grid[(here + j) % GRID]
-            for i in range(2):
-                value = near[3 * i] - point[3 * i]
-                sums[3 * i] += value
-                sums[3 * i + 1] += j * value
-                sums[3 * i + 2] += j * j * value
-            sums[6] += j**3 * (near[0] - point[0])
-        finder.smooth[slot, 0] = point[0] + (fourths * sums[0] - squares * sums[2]) / determinant
-        finder.smooth[slot, 1] = sums[1] / (squares * step)
-        finder.smooth[slot, 4] = finder.smooth[slot, 1]
+            value, force = near[0] - point[0], near[3] - point[3]
+            y0 += value
+            y1 += j * value
+            y2 += j * j * value
+            y3 += j**3 * value
+            f0 += force
+            f2 += j * j * force
+        out[0] = point[0] + (fourths * y0 - squares * y2) / determinant
+        out[1] = y1 / (squares * step)
+        out[BY_CUBIC] = out[1]
         if m >= FEWEST_NEIGHBOURS:
-            finder.smooth[slot, 4] = (sixths * sums[1] - fourths * sums[6]) / (odd * step)
-        finder.smooth[slot, 2] = (
-            2.0 * (count * sums[2] - squares * sums[0]) / (determinant * step * step)
-        )
-        finder.smooth[slot, 3] = point[3] + (fourths * sums[3] - squares * sums[5]) / determinant
+            out[BY_CUBIC] = (sixths * y1 - fourths * y3) / (odd * step)
+        out[3] = point[3] + (fourths * f0 - squares * f2) / determinant
 
 
 @compiled

@@ -92,10 +92,11 @@ def _intervals(span: float, knot: float, most: int) -> int:
 
 
 @compiled
-def free_all(fit: Any) -> None:
-    """Everything is unknown, and any contact position is as likely."""
-    for i in range(fit.held.shape[0]):
+def free_all(settings: Any, fit: Any) -> None:
+    """Everything is unknown but a delay that is given, and any contact position is as likely."""
+    for i in range(SPLINE_FIRST):
         fit.held[i] = 0
+    fit.held[DELAY] = 0 if math.isnan(settings.channel_delay) else 1
     fit.position_deviation = math.inf
 
 

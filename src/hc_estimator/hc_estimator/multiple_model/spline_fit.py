@@ -16,6 +16,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector, is_definite, leading_cholesky
 from hc_estimator.multiple_model.history import MEMORY, UNKNOWN
+from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import (
     FIRST_DAMPING,
     LARGEST_DAMPING,
@@ -23,7 +24,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
     STEPS,
     step,
 )
-from hc_estimator.multiple_model.normal_equations import exp_limited, law_at
+from hc_estimator.multiple_model.normal_equations import law_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import (
     LARGEST_EXPONENT,
@@ -87,13 +88,7 @@ def _law_at(settings: Any, fit: Any, values: Any, point: Any) -> float:
 
 
 @compiled
-def weigh(
-    settings: Any,
-    history: Any,
-    fit: Any,
-    noise: tuple[float, float],
-    scatter: float,
-) -> None:
+def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, float]) -> None:
     """Give each point its weight by the law at fit.values: the motion is not exact either.
 
     What overlapping parabolas leave is larger than what a point adds to the information: how large
@@ -103,9 +98,7 @@ def weigh(
         settings: settings record.
         history: its points are changed.
         fit: record of the fit.
-        noise: variances of a point's displacement [mm^2] and force [N^2], each by the point's share
-            in the information.
-        scatter: variance of what is left of a point's readings over `noise`.
+        noise: of the points; see `history.noise_of_points`.
     """
     gradient = fit.gradient
     expected = 0.0
@@ -118,7 +111,7 @@ def weigh(
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(point[7])
         point[3] = 1.0 / (variance + drag * history.velocity_noise[cubic])
-        expected += point[3] * (scatter * variance + drag * history.velocity_std[cubic] ** 2)
+        expected += point[3] * (noise[2] * variance + drag * history.velocity_std[cubic] ** 2)
     fit.expected = expected
 
 
@@ -221,11 +214,7 @@ def _improve(settings: Any, history: Any, fit: Any) -> float:
 
 @compiled
 def solve_least_squares(
-    settings: Any,
-    history: Any,
-    fit: Any,
-    noise: tuple[float, float],
-    scatter: float,
+    settings: Any, history: Any, fit: Any, noise: tuple[float, float, float]
 ) -> float:
     """Fit from fit.values on.
 
@@ -234,7 +223,6 @@ def solve_least_squares(
         history: points; their weights are changed.
         fit: laid out; `values`, `factor`, `count`, `expected` and `weight` are those at the end.
         noise: as in `weigh`.
-        scatter: as in `weigh`.
 
     Returns:
         Weighted sum of squares; NaN if it broke down.
@@ -244,7 +232,7 @@ def solve_least_squares(
     take_prior(settings, fit)
     before = math.inf
     for _ in range(PASSES):
-        weigh(settings, history, fit, noise, scatter)
+        weigh(settings, history, fit, noise)
         squares = _improve(settings, history, fit)
         if not math.isfinite(squares):
             return math.nan

@@ -33,7 +33,6 @@ from hc_estimator.multiple_model.kalman import squared_forces, squares_left
 from hc_estimator.multiple_model.rows import (
     SMALLEST_LOG_RATIO,
     free_parameters,
-    is_held,
     limit,
     seed,
 )
@@ -75,15 +74,14 @@ def reset(search: Any) -> None:
 
 
 @compiled
-def look(settings: Any, bank: Any, elapsed: float) -> None:
+def look(settings: Any, bank: Any) -> None:
     """Look for the surface if no row has explained the force for long enough.
 
     Args:
         settings: settings record.
-        bank: its records `search` and `rows` are changed.
-        elapsed: since the last call [s].
+        bank: its records `search` and `rows` are changed; called at each point of the grid.
     """
-    search, chosen = bank.search, bank.rows[bank.judge.chosen]
+    search, chosen, elapsed = bank.search, bank.rows[bank.judge.chosen], bank.delay.grid_step
     surface = bank.rows[SURFACE_ROW]
     search.waited = min(search.waited + elapsed, AGAIN)
     explained = SURFACE[chosen.index] and chosen.model_error == 0.0
@@ -97,8 +95,7 @@ def look(settings: Any, bank: Any, elapsed: float) -> None:
     if search.unexplained_time < AFTER or search.waited < AGAIN or waits:
         return
     search.waited = 0.0
-    now = bank.clock.state_time
-    if not _gather(bank.delay, search, bank.sensor_noise, now):
+    if not _gather(bank):
         return
     left = _least_squares(settings, search, bank.rows)
     if (
@@ -118,15 +115,12 @@ def _is_explained(rows: Any) -> bool:
 
 
 @compiled
-def _gather(finder: Any, search: Any, noise: Any, now: float) -> bool:
+def _gather(bank: Any) -> bool:
     """Take the grid's points where parabolas fit; False if they are too few.
 
-    Args:
-        finder: record of `delay`.
-        search: depth, velocity, force and time before now of `count` points are set.
-        noise: variances of a reading, shape (2,).
-        now: time of the rows' state [s].
+    Depth, velocity, force and time from now of the points of `search` are set.
     """
+    finder, search, noise = bank.delay, bank.search, bank.sensor_noise
     shift = round(finder.delay / finder.grid_step)
     search.count = 0
     touching, shallowest, deepest = 0, math.inf, -math.inf
@@ -142,7 +136,7 @@ def _gather(finder: Any, search: Any, noise: Any, now: float) -> bool:
         point[0] = place[0]
         point[1] = place[1]
         point[2] = here[3]
-        point[3] = grids.time_of(finder, there) - now
+        point[3] = grids.time_of(finder, there) - bank.clock.state_time
         search.count += 1
         if point[2] > search.touching_force:
             touching += 1
@@ -162,19 +156,17 @@ def _try_all(search: Any) -> float:
             if point[2] > search.touching_force:
                 shallowest = min(shallowest, point[0] - rate * point[3])
         for reach in REACHES:
-            squares = _try(search, shallowest - reach, rate)
+            squares, stiffness, damping = _try(search, shallowest - reach, rate)
             if squares < least:
-                least = squares
-                for i in range(2):
-                    search.best[2 + i] = search.tried[i]
-                search.best[0] = shallowest - reach
-                search.best[1] = rate
+                least, best = squares, search.best
+                best[0], best[1] = shallowest - reach, rate
+                best[2], best[3] = stiffness, damping
     return least
 
 
 @compiled
-def _try(search: Any, position: float, rate: float) -> float:
-    """Squares left by the best K and B, search.tried, on a surface [mm], [mm/s]; [N^2]."""
+def _try(search: Any, position: float, rate: float) -> tuple[float, float, float]:
+    """Squares [N^2] left by the best K and B on a surface [mm], [mm/s]; and these."""
     xx, xy, yy, xf, yf, ff = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(search.count):
         point = search.points[i]
@@ -195,12 +187,10 @@ def _try(search: Any, position: float, rate: float) -> float:
     damping = max(damping, 0.0)
     stiffness = (xf - damping * xy) / xx if xx > 0.0 else 0.0
     if stiffness <= 0.0:
-        return math.inf
-    search.tried[0] = stiffness
-    search.tried[1] = damping
+        return math.inf, stiffness, damping
     left = ff - 2.0 * (stiffness * xf + damping * yf)
     left += stiffness * stiffness * xx + 2.0 * stiffness * damping * xy + damping * damping * yy
-    return max(left, 0.0)
+    return max(left, 0.0), stiffness, damping
 
 
 @compiled
@@ -221,13 +211,10 @@ def _begin(settings: Any, bank: Any, row: Any, chosen: Any) -> None:
     best, clock = bank.search.best, bank.tool.contact_clock
     seed(chosen, row, clock, clock + WAIT)
     row.model_error = 0.0
-    if not is_held(settings, 0):
-        row.state[LOG_STIFFNESS] = math.log(best[2])
-    if not is_held(settings, 1):
-        least = math.exp(SMALLEST_LOG_RATIO) * best[2]
-        row.state[LOG_DAMPING] = math.log(max(best[3], 10.0 * least))
-    if not is_held(settings, 2):
-        row.state[EXPONENT] = STEEPNESS
+    least = math.exp(SMALLEST_LOG_RATIO) * best[2]
+    row.state[LOG_STIFFNESS] = math.log(best[2])
+    row.state[LOG_DAMPING] = math.log(max(best[3], 10.0 * least))
+    row.state[EXPONENT] = STEEPNESS
     free_parameters(settings, row, DEVIATIONS)
     row.position_deviation = 0.0
     row.state[OWN] = best[0]

@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.contact.registry import ADHESIVE, HUNT_CROSSLEY
+from hc_estimator.contact.registry import is_plain
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
     FRESH,
@@ -47,7 +47,7 @@ def product_variance(
         and maneuver.departed > COHERENCE * HOLD_TIME
     ):
         return 0.0
-    if settings.contact_model != HUNT_CROSSLEY and settings.contact_model != ADHESIVE:
+    if not is_plain(settings.contact_model):
         return 0.0
     state, covariance = row.state, row.covariance
     depth, variance = depth_of(row), covariance[VELOCITY, VELOCITY]

@@ -15,19 +15,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.hunt_crossley import LARGEST_EXPONENT
-from hc_estimator.contact.registry import ADHESIVE, HUNT_CROSSLEY
-from hc_estimator.contact.registry import (
-    LARGEST_DISPLACEMENT_EXPONENT as LARGEST_N,
-)
-from hc_estimator.contact.registry import (
-    LARGEST_VELOCITY_EXPONENT as LARGEST_P,
-)
-from hc_estimator.contact.registry import (
-    SMALLEST_DISPLACEMENT_EXPONENT as SMALLEST_N,
-)
-from hc_estimator.contact.registry import (
-    SMALLEST_VELOCITY_EXPONENT as SMALLEST_P,
-)
+from hc_estimator.contact.registry import ADHESIVE, is_plain, limited_n, limited_p
 from hc_estimator.multiple_model import levels
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
@@ -40,7 +28,13 @@ from hc_estimator.multiple_model.hypotheses import (
     VELOCITY,
     VELOCITY_EXPONENT,
 )
-from hc_estimator.multiple_model.kalman import LARGEST_LOG, TINY, force_of, log_speed_of
+from hc_estimator.multiple_model.kalman import (
+    LARGEST_LOG,
+    TINY,
+    exp_limited,
+    force_of,
+    log_speed_of,
+)
 
 CENTRAL_WEIGHT = 2.0  # of the central point in covariances: alpha = 1, beta = 2, kappa = 0
 SURE = 10.0  # deviations of a force from which on its logarithm is about normal
@@ -68,7 +62,7 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         return False
     state, factor, sensitivity = row.state, row.factor, row.sensitivity
     surface = SURFACE[row.index]
-    plain = settings.contact_model == HUNT_CROSSLEY or settings.contact_model == ADHESIVE
+    plain = is_plain(settings.contact_model)
     scale = float(count)
     spread = math.sqrt(scale)
     depth, velocity = state[DEPTH], state[VELOCITY]
@@ -76,9 +70,7 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         depth -= state[OWN]
         velocity -= state[OWN + 1]
     k, b, n, p = state[2], state[3], state[4], state[5]
-    log_speed = log_speed_of(row, log_speed)
-    share = levels.share_of_damping(k, b, p, log_speed)
-    level = levels.log_level(k, b, p, log_speed)
+    ridge = levels.ridge_at(k, b, p, log_speed_of(row, log_speed))
     touching = depth > TINY
     log_depth = math.log(depth) if touching else 0.0
     speed = abs(velocity)
@@ -110,8 +102,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
             row.sigma_force[j, 0] = centre
             row.sigma_force[j, 1] = centre
             continue
-        k_plus, b_plus = levels.moved(k, b, p, move_k, move_b, move_p, level, share, log_speed)
-        k_minus, b_minus = levels.moved(k, b, p, -move_k, -move_b, -move_p, level, share, log_speed)
+        k_plus, b_plus = levels.moved(ridge, move_k, move_b, move_p)
+        k_minus, b_minus = levels.moved(ridge, -move_k, -move_b, -move_p)
         n_plus, n_minus, p_plus, p_minus = n + move_n, n - move_n, p + move_p, p - move_p
         if plain and not moves_tool:
             plus, minus = 0.0, 0.0
@@ -122,8 +114,6 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
                 minus = _parametric_force(
                     log_depth, log_velocity, sign, k_minus, b_minus, n_minus, p_minus
                 )
-                plus = max(plus, least)
-                minus = max(minus, least)
         elif plain and move_depth == 0.0:
             plus = _faster_force(
                 depth, log_depth, velocity + move_velocity, k_plus, b_plus, n_plus, p_plus
@@ -131,13 +121,13 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
             minus = _faster_force(
                 depth, log_depth, velocity - move_velocity, k_minus, b_minus, n_minus, p_minus
             )
-            plus = max(plus, least)
-            minus = max(minus, least)
         else:
             above, below = depth + move_depth, depth - move_depth
             faster, slower = velocity + move_velocity, velocity - move_velocity
             plus = force_of(settings, above, faster, k_plus, b_plus, n_plus, p_plus)
             minus = force_of(settings, below, slower, k_minus, b_minus, n_minus, p_minus)
+        if plain:
+            plus, minus = max(plus, least), max(minus, least)
         row.sigma_force[j, 0] = plus
         row.sigma_force[j, 1] = minus
         sensitivity[j] = 0.5 * (plus - minus) / spread
@@ -231,13 +221,11 @@ def _force(
     """
     if depth <= TINY:
         return 0.0
-    log_power = min(max(n, SMALLEST_N), LARGEST_N) * log_depth
-    stiffness = math.exp(min(max(k, -LARGEST_LOG), LARGEST_LOG))
-    force = stiffness * math.exp(min(log_power, LARGEST_EXPONENT))
+    log_power = limited_n(n) * log_depth
+    force = exp_limited(k) * math.exp(min(log_power, LARGEST_EXPONENT))
     if drag != 0.0:
-        damping = math.exp(min(max(b, -LARGEST_LOG), LARGEST_LOG))
-        log_power += min(max(p, SMALLEST_P), LARGEST_P) * log_speed
-        force += drag * (damping * math.exp(min(log_power, LARGEST_EXPONENT)))
+        log_power += limited_p(p) * log_speed
+        force += drag * (exp_limited(b) * math.exp(min(log_power, LARGEST_EXPONENT)))
     return force
 
 
@@ -258,11 +246,9 @@ def _parametric_force(
     log_depth: float, log_speed: float, sign: float, k: float, b: float, n: float, p: float
 ) -> float:
     """Hunt-Crossley force, tension allowed, from the logarithms of depth and speed."""
-    n = min(max(n, SMALLEST_N), LARGEST_N)
-    p = min(max(p, SMALLEST_P), LARGEST_P)
-    power = n * log_depth
+    power = limited_n(n) * log_depth
     elastic = math.exp(min(k + power, LARGEST_LOG))
-    return elastic + sign * math.exp(min(b + power + p * log_speed, LARGEST_LOG))
+    return elastic + sign * math.exp(min(b + power + limited_p(p) * log_speed, LARGEST_LOG))
 
 
 @compiled

@@ -27,7 +27,6 @@ from hc_estimator.multiple_model.hypotheses import (
 from hc_estimator.multiple_model.zero_records import NONE
 from hc_estimator.specification import ParameterSpecification
 
-PARAMETERS, COVARIANCE = columns.PARAMETERS, columns.COVARIANCE
 SHALLOWEST = 0.1  # depth from which something is said of the contact position [mm]
 SMALLEST_FORCE = 1e-9  # [N]
 
@@ -68,14 +67,17 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
     _add_joint(bank.zeros.doubt, out)
     if bank.zeros.unknown != NONE:
         return
-    exponent = row.state[EXPONENT]
-    if not SURFACE[row.index]:
+    exponent, depth = row.state[EXPONENT], max(bank.tool.deepest, SHALLOWEST)
+    if not SURFACE[row.index]:  # else its position is a state
         variance = _position_variance(settings, bank)
-        if variance > 0.0:
-            _add_position(bank.tool, variance, exponent, out)
+        if variance > 0.0:  # a position that is off by s changes ln F at the depth x by -n s / x
+            slope = -exponent / depth
+            _add_bent(variance, slope, 2.0 * slope, depth, out)
     deviation = force_deviation(settings, bank)
+    # No row knows the force's zero; one that is off by s changes ln F by -s / F.
     if settings.force_zero_std > 0.0 and deviation > 0.0:
-        _add_force_zero(bank.tool, deviation**2, exponent, out)
+        slope = -1.0 / max(out[columns.PARAMETERS] * depth**exponent, SMALLEST_FORCE)
+        _add_bent(deviation**2, slope, 2.0**exponent * slope, depth, out)
 
 
 @compiled
@@ -108,29 +110,6 @@ def _error_by(surface: Any) -> float:
 
 
 @compiled
-def _add_position(tool: Any, variance: float, exponent: float, out: NDArray[np.float64]) -> None:
-    """Add what is not known of the contact position, where a row takes it for exact.
-
-    A position that is off by s changes ln F at the depth x by -n s / x.
-    """
-    depth = max(tool.deepest, SHALLOWEST)
-    slope = -exponent / depth
-    _add_bent(variance, slope, 2.0 * slope, depth, out)
-
-
-@compiled
-def _add_force_zero(tool: Any, variance: float, exponent: float, out: NDArray[np.float64]) -> None:
-    """Add what is not known of the force's zero; no row knows that.
-
-    A zero that is off by s changes ln F by -s / F.
-    """
-    depth = max(tool.deepest, SHALLOWEST)
-    force = max(out[PARAMETERS] * depth**exponent, SMALLEST_FORCE)
-    slope = -1.0 / force
-    _add_bent(variance, slope, 2.0**exponent * slope, depth, out)
-
-
-@compiled
 def _add_bent(
     variance: float, deep: float, half: float, depth: float, out: NDArray[np.float64]
 ) -> None:
@@ -145,17 +124,26 @@ def _add_bent(
     """
     by_exponent = (deep - half) / math.log(2.0)
     by_stiffness = deep - by_exponent * math.log(depth)
-    slopes = (by_stiffness * out[PARAMETERS], by_stiffness * out[PARAMETERS + 1], by_exponent)
-    for i in range(3):
-        for j in range(3):
-            out[COVARIANCE + 4 * i + j] += variance * (slopes[i] * slopes[j])
+    add_along(variance, (by_stiffness, by_stiffness, by_exponent, 0.0), out)
+
+
+@compiled
+def add_along(
+    variance: float, way: tuple[float, float, float, float], out: NDArray[np.float64]
+) -> None:
+    """Add to the covariance in `out` a variance along a way in ln K, ln B, n and p."""
+    for i in range(4):
+        first = way[i] * (out[columns.PARAMETERS + i] if i < 2 else 1.0)
+        for j in range(4):
+            second = way[j] * (out[columns.PARAMETERS + j] if j < 2 else 1.0)
+            out[columns.COVARIANCE + 4 * i + j] += variance * (first * second)
 
 
 @compiled
 def _add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
     """Add what both zeros leave open of ln K, ln B, n and p (`zero_fit`)."""
     for i in range(4):
-        first = out[PARAMETERS + i] if i < 2 else 1.0
+        first = out[columns.PARAMETERS + i] if i < 2 else 1.0
         for j in range(4):
-            second = out[PARAMETERS + j] if j < 2 else 1.0
-            out[COVARIANCE + 4 * i + j] += doubt[i, j] * (first * second)
+            second = out[columns.PARAMETERS + j] if j < 2 else 1.0
+            out[columns.COVARIANCE + 4 * i + j] += doubt[i, j] * (first * second)

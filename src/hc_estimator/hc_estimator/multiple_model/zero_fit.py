@@ -31,7 +31,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline, zero_average, zero_sensitivity
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
@@ -64,6 +64,7 @@ SPECIFICATIONS = (
 
 CONSISTENT = 1.5  # largest squares left, in those of the noise
 REFUTED = 6.0  # the same, at which zeros that were found are taken back
+FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 2.0  # that they must span [s]
 LEAST_TIME_VARYING = 6.0  # the same where the tissue or the surface does not stay [s]
@@ -105,19 +106,21 @@ def restart(zeros: Any) -> None:
 
 
 @compiled
-def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -> bool:
+def look(settings: Any, bank: Any) -> bool:
     """Look for zeros that are off; True if onset.shift says by how much they are to move.
 
     Args:
         settings: settings record.
         bank: its records `zeros`, `fit` and `onset` are changed, and the weights of its points.
-        noise: variances of a point's displacement [mm^2] and force [N^2] by its share in the
-            information.
-        scatter: variance of what is left of a point's readings over `noise`.
     """
     history, zeros, clock = bank.history, bank.zeros, bank.tool.contact_clock
+    if settings.find_zeros == 0 or bank.onset.doubted != 0 or not is_tried(settings, SURFACE_ROW):
+        return False
+    # A delay of many milliseconds must have been found before, or ruled out.
+    if math.isnan(settings.channel_delay) and bank.delay.windows < FEWEST_WINDOWS:
+        return False
     # A press in one direction leaves too much to K, B and n alone; and the fits all look for K.
-    if settings.find_zeros == 0 or bank.tool.retreated == 0 or is_held(settings, 0):
+    if bank.tool.retreated == 0 or is_held(settings, 0):
         return False
     if clock - zeros.looked_at < EVERY:
         return False
@@ -125,7 +128,6 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
     if not histories.is_motion_known(history, first):
         return False
     zeros.looked_at = clock
-    row = bank.rows[bank.judge.chosen]
     fit = bank.fit
     # In the air the force's zero was seen better than a tissue shows it.
     possible = BOTH
@@ -133,7 +135,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         possible = OF_POSITION
         zeros.unknown &= OF_POSITION
         zeros.moved[1] = 0.0
-    if not _fit_any(settings, history, zeros, fit, row, possible, noise, scatter):
+    if not _fit_any(settings, bank, possible):
         zeros.waiting = 0
         return _review(bank, clock)
     zeros.refuted_since = math.inf
@@ -150,7 +152,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         copy_vector(zeros.fit, zeros.change)
         copy_matrix(zeros.doubt_of_fit, zeros.doubt_of_both)
         _hold_others(fit, unknown, zeros.moved)
-        if not _explains(settings, history, zeros, fit, noise, scatter):
+        if not _explains(settings, bank):
             zeros.waiting = 0
             return False
         zero_sensitivity.note_covariance(zeros, fit)
@@ -169,9 +171,7 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
         copy_matrix(zeros.covariance, zeros.begun_covariance)
     # Tissue that has just changed looks the same for as long as the change was not found.
     if zeros.waiting != 0 and clock - zeros.since >= LASTING:
-        if zeros.unknown != NONE or _explains_more(
-            settings, history, zeros, fit, row, possible, noise, scatter
-        ):
+        if zeros.unknown != NONE or _explains_more(settings, bank, possible):
             _use(bank.onset, zeros, unknown, sinks)
             return True
         zeros.waiting = 0
@@ -181,20 +181,12 @@ def look(settings: Any, bank: Any, noise: tuple[float, float], scatter: float) -
 
 
 @compiled
-def _fit_any(
-    settings: Any,
-    history: Any,
-    zeros: Any,
-    fit: Any,
-    row: Any,
-    possible: int,
-    noise: tuple[float, float],
-    scatter: float,
-) -> bool:
+def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     """Fit tissue that stays, on a surface that sinks, or that varies; False if none explains all.
 
     The smallest squares left over those of the noise are in zeros.misfit.
     """
+    history, zeros, fit = bank.history, bank.zeros, bank.fit
     first = max(history.count - POINTS, 0)
     last = history.points[(history.count - 1) % POINTS, 8]
     span = last - history.points[first % POINTS, 8]
@@ -202,30 +194,22 @@ def _fit_any(
     for kind in (STAYS, SINKS, VARIES):
         if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
             continue
-        spline.free_all(fit)
-        if not math.isnan(settings.channel_delay):
-            fit.held[spline.DELAY] = 1
+        spline.free_all(settings, fit)
         if possible & OF_FORCE == 0:
             fit.held[spline.FORCE_ZERO] = 1
         if not spline.lay_out(history, fit, first, history.count, kind):
             continue
-        spline.begin(fit, row)
-        if _explains(settings, history, zeros, fit, noise, scatter):
+        spline.begin(fit, bank.rows[bank.judge.chosen])
+        if _explains(settings, bank):
             return True
     return False
 
 
 @compiled
-def _explains(
-    settings: Any,
-    history: Any,
-    zeros: Any,
-    fit: Any,
-    noise: tuple[float, float],
-    scatter: float,
-) -> bool:
+def _explains(settings: Any, bank: Any) -> bool:
     """Fit from fit.values on; False if more than noise is left."""
-    squares = solve_least_squares(settings, history, fit, noise, scatter)
+    zeros, fit, noise = bank.zeros, bank.fit, histories.noise_of_points(bank)
+    squares = solve_least_squares(settings, bank.history, fit, noise)
     if not (math.isfinite(squares) and fit.expected > 0.0):
         return False
     zeros.squares = squares
@@ -234,28 +218,20 @@ def _explains(
 
 
 @compiled
-def _explains_more(
-    settings: Any,
-    history: Any,
-    zeros: Any,
-    fit: Any,
-    row: Any,
-    possible: int,
-    noise: tuple[float, float],
-    scatter: float,
-) -> bool:
+def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
     """True if the last fit leaves less than one with the zeros in use.
 
     Tangents at the fit tell what other zeros would cost, but not where the fit ended in a valley of
     its own, as it may where the damping is next to unknown.
     """
-    spline.begin(fit, row)
+    fit, noise = bank.fit, histories.noise_of_points(bank)
+    spline.begin(fit, bank.rows[bank.judge.chosen])
     for i in range(2):
         # Of a surface that sinks the position is unknown in any case.
         if possible >> i & 1 != 0 and not (fit.kind == SINKS and i == 0):
             fit.held[spline.POSITION + i] = 1
-    without = solve_least_squares(settings, history, fit, noise, scatter)
-    return not without < zeros.squares + SIGNIFICANT
+    without = solve_least_squares(settings, bank.history, fit, noise)
+    return not without < bank.zeros.squares + SIGNIFICANT
 
 
 @compiled

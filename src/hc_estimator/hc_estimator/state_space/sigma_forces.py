@@ -20,11 +20,12 @@ from hc_estimator.compilation import compiled
 from hc_estimator.contact.hunt_crossley import LARGEST_EXPONENT, TINY
 from hc_estimator.contact.registry import (
     ADHESIVE,
-    HUNT_CROSSLEY,
     LARGEST_DISPLACEMENT_EXPONENT,
     LARGEST_VELOCITY_EXPONENT,
     SMALLEST_DISPLACEMENT_EXPONENT,
     SMALLEST_VELOCITY_EXPONENT,
+    limited_n,
+    limited_p,
 )
 from hc_estimator.state_space.kinematic import LARGEST_LOG
 
@@ -33,20 +34,9 @@ USUAL_LOG = 70.0
 
 
 @compiled
-def has_shared_logarithms(contact_model: int) -> bool:
-    """True for the contact models that `measure_sigma_points` knows."""
-    return contact_model in (HUNT_CROSSLEY, ADHESIVE)
-
-
-@compiled
 def _logarithm(value: float) -> float:
     """Return ln of a depth or speed; minus infinity for one that counts as zero."""
     return math.log(value) if value > TINY else -math.inf
-
-
-@compiled
-def _limited(value: float, smallest: float, largest: float) -> float:
-    return min(max(value, smallest), largest)
 
 
 @compiled
@@ -62,18 +52,13 @@ def _force(
     """Force [N] with tension; arguments as the state has them, logarithms as `_logarithm` has."""
     if log_depth == -math.inf:
         return 0.0
-    n = _limited(
-        displacement_exponent, SMALLEST_DISPLACEMENT_EXPONENT, LARGEST_DISPLACEMENT_EXPONENT
-    )
-    power = n * log_depth
-    stiffness = _limited(log_stiffness, -LARGEST_LOG, LARGEST_LOG)
+    power = limited_n(displacement_exponent) * log_depth
+    stiffness = min(max(log_stiffness, -LARGEST_LOG), LARGEST_LOG)
     force = math.exp(stiffness + min(power, LARGEST_EXPONENT))
     if log_speed == -math.inf:
         return force
-    power += log_speed * _limited(
-        velocity_exponent, SMALLEST_VELOCITY_EXPONENT, LARGEST_VELOCITY_EXPONENT
-    )
-    damping = _limited(log_damping, -LARGEST_LOG, LARGEST_LOG)
+    power += log_speed * limited_p(velocity_exponent)
+    damping = min(max(log_damping, -LARGEST_LOG), LARGEST_LOG)
     drag = math.exp(damping + min(power, LARGEST_EXPONENT))
     return force + drag if forward else force - drag
 
@@ -121,7 +106,7 @@ def measure_sigma_points(
     """Measurement function [d, F] at the mean and at mean +- spread times each column.
 
     Args:
-        contact_model: code of the contact model, one with `has_shared_logarithms`.
+        contact_model: code of the contact model, one that `is_plain`.
         center: mean of the state, shape (7,).
         covariance: its covariance, shape (7, 7).
         factor: the lower Cholesky factor of that, shape (7, 7).

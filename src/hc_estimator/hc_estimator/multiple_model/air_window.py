@@ -1,0 +1,83 @@
+"""Does the force stay the same while the tool travels? A window of readings of both.
+
+What is common to the first touch (`contact_onset`) and to a zero that wanders (`air_zero`): means
+and sums of squares and products about them (Welford, Technometrics 4, 1962), and what they say.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector, copy_vector
+
+FEWEST = 20  # readings in the air that make a mean
+LEAST_TRAVEL = 0.5  # in the air [mm]
+TRAVEL_DEVIATIONS = 20.0  # the same, in deviations of the displacement sensor
+SAME = 4.0  # deviations of the slope of the force over the way up to which it is none
+CALMEST = 0.05  # scatter of a working sensor in the air over its noise variance, at least
+SIGNIFICANT = 5.0  # deviations of the mean force from which on it is a zero that is off
+SMALLEST_ZERO = 0.2  # deviations of a reading below which no zero is moved
+
+
+@compiled
+def clear(window: Any) -> None:
+    """No reading is in a window."""
+    window.count = 0
+    clear_vector(window.mean)
+    clear_vector(window.moment)
+    window.lowest = math.inf
+    window.highest = -math.inf
+
+
+@compiled
+def copy(source: Any, window: Any) -> None:
+    """Let a window be as another one is now."""
+    window.count = source.count
+    copy_vector(source.mean, window.mean)
+    copy_vector(source.moment, window.moment)
+    window.lowest = source.lowest
+    window.highest = source.highest
+
+
+@compiled
+def add(window: Any, displacement: float, force: float) -> None:
+    """Take a reading, and where the tool was."""
+    mean, moment = window.mean, window.moment
+    window.count += 1
+    way, change = displacement - mean[0], force - mean[1]
+    mean[0] += way / window.count
+    mean[1] += change / window.count
+    moment[0] += way * (displacement - mean[0])
+    moment[1] += way * (force - mean[1])
+    moment[2] += change * (force - mean[1])
+    window.lowest = min(window.lowest, displacement)
+    window.highest = max(window.highest, displacement)
+
+
+@compiled
+def travels(window: Any, noise: Any) -> bool:
+    """True if the tool went far enough to show whether the force changes on the way."""
+    least = max(LEAST_TRAVEL, TRAVEL_DEVIATIONS * math.sqrt(noise[0]))
+    return bool(window.highest - window.lowest >= least)
+
+
+@compiled
+def scatter_of(window: Any) -> float:
+    """Variance of the force [N^2]."""
+    return window.moment[2] / (window.count - 1)  # type: ignore[no-any-return]
+
+
+@compiled
+def is_calm(window: Any, noise: Any, wildest: float) -> bool:
+    """True if the force scatters as a sensor does that works, at most so many times its noise."""
+    scatter = scatter_of(window)
+    return bool(scatter >= CALMEST * noise[1] and scatter <= wildest * noise[1])
+
+
+@compiled
+def stays_the_same(window: Any) -> bool:
+    """True if the force does not change on the way."""
+    moment = window.moment
+    return bool(abs(moment[1] / moment[0]) <= SAME * math.sqrt(scatter_of(window) / moment[0]))
