@@ -51,16 +51,21 @@ def test_constant_tissue_does_without(plant, records_of):
     assert not any(bank.rows[m].active for m in IN_RESERVE)
 
 
+def review(settings, bank, clock, times):
+    """Review so many snapshots that are 5 ms apart, at a contact clock [s]."""
+    bank.tool.contact_clock, bank.judge.waited = clock, 0.005
+    for _ in range(times):
+        reserve.review(settings, bank)
+
+
 def test_the_reserve_is_called_and_sent_away(parts):
     settings, bank = parts
     judge, rows = bank.judge, bank.rows
     judge.chosen = 2
     rows[2].state[EXPONENT] = 1.9
-    for _ in range(59):
-        reserve.review(settings, judge, rows, 5.0, 0.005)
+    review(settings, bank, 5.0, 59)
     assert not any(rows[m].active for m in IN_RESERVE)
-    for _ in range(2):
-        reserve.review(settings, judge, rows, 5.0, 0.005)
+    review(settings, bank, 5.0, 2)
     for m in IN_RESERVE:
         assert rows[m].active == 1
         assert rows[m].state[EXPONENT] == 1.9
@@ -70,11 +75,9 @@ def test_the_reserve_is_called_and_sent_away(parts):
         assert choice.counts(rows[m], 5.0 + 1.1 * choice.WAIT)
         assert choice.stands_by(judge, m)
     judge.chosen = FITTED
-    for _ in range(1999):
-        reserve.review(settings, judge, rows, 20.0, 0.005)
+    review(settings, bank, 20.0, 1999)
     assert all(rows[m].active for m in IN_RESERVE)
-    for _ in range(3):
-        reserve.review(settings, judge, rows, 20.0, 0.005)
+    review(settings, bank, 20.0, 3)
     assert not any(rows[m].active for m in IN_RESERVE)
 
 
@@ -83,8 +86,7 @@ def test_it_begins_where_a_surface_was_found(parts):
     judge, rows = bank.judge, bank.rows
     judge.chosen = next(m for m in range(FRESH) if SURFACE[m])
     rows[judge.chosen].state[OWN] = -0.7
-    for _ in range(61):
-        reserve.review(settings, judge, rows, 5.0, 0.005)
+    review(settings, bank, 5.0, 61)
     assert all(rows[m].state[OWN] == -0.7 for m in IN_RESERVE)
 
 
@@ -92,6 +94,5 @@ def test_a_hypothesis_that_is_off_is_not_called(records_of):
     off = sum(2**m for m in IN_RESERVE)
     settings, bank = records_of(hc.create_estimator("self_tuning_ukf", without_hypotheses=off))
     bank.judge.chosen = 2
-    for _ in range(200):
-        reserve.review(settings, bank.judge, bank.rows, 5.0, 0.005)
+    review(settings, bank, 5.0, 200)
     assert not any(bank.rows[m].active for m in IN_RESERVE)

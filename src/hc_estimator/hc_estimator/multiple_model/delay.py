@@ -169,19 +169,20 @@ def _fit(settings: Any, finder: Any, count: int) -> None:
         _improve(settings, finder, FIRST_STEPS, True)
     varied, finder.varies = finder.varies, 0
     if varied != 0:  # has it one K by now?
+        best = finder.chosen
         delay_points.shift(finder, 0.0)
-        delay_fit.weigh(finder, finder.chosen)
-        _improve_one(settings, finder, finder.chosen, STEPS)
+        delay_fit.weigh(finder, best)
+        delay_fit.improve(settings, finder, best, best, best, STEPS)
         _find_zero(settings, finder)
         varied = 1 if finder.left[CANDIDATES] > ONE * count else 0
     if varied == 0:
         _improve(settings, finder, STEPS, False)
         varied = 1 if finder.left[CANDIDATES] > VARYING * count else 0
     if varied != 0:
-        alike = finder.left[CANDIDATES]
+        alike, best = finder.left[CANDIDATES], finder.chosen
         finder.varies = 1
         delay_points.shift(finder, 0.0)
-        _improve_one(settings, finder, finder.chosen, FIRST_STEPS)
+        delay_fit.improve(settings, finder, best, best, best, FIRST_STEPS)
         _find_zero(settings, finder)
         if not finder.left[CANDIDATES] < LEAST_GAIN * alike:
             finder.varies = 0
@@ -209,12 +210,6 @@ def _begin(settings: Any, finder: Any) -> None:
 
 
 @compiled
-def _improve_one(settings: Any, finder: Any, j: int, steps: int) -> None:
-    """Improve the law of one candidate."""
-    delay_fit.improve(settings, finder, j, j, j, steps)
-
-
-@compiled
 def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
     """Improve the law of every candidate, outwards from the one that left least so far.
 
@@ -230,7 +225,7 @@ def _improve(settings: Any, finder: Any, steps: int, anew: bool) -> None:
     delay_fit.weigh(finder, first)
     if finder.varies != 0:
         delay_fit.temper(settings, finder, first)
-    _improve_one(settings, finder, first, steps)
+    delay_fit.improve(settings, finder, first, first, first, steps)
     finder.chosen = first
     for side in (1, -1):
         for away in range(1, 2 * finder.reach + 1):

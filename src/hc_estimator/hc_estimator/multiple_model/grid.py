@@ -178,16 +178,13 @@ def slowest_period(finder: Any) -> float:
 @compiled
 def readings_of(finder: Any) -> float:
     """Displacements in one parabola."""
-    width = max(finder.grid_width, 1e-9)
-    return max(width / max(period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
+    return max(finder.grid_width / max(period(finder, 0), 1e-9), 1.0)  # type: ignore[no-any-return]
 
 
 @compiled
 def velocity_variance(finder: Any, noise: float) -> float:
     """Variance of a parabola's slope [mm^2/s^2], from that of a reading [mm^2]."""
-    width = max(finder.grid_width, 1e-9)
-    readings = readings_of(finder)
-    return 12.0 * noise / (width * width * readings)  # type: ignore[no-any-return]
+    return 12.0 * noise / (finder.grid_width**2 * readings_of(finder))  # type: ignore[no-any-return]
 
 
 @compiled

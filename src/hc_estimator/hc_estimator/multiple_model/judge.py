@@ -220,7 +220,7 @@ def learn(settings: Any, bank: Any) -> None:
             judge.varying = judge.chosen
             judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
-        reserve.review(settings, judge, rows, clock, judge.waited)
+        reserve.review(settings, bank)
     judge.waited = 0.0
 
 

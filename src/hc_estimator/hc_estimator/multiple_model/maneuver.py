@@ -146,15 +146,14 @@ def _find(maneuver: Any, time: float, elapsed: float, samples: float) -> int:
 
 
 @compiled
-def _shown(
-    maneuver: Any, chosen: Any, motion: Any, readings: int, time: float, elapsed: float
-) -> int:
+def _shown(bank: Any, chosen: Any, time: float) -> int:
     """Slot before a maneuver that the displacement shows; -1 if it shows none."""
+    maneuver, motion = bank.maneuver, bank.motion
     if chosen.contact_time == 0.0 or motion.density <= 0.0:
         return -1
-    if min(motion.count, readings) < LEAST_READINGS:
+    if min(motion.count, bank.noise[0].count) < LEAST_READINGS:
         return -1
-    slot = _find(maneuver, time, elapsed, BEFORE)
+    slot = _find(maneuver, time, bank.clock.period, BEFORE)
     if slot >= 0:
         m = maneuver.member[slot]
         if motion.chosen > m and motion.age[m] < motion_density.SETTLED[m]:
@@ -179,7 +178,7 @@ def answer(settings: Any, bank: Any, time: float, alarm: bool) -> bool:
     chosen, elapsed = bank.rows[bank.judge.chosen], bank.clock.period
     if settings.find_maneuvers == 0 or chosen.model_error > 0.0 or elapsed <= 0.0:
         return False
-    slot = _shown(maneuver, chosen, bank.motion, bank.noise[0].count, time, elapsed)
+    slot = _shown(bank, chosen, time)
     if slot >= 0:
         if change.testing != 0:
             if change.time > time - maneuver.time[slot]:

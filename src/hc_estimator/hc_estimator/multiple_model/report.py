@@ -117,7 +117,9 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
         slope, k = row.by_delay, LOG_STIFFNESS
         way = (slope[k], slope[k + 1], slope[k + 2], slope[k + 3])
         zero_doubt.add_along(bank.delay.doubt, way, out)
-    _add_bend(row, bank.tool, out)
+    log_speed = log_speed_of(row, levels.log_usual_speed(bank.tool))
+    if log_speed > levels.UNBENT:  # what is known of K and B together is bent
+        zero_doubt.add_along(levels.bend_variance(row, log_speed), (1.0, 1.0, 0.0, 0.0), out)
     since_varying = bank.tool.contact_clock - bank.judge.varied_at
     if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
         _add_spread(row, bank.rows[bank.judge.varying], out)
@@ -173,15 +175,6 @@ def _write_identifiability(settings: Any, out: NDArray[np.float64]) -> None:
         if prior > 0.0 and slope > 0.0:
             share = 1.0 - out[columns.COVARIANCE + 5 * i] / slope / slope / prior
         out[columns.IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
-
-
-@compiled
-def _add_bend(row: Any, tool: Any, out: NDArray[np.float64]) -> None:
-    """Add to the covariance of K and B that what is known of both together is bent."""
-    log_speed = log_speed_of(row, levels.log_usual_speed(tool))
-    if log_speed <= levels.UNBENT:
-        return
-    zero_doubt.add_along(levels.bend_variance(row, log_speed), (1.0, 1.0, 0.0, 0.0), out)
 
 
 @compiled

@@ -31,16 +31,9 @@ DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
 
 
 @compiled
-def review(settings: Any, judge: Any, rows: Any, clock: float, elapsed: float) -> None:
-    """Call the reserve, or send it away.
-
-    Args:
-        settings: settings record.
-        judge: who is chosen; the times are changed.
-        rows: those in reserve begin or leave.
-        clock: contact clock [s].
-        elapsed: time in contact since the last review [s].
-    """
+def review(settings: Any, bank: Any) -> None:
+    """Call the reserve, or send it away, after each snapshot of what the rows said."""
+    judge, rows, elapsed = bank.judge, bank.rows, bank.judge.waited
     chosen = rows[judge.chosen]
     if judge.chosen > FITTED or chosen.model_error > 0.0:
         judge.needed_time += elapsed
@@ -52,7 +45,7 @@ def review(settings: Any, judge: Any, rows: Any, clock: float, elapsed: float) -
         if not RESERVE[m] or not is_tried(settings, m):
             continue
         if rows[m].active == 0 and judge.needed_time > NEEDED_TIME:
-            _begin(settings, chosen, rows[m], clock)
+            _begin(settings, chosen, rows[m], bank.tool.contact_clock)
         elif judge.unneeded_time > UNNEEDED_TIME:
             rows[m].active = 0
 
