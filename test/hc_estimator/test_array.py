@@ -168,3 +168,16 @@ def test_a_missing_side_is_none():
 def test_wrong_use_names_what_is_wrong(make, says):
     with pytest.raises(ValueError, match=says):
         make()
+
+
+def test_the_estimates_of_many_channels_say_what_they_are_and_make_a_table():
+    """To print them was an IndexError, and their table had the numbers of other samples."""
+    time, depths, forces = presses(samples=30)
+    estimates = hc.EstimatorArray("ekf", CHANNELS).run(time, depths, forces)
+    assert repr(estimates) == f"EstimatesOfChannels({CHANNELS} channels, 30 samples)"
+    table = estimates.columns()
+    assert {column.shape for column in table.values()} == {(CHANNELS, 30)}
+    np.testing.assert_array_equal(table["damping_std"], estimates.parameters_std[..., 1])
+    one = estimates[2].columns()
+    for name, column in table.items():
+        np.testing.assert_array_equal(column[2], one[name])

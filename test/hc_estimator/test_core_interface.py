@@ -169,3 +169,46 @@ def test_rejection_codes_are_those_of_the_message():
     for reason in Rejection:
         assert getattr(message, reason.name) == reason
         assert getattr(screening, reason.name) == reason
+
+
+def test_every_setting_of_the_least_squares_does_something(recording):
+    """Six of the state space did nothing: walks that it does not take, and p, which is 1."""
+    time, d, force = recording(2.0)
+    d[500], d[600], force[700], force[800] = 2e3, d[600] + 5.0, np.nan, force[800] + 30.0
+    time[1000:] += 0.3
+    time[1200:] += 0.8
+    time[1300] -= 0.01
+    time[1400:] -= 2.0
+    both = {"missing_readings": True}
+
+    def numbers(**settings):
+        return rows(hc.create_estimator("rls", **settings).run(time, d, force)).tobytes()
+
+    before = numbers(), numbers(**both)
+    specifications = hc.parameter_specifications("rls")
+    assert len(specifications) > 20
+    for specification in specifications:
+        name, default = specification.name, specification.default
+        if name in ("reorder_window", *both):  # their own tests
+            continue
+        if specification.kind == "str":
+            values = [choice for choice in specification.choices if choice != default]
+        else:
+            low, high = specification.minimum, specification.maximum
+            values = [low, min(3 * default, high), max(type(default)(default / 3), low), high]
+        found = {numbers(**{name: v}) for v in values} | {
+            numbers(**{name: v}, **both) for v in values
+        }
+        assert found - set(before), name
+
+
+def test_a_change_is_told_once(estimator, recording):
+    """`rls` told one at every sample that followed, from its 73rd sample on."""
+    time, d, force = recording(2.0)
+    force[1000:] *= 20.0
+    series = estimator.run(time, d, force)
+    told = np.flatnonzero(series.change_detected & (series.rejected == 0))
+    assert (np.diff(told) > 1).all()
+    assert told.size < 20
+    if estimator.filter in ("ukf", "rls"):
+        assert series.change_detected.any()

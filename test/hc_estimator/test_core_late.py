@@ -141,3 +141,21 @@ def test_a_restored_estimator_goes_back_as_far_as_its_configuration_says(plant):
     other.run(time[1000:1100], d[1000:1100], force[1000:1100])
     late = other.step(at, pose_at(at, time, d), None)
     assert late.rejected is hc.Rejection.TIME_BACKWARD
+
+
+@pytest.mark.parametrize("step_by_step", [False, True], ids=["run", "step"])
+def test_late_readings_are_used_again_after_the_clock_was_set_back(step_by_step, plant):
+    """None was, until the stamps were where they had been, and every sample was kept till then."""
+    time, d, force = two_channels(plant)
+    estimator = hc.create_estimator("ukf", **LATE)
+    estimator.run(time + 100.0, d, force)
+    if step_by_step:
+        for sample in zip(time + 10.0, d, force, strict=True):
+            estimator.step(*sample)
+    else:
+        estimator.run(time + 10.0, d, force)
+    kept = sum(sum(map(len, point.since)) for point in estimator._late._checkpoints)
+    assert kept < 0.25 * len(time)
+    at = time[-1] - 0.0202
+    late = estimator.step(at + 10.0, pose_at(at, time, d), None)
+    assert late.rejected is hc.Rejection.ACCEPTED

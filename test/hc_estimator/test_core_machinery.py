@@ -17,7 +17,9 @@ from scipy import stats
 import hc_estimator as hc
 from hc_estimator import documentation, random_numbers, resampling, vector_mathematics
 from hc_estimator import estimator as estimator_module
+from hc_estimator.adaptation import strong_tracking
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimator import MEMORY, SETTINGS
 from hc_estimator.linear_algebra import cholesky
 
@@ -365,3 +367,20 @@ def test_parameter_tables_of_the_documentation_are_up_to_date():
         assert f"`{name}`" in page.read_text()
     with pytest.raises(ValueError, match="the page needs the lines"):
         documentation.with_tables("a page without marks")
+
+
+@compiled
+def scale(settings_array, memory_array, factor):
+    strong_tracking.scale_covariance(settings_array[0], memory_array[0], factor)
+
+
+@pytest.mark.parametrize(("model", "scaled"), [("hunt_crossley", 1.0), ("kelvin_boltzmann", 4.0)])
+def test_strong_tracking_scales_a_velocity_that_lags_as_the_motion(model, scaled):
+    """It stands where p does, and was held back by the prior of a p that its law does not have."""
+    settings, memory = np.zeros(1, SETTINGS), np.zeros(1, MEMORY)
+    settings["contact_model"] = CONTACT_MODELS.index(model)
+    memory["predicted_covariance"][0] = np.eye(7)
+    memory["prior_variance"][0] = [2.0, 8.0, 1.0, 0.0]
+    scale(settings, memory, 4.0)
+    found = np.diag(memory["predicted_covariance"][0])
+    np.testing.assert_allclose(found, [4.0, 4.0, 4.0, 2.0, 4.0, 1.0, scaled])

@@ -222,3 +222,17 @@ def test_a_force_that_jumped_is_believed_though_the_displacement_comes_in_betwee
     there = np.flatnonzero(np.isfinite(force))[-400:]
     error = series.force_predicted[there] - force[there]
     assert np.sqrt(np.mean(error**2)) < 0.05 * np.mean(np.abs(force[there]))
+
+
+@pytest.mark.parametrize("state_space", ["kinematic", "paper"])
+def test_particles_drawn_anew_at_a_force_alone_are_where_the_tool_is(state_space, recording):
+    """They were drawn at depth 0, which is what stands where the displacement is missing."""
+    time, d, force = recording(2.0)
+    d = np.where(np.arange(time.size) % 4 == 0, d, np.nan)
+    force[1500:] *= 8.0
+    gate = {"outlier_gate": 12.0, "outlier_limit": 3}
+    estimator = hc.create_estimator("sir_pf", state_space=state_space, **gate, **MISSING)
+    series = estimator.run(time, d, force)
+    assert series.change_detected[1502]  # the tissue is forgotten, and the next sample is a force
+    assert np.isnan(d[1503])
+    np.testing.assert_allclose(series.displacement[1503:1510], d[1504], atol=0.3)

@@ -29,6 +29,8 @@ def test_columns_are_those_of_the_series(presses):
         table["velocity_exponent_identifiability"], series.identifiability[:, 3]
     )
     np.testing.assert_array_equal(table["model_mismatch"], series.model_mismatch)
+    np.testing.assert_array_equal(table["force_zero_std_N"], series.force_zero_std)
+    np.testing.assert_array_equal(table["contact_position_std_mm"], series.contact_position_std)
     assert table["contact"].dtype == bool
     assert table["rejected"][700] == "not_finite"
     assert table["rejected"][699] == ""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_estimator.contact.arrays import adhesive_force
 from hc_estimator.memory import LARGEST_COUNT, LARGEST_NUMBER, fields_of
 from hc_evaluation.accuracy.drawn_contact import TROUBLES, drawn_contact
 
@@ -120,3 +121,28 @@ def test_a_number_out_of_its_range_is_seen_here():
     assert [fault.split(":")[0] for fault in found] == ["fit.kind", "delay.score"]
     with pytest.raises(ValueError, match=r"(kind|score) is not a"):
         hc.create_estimator(FILTER).restore(estimator.state())
+
+
+@pytest.mark.parametrize(("before_hz", "after_hz", "seed"), [(1000, 100, 1), (4000, 250, 0)])
+def test_a_rate_that_falls_lets_no_motion_run_away(before_hz, after_hz, seed):
+    """Gains for the step of before drove the bank's quick members to 1e88 mm.
+
+    They could not be chosen any more, the motion was too calm (mean NIS up to 42,000), and the
+    state was refused at a restart.
+    """
+    random = np.random.default_rng(seed)
+    slower = 3.0 + np.arange(1, 12 * after_hz) / after_hz
+    time = np.concatenate([np.arange(0.0, 3.0, 1.0 / before_hz), slower])
+    slow, fast = 2.0 * np.pi * 0.7, 2.0 * np.pi * 2.3
+    depth = 3.0 + 1.6 * np.sin(slow * time) + 0.8 * np.sin(fast * time + 0.5)
+    speed = 1.6 * slow * np.cos(slow * time) + 0.8 * fast * np.cos(fast * time + 0.5)
+    force = adhesive_force(depth, speed, np.array((0.2, 0.0125, 1.8, 1.05))).clip(0.0)
+    estimator = hc.create_estimator(FILTER)
+    series = estimator.run(
+        time,
+        depth + 0.002 * random.standard_normal(time.size),
+        force + 0.01 * random.standard_normal(time.size),
+    )
+    hc.create_estimator(FILTER).restore(estimator.state())
+    assert np.mean(series.nis[-2 * after_hz :]) < 3.0
+    assert estimator.state()["memory"]["motion"]["density"] > 6e4

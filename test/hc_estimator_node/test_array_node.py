@@ -52,13 +52,39 @@ def test_losses_are_counted_and_late_samples_left_out(stream):
     assert (stream.late, stream.used) == (2, 5)
 
 
+def test_late_samples_are_used_in_their_place_if_the_settings_say_so():
+    """`reorder_window` did nothing: what came late was left out before the estimators saw it."""
+    settings = {"missing_readings": True, "reorder_window": 0.2}
+    stream = ArrayStream(lambda taxels: EstimatorArray("ekf", taxels, **settings), maximum_gap_s=9)
+    feed(stream, [n for n in range(300) if n != 250])
+    [late] = feed(stream, [250])
+    assert (stream.late, stream.used, stream.restarts) == (0, 300, 0)
+    alone = make(3)
+    for number in range(300):
+        expected = alone.step(number * MS * 1e-9, *readings(number))
+    np.testing.assert_array_equal(late.parameters, expected.parameters)
+
+
 @pytest.mark.parametrize("shift_s", [-30, 120])
 def test_a_jump_of_the_stamps_starts_afresh(stream, shift_s):
     feed(stream, range(100))
-    [estimates] = feed(stream, [100], shift_ns=shift_s * 10**9)
+    stray, estimates = feed(stream, [100, 101], shift_ns=shift_s * 10**9)
+    assert stray is None
     assert "jumped" in stream.fresh.reason
-    assert stream.restarts == 1
-    expected = make(3).step(0.0, *readings(100))
+    assert (stream.restarts, stream.strays) == (1, 1)
+    expected = make(3).step(0.0, *readings(101))
+    np.testing.assert_array_equal(estimates.parameters, expected.parameters)
+
+
+def test_one_stamp_that_is_wrong_costs_one_sample(stream):
+    """What was learnt under all taxels was forgotten, and again with the next stamp."""
+    feed(stream, range(100))
+    assert stream.take(0, 100, *readings(100)) is None
+    [estimates] = feed(stream, [101])
+    assert (stream.restarts, stream.strays, stream.fresh) == (0, 1, None)
+    alone = make(3)
+    for number in [*range(100), 101]:
+        expected = alone.step(number * MS * 1e-9, *readings(number))
     np.testing.assert_array_equal(estimates.parameters, expected.parameters)
 
 

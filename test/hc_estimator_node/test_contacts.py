@@ -117,3 +117,11 @@ def test_palpation_of_two_places_gives_two_summaries_with_the_tissue(recorder, m
         assert summary.parameters[0] == pytest.approx(plant.parameters[0], rel=0.1)
         assert 0.0 < summary.energy_loss < summary.energy_in
         assert summary.peak_displacement == pytest.approx(3.2, abs=0.3)
+
+
+def test_a_sample_that_comes_late_does_not_end_the_contact_before_its_last_one():
+    tracker = ContactTracker()
+    run(tracker, [(1.0, 1.0)] * 100)
+    tracker.update(60 * MS + 1, 1000, 1.0, 1.0, estimate(1.0))
+    assert tracker.current.samples == 101
+    assert (tracker.current.end_ns, tracker.current.last_sequence) == (99 * MS, 99)

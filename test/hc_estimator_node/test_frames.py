@@ -76,3 +76,20 @@ def test_a_transform_that_is_none_does_not_give_an_old_pose_a_new_stamp():
         poses.take_moving(SimpleNamespace(transforms=[arm]))
     assert poses.unusable == 1
     assert told == [(1_000_000_000, pytest.approx(0.1)), (3_000_000_000, pytest.approx(0.3))]
+
+
+def test_a_frame_whose_stamps_lag_does_not_give_a_pose_the_stamp_of_before():
+    """Each of its messages gave the pose of now its own, older stamp: 5 mm off at 0.1 m/s."""
+    told = []
+    poses = FramePoses(lambda stamp_ns, _base, place, _turn: told.append((stamp_ns, place[0])))
+    poses.follow("tool", "base")
+    for second in range(100, 200):
+        poses.take_moving(SimpleNamespace(transforms=[moved("tool", "arm", 0.01 * second, second)]))
+        if second % 5 == 0:  # that a base stands still comes seldom, and late
+            late_ns = SimpleNamespace(sec=second - 1, nanosec=500_000_000)
+            base = moved("arm", "base", 0.0, 0)
+            base.header.stamp = late_ns
+            poses.take_moving(SimpleNamespace(transforms=[base]))
+    assert len(told) > 90
+    for stamp_ns, place in told[1:]:
+        assert place == pytest.approx(1e-11 * stamp_ns)

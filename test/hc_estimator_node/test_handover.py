@@ -168,3 +168,24 @@ def test_what_zeros_leave_open_is_handed_over(data):
     added = open_.parameters_std**2 - sure.parameters_std**2
     slopes = np.append(sure.parameters[:2], [1.0, 1.0])
     np.testing.assert_allclose(added, 0.04 * slopes**2, rtol=1e-6)
+
+
+def test_a_velocity_that_lags_goes_over_with_the_motion():
+    """It stands where p does, which that law holds fixed: it became 1 mm/s, K 30 % too small."""
+    generator = np.random.default_rng(1)
+    time_s = np.arange(6000) * 1e-3
+    a, b = 2 * np.pi * 0.7, 2 * np.pi * 2.3
+    d = 3 + 1.6 * np.sin(a * time_s) + 0.8 * np.sin(b * time_s + 0.5)
+    v = 1.6 * a * np.cos(a * time_s) + 0.8 * b * np.cos(b * time_s + 0.5)
+    lagging = np.zeros(d.size)
+    for k in range(1, d.size):
+        lagging[k] = lagging[k - 1] + (1 - np.exp(-1e-3 / 0.3)) * (v[k - 1] - lagging[k - 1])
+    force = 0.3 * d + 0.05 * lagging + generator.normal(0, 0.01, d.size)
+    d = d + generator.normal(0, 0.002, d.size)
+    law = {"contact_model": "kelvin_boltzmann", "relaxation_time": 0.3}
+    source = create_estimator("ukf", **law)
+    source.run(time_s[:5000], d[:5000], force[:5000])
+    target = hand_over(source, create_estimator("ekf", **law))
+    assert target.state()["memory"]["state"][6] == source.state()["memory"]["state"][6]
+    series = target.run(time_s[5000:], d[5000:], force[5000:])
+    np.testing.assert_allclose(series.parameters[:, 0], 0.3, rtol=0.03)

@@ -160,6 +160,31 @@ def test_simulated_time_may_jump_back_and_latency_follows_it(start_process, prob
 
 
 @pytest.mark.slow
+def test_a_gap_that_is_allowed_while_it_runs_is_no_jump_of_the_clock(start_process, probe, plant):
+    """The step of simulated time that is a jump stayed that of the start."""
+    from rosgraph_msgs.msg import Clock
+
+    from hc_msgs_py.units import set_stamp
+
+    start_process(use_sim_time=True)
+    clock = probe.node.create_publisher(Clock, "/clock", 10)
+    probe.wait_ready()
+    probe.wait(lambda: clock.get_subscription_count() > 0, what="the clock's subscriber")
+    assert probe.set(input__maximum_gap=600.0)[0].successful
+
+    def publish(stamp_ns, sequence, displacement, force):
+        now = Clock()
+        set_stamp(now.clock, stamp_ns)
+        clock.publish(now)
+        probe.publish(stamp_ns, sequence, displacement, force)
+
+    number = probe.stream(plant.samples(200), start_ns=10**9, publish=publish)
+    probe.stream(plant.samples(200), first=number, start_ns=200 * 10**9, publish=publish)
+    probe.wait(lambda: len(probe.estimates) == 400, what="estimates")
+    assert EstimatorEvent.TIME_JUMP not in probe.kinds()
+
+
+@pytest.mark.slow
 def test_a_subscriber_that_never_reads_does_not_hold_it_up(start_process, probe, plant, domain_id):
     import rclpy
     from hc_msgs.msg import HuntCrossleyEstimate

@@ -145,7 +145,7 @@ def test_a_node_that_was_killed_goes_on_where_it_was(
     }
     process = start_process(**options)
     probe.wait_ready()
-    probe.set(outlier_gate=9.5)
+    probe.set(outlier_gate=9.5, input__force__zero=0.05, input__position__zero=0.02)
     number = probe.stream(plant.samples(1500))
     probe.wait(lambda: len(probe.estimates) == 1500, what="estimates")
     probe.spin(0.3)
@@ -159,7 +159,9 @@ def test_a_node_that_was_killed_goes_on_where_it_was(
     process = start_process(**options)
     probe.wait(lambda: probe.samples.get_subscription_count() == 2, 90.0, "the second process")
     probe.wait_ready()
-    assert probe.get("outlier_gate") == [9.5]  # what was set while it ran, too
+    # What was set while it ran, too: with other zeros it would be another tissue.
+    changed = ("outlier_gate", "input.force.zero", "input.position.zero")
+    assert probe.get(*changed) == [9.5, 0.05, 0.02]
     probe.stream(plant.samples(20, start=1500), first=number)
     probe.wait(lambda: len(probe.estimates) == 1520, what="estimates of the second process")
     assert probe.estimates[-1].stiffness == pytest.approx(known.stiffness, rel=0.05)

@@ -29,7 +29,9 @@ def test_each_pause_has_a_part_and_the_status_comes_first():
     log = []
     flow = SampleFlow()
     flow._keeper = SimpleNamespace(on_trial=False)
-    flow._session = SimpleNamespace(process=lambda *_sample: log.append("sample"))
+    flow._session = SimpleNamespace(
+        process=lambda *_sample: log.append("sample"), contacts=SimpleNamespace(current=None)
+    )
     flow._zeros = SimpleNamespace(add=lambda *_sample: None)
     flow._diagnostics, flow._suspicions = Work(log, "status"), Work(log, "look")
     channel = SimpleNamespace(waits=False)

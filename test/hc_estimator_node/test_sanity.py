@@ -177,8 +177,9 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     assert "if the displacement were in metres: scale it by 1000 (position.scale)" in metres
     zero = sentence(time_s, displacement, force + 1.7)
     assert zero.startswith("the force reads 1.7 N free of contact: tare")
-    held = sentence(time_s, hold(displacement, 4), force)
-    assert "every 4th sample: it comes at 125 Hz, not at 500 Hz" in held
+    held = sentence(time_s, hold(displacement, 2), force)
+    assert "changes only once in 2 samples: it comes at 250 Hz, not at 500 Hz" in held
+    assert ", 1/" in sentence(time_s, displacement, np.round(force * 5) / 5)
     assert "come at 0.5 Hz, but would be 500 Hz if the times were in milliseconds" in sentence(
         1e3 * time_s, displacement, force
     )

@@ -13,6 +13,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from scipy.spatial.transform import Rotation
 
 from hc_estimator.ros.channel import SubscriptionError
+from hc_estimator.ros.inputs import publisher_conflict
 from hc_estimator.ros.node_settings import NODE_SETTINGS
 from hc_estimator.ros.sensors import SensorInput
 from hc_msgs_py.units import set_stamp
@@ -92,6 +93,9 @@ def test_the_chain_of_frames_gives_the_depth_at_the_stamp_of_what_moved(ros_doma
                 assert rest == 0  # not that of the camera
                 assert depth_mm == pytest.approx(0.01 * step, abs=1e-6)
             assert source.position[1] == "base"
+            # Two publish /tf, as many do, and all are heard: no conflict.
+            assert source.channels[1].publishers == 2
+            assert publisher_conflict(source.channels) == ""
             ends = node.get_subscriptions_info_by_topic("/ft_sensor/wrench")
             assert ends
             assert {info.qos_profile.reliability for info in ends} == {ReliabilityPolicy.RELIABLE}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hc_estimator import create_estimator
-from hc_estimator.ros.state_keeper import StateKeeper
+from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.state_file import ON_TRIAL, RUNNING, SAVED, SET_ASIDE, StateFolder
 from hc_estimator.stream.vocabulary import Cause, EventKind
@@ -201,3 +201,25 @@ def test_saving_leaves_one_file_and_removing_none(tmp_path, session):
     folder.remove(RUNNING)
     folder.remove(RUNNING)
     assert not folder.exists(RUNNING)
+
+
+def test_zeros_that_were_taken_while_it_ran_are_kept_with_the_state_and_not_saved(
+    tmp_path, session
+):
+    """A node that was started again read a tool at 412 mm as one 412 mm deep in the tissue."""
+    normal = [0.0, 0.6, 0.8]
+    zeros = {"input.position.zero": 412.0, "input.contact.normal": normal}
+    first = StateKeeper(str(tmp_path), lambda: zeros)
+    first.keep(session, 0.0, 1.0)
+    first.finish()
+    kept = StateKeeper(str(tmp_path)).kept(30.0)
+    given = {p.name: p.value for p in parameters_of(kept)}
+    assert given["input.position.zero"] == 412.0
+    assert list(given["input.contact.normal"]) == normal
+    assert given["filter"] == session.estimator.filter
+    first.save(session)  # to be loaded when the sensors may have other zeros
+    assert StateFolder(tmp_path).load(SAVED).settings == {}
+    damaged = json.loads((tmp_path / SAVED).read_text()) | {"settings": [1]}
+    (tmp_path / SAVED).write_text(json.dumps(damaged))
+    with pytest.raises(ValueError, match="settings is"):
+        StateFolder(tmp_path).load(SAVED)

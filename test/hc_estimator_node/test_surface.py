@@ -188,6 +188,17 @@ def test_it_says_what_it_feels_while_it_waits():
     assert 1.5 < 0.5 + 0.05 * k < 2.5
 
 
+def test_of_a_calculated_force_it_asks_for_no_more_than_it_needs():
+    """It asked for 2 N where 0.16 N are enough: who heeded it pressed a dozen times too hard."""
+    finder = SurfaceFinder(least_noise_n=0.02)
+    for noise in 0.01 * np.random.default_rng(3).standard_normal(500):
+        assert finder.add(-1.0, float(noise)) is None
+    assert finder.feels.endswith("press with 0.16 N at least")  # two weak touches are none
+    forces = 0.4 * np.linspace(0.0, 2.0, 200) ** 1.5
+    pressed = next(f for k, f in enumerate(forces) if finder.add(0.01 * k, float(f)) is not None)
+    assert pressed < 0.25
+
+
 def weak_press(noise_n, seed):
     """A press of 3 N there and back."""
     case = ((0.3, 0.006, 1.6, 0.8), 5.0, 1.2, 0.01, noise_n, 500.0)

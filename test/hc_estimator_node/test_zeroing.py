@@ -68,3 +68,15 @@ def test_what_is_felt_is_said_while_zeros_are_looked_for():
     assert zeroing.feels == "no sample has come yet"
     zeroing.cancel()
     assert zeroing.feels == ""
+
+
+def test_a_tare_waits_for_samples_that_come_slowly_and_gives_up_where_none_comes():
+    """At 40 Hz the 500 samples of a tare never came: it was given up after 10 s."""
+    zeroing = Zeroing()
+    zeroing.tare(500, 0.0, forced=False)
+    for k in range(499):
+        assert feed(zeroing, [1.0]) is None
+        assert zeroing.overdue(0.025 * k) == ""
+    assert zeroing.overdue(22.4) == ""
+    assert zeroing.overdue(22.5) == "only 499 of 500 samples came, and none for 10 s"
+    assert not zeroing.active

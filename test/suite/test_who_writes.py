@@ -184,7 +184,7 @@ GUESTS = {
     "filters/particle_models": {"memory": "point"},
     "filters/rbpf": {"memory": "begun change_detected"},
     "filters/rls": {
-        "memory": "begun curvature predicted_measurement prior_variance regression "
+        "memory": "begun change_detected curvature predicted_measurement prior_variance regression "
         "regression_factor regression_prior regression_seen regressor sensitivity state"
     },
     "filters/rwstukf": {"memory": "innovation nis predicted_measurement"},

@@ -18,6 +18,7 @@ from hc_bringup.graph import Graph
 from hc_bringup.phrases import left_of
 from hc_bringup.reading_changes import change_lines
 from hc_bringup.service_calls import AGAIN_S, Client
+from hc_estimator.ros.node_settings import OWN_SENSORS
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
@@ -30,8 +31,6 @@ from hc_msgs_py.wire_arrays import SamplesDecoder
 
 LEAST_SAMPLES = 100
 NODE_SAYS = "the node says: "
-OWN_SENSORS = ("sensors", "effort")
-"""Sources of which the node makes samples itself."""
 
 Rows = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 

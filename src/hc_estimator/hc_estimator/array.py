@@ -36,6 +36,10 @@ class EstimatesOfChannels(EstimateSeries):
         """The series of one of the channels."""
         return EstimateSeries(self._rows[index])
 
+    def __repr__(self) -> str:
+        channels, samples, _columns = self._rows.shape
+        return f"EstimatesOfChannels({channels} channels, {samples} samples)"
+
 
 class EstimatorArray:
     """Estimates the contact parameters of many channels that are sampled together.

@@ -253,7 +253,7 @@ class EstimateSeries(_Rows):
         return self._rows
 
     def columns(self) -> dict[str, NDArray[Any]]:
-        """Return everything as arrays of shape (samples,) by name, with the unit in the name.
+        """Return numbers and flags as arrays of shape (samples,), by names that have the unit.
 
         K, B, n, p under their own names are in N/mm^n, N (s/mm)^p / mm^n, 1 and 1; `rejected` holds
         the names of `Rejection` in lower case, empty for a sample that was used.

@@ -279,7 +279,8 @@ class Estimator:
         """Everything the estimator knows, as plain data (numbers, texts, lists, dicts).
 
         `restore` on an estimator of the same filter, state space and contact model continues from
-        it to the last bit. Survives JSON.
+        it to the last bit, but does not go back before it for a reading that comes late
+        (`reorder_window`). Survives JSON.
         """
         return {
             **self.state_without_memory(),

@@ -73,6 +73,9 @@ class LateReadings:
         start = 0
         while start < len(samples):
             newest = last_time() if self._checkpoints else -np.inf
+            if self._checkpoints and newest < self._checkpoints[-1].time:
+                self.forget()  # the clock was set back: no reading to come is of before
+                newest = -np.inf
             time = samples[start, 0]
             if newest - self._window <= time < newest and self._go_back(
                 runner, memory, particles, samples[start], rows[start]

@@ -74,7 +74,8 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         super().__init__(NODE_ESTIMATOR)
         answer_impossible_transitions(self)
         self._settings = Settings(self)
-        self._keeper = StateKeeper(self._settings.values["state.folder"])
+        folder = self._settings.values["state.folder"]
+        self._keeper = StateKeeper(folder, self._settings.changed_of_node)
         self._log = EventLog(self.get_logger())
         self._outputs = Outputs(self)
         self._outputs.form = self._settings.values["output.estimates"]
@@ -99,8 +100,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         self._diagnostics = DiagnosticsPublisher(
             self, "estimator", self._collect_status, in_parts=True
         )
-        maximum_gap_s = self._settings.values["input.maximum_gap"]
-        self._jump_handle = watch_jumps(self, maximum_gap_s, self._on_clock_jump)
+        self._watch_clock()
         self._starts_by_itself = bool(self._settings.values["autostart"])
         self._compilation = Compilation(self.get_logger(), "the filters", all_filters())
 
@@ -212,6 +212,9 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         """Post-set callback: apply checked parameters between two samples."""
         change = self._settings.take(parameters)
         self._outputs.form = self._settings.values["output.estimates"]
+        if "input.maximum_gap" in change.node:
+            self._jump_handle.unregister()
+            self._watch_clock()
         if self._session is None:
             return
         self._session.apply_settings(session_settings(self._settings.values))
@@ -304,6 +307,10 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
         if conflict and not self._crowded:
             session.report(EventKind.SOURCE_CONFLICT, conflict)
         self._crowded = bool(conflict)
+
+    def _watch_clock(self) -> None:
+        maximum_gap_s = self._settings.values["input.maximum_gap"]
+        self._jump_handle = watch_jumps(self, maximum_gap_s, self._on_clock_jump)
 
     def _on_clock_jump(self, reason: str) -> None:
         if self._session is not None and self._session.time_origin_ns is not None:

@@ -101,11 +101,14 @@ def propagate_unscented(settings: Any, memory: Any) -> bool:
 @compiled
 def restart_motion(settings: Any, memory: Any) -> None:
     """Predict across a start, a gap or a clock jump: motion forgotten, parameters kept."""
+    displacement = memory.measurement[0]
+    if memory.present[0] == 0:  # a force alone, after one for which particles are drawn anew
+        displacement = memory.state[0] + memory.elapsed * memory.state[1]
     copy_vector(memory.state, memory.predicted_state)
     copy_matrix(memory.covariance, memory.predicted_covariance)
     state_space.start_motion(
         settings,
-        memory.measurement[0],
+        displacement,
         memory.measurement[1],
         memory.predicted_state,
         memory.predicted_covariance,

@@ -28,7 +28,9 @@ _NUMBERS = {
     "channel_delay_s": columns.CHANNEL_DELAY,
     "channel_delay_std_s": columns.CHANNEL_DELAY_STD,
     "contact_position_mm": columns.CONTACT_POSITION,
+    "contact_position_std_mm": columns.CONTACT_POSITION_STD,
     "force_zero_N": columns.FORCE_ZERO,
+    "force_zero_std_N": columns.FORCE_ZERO_STD,
 }
 _FLAGS = {
     "contact": columns.CONTACT,
@@ -38,22 +40,22 @@ _FLAGS = {
 
 
 def table_of(rows: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
-    """Return rows of estimates as arrays of shape (samples,) by name.
+    """Return rows of estimates as arrays by name, without their last axis.
 
     Args:
-        rows: by the columns named in `hc_estimator.estimate`, shape (samples, COLUMNS).
+        rows: by the columns named in `hc_estimator.estimate`, shape (..., COLUMNS).
 
     Returns:
         K, B, n, p under their own names in N/mm^n, N (s/mm)^p / mm^n, 1 and 1, and the others;
         under `rejected` the names of `Rejection` in lower case, empty for a sample that was used.
     """
-    table: dict[str, NDArray[Any]] = {name: rows[:, i] for name, i in _NUMBERS.items()}
-    variances = rows[:, columns.COVARIANCE : columns.COVARIANCE + 16 : 5]
+    table: dict[str, NDArray[Any]] = {name: rows[..., i] for name, i in _NUMBERS.items()}
+    variances = rows[..., columns.COVARIANCE : columns.COVARIANCE + 16 : 5]
     deviations = np.sqrt(variances)
-    table |= {f"{name}_std": deviations[:, i] for i, name in enumerate(PARAMETER_NAMES)}
-    table |= {name: rows[:, i] != 0.0 for name, i in _FLAGS.items()}
+    table |= {f"{name}_std": deviations[..., i] for i, name in enumerate(PARAMETER_NAMES)}
+    table |= {name: rows[..., i] != 0.0 for name, i in _FLAGS.items()}
     names = np.array([code.name.lower() if code else "" for code in Rejection])
-    table["rejected"] = names[rows[:, columns.REJECTED].astype(int)]
+    table["rejected"] = names[rows[..., columns.REJECTED].astype(int)]
     return table
 
 

@@ -347,3 +347,51 @@ def test_command_writes_each_format(
     assert "--filter ukf" in text
     data = json.loads(re.search(r'id="data">(.*?)</script>', text).group(1))
     assert data["rows"] > 100
+
+
+def test_a_batch_is_read_on_a_telephone(page: Any, make_run: MakeRun, tmp_path: Path) -> None:
+    """Regression: names stood one letter a line, and there were recordings number 2.5."""
+    folder = tmp_path / "many"
+    folder.mkdir()
+    for i in range(12):
+        data = make_run(seconds=2.0, seed=i)
+        rows = np.column_stack([data.time_s, data.displacement_mm, data.force_n])
+        head = "time_s,displacement_mm,force_N"
+        np.savetxt(folder / f"r{i:02}.csv", rows, delimiter=",", header=head, comments="")
+    for name in ("empty.csv", "a_recording_with_quite_a_long_name.csv"):
+        (folder / name).write_text("")
+    target = tmp_path / "out"
+    words = ["batch", str(folder), "-o", str(target), "--filter", "ukf", "-j", "1"]
+    assert main(words) == 0
+    page.complaints()  # of the pages before
+    page.resize(390, 844)
+    page.open((target / "overview.html").as_uri())
+    page.wait_for("document.querySelectorAll('.uplot').length >= 6")
+    lines = page.run(
+        """const height = (cell) => {
+          const range = document.createRange();
+          range.selectNodeContents(cell);
+          return range.getClientRects().length;
+        };
+        return [...document.querySelectorAll("th, table.numbers td:first-child")].map(height);"""
+    )
+    assert max(lines) == 1
+    page.resize(1300, 1000)
+    labels = page.run(
+        """const seen = [];
+        const { fillText } = CanvasRenderingContext2D.prototype;
+        CanvasRenderingContext2D.prototype.fillText = function (text, ...rest) {
+          seen.push(text);
+          return fillText.call(this, text, ...rest);
+        };
+        const host = document.createElement("div");
+        host.style.width = "400px";
+        document.body.append(host);
+        const number = Array.from({ length: 12 }, (_, i) => i + 1);
+        HC.batchChart(host, "K", [{ label: "a", number, K: number.map(() => 0.5) }]);
+        return new Promise((done) => setTimeout(() => done(seen), 300));"""
+    )
+    numbers = [text for text in labels if re.fullmatch(r"\d+(\.\d+)?", text)]
+    assert {"0", "5", "10"} <= set(numbers)
+    assert not {"2.5", "7.5", "12.5"} & set(numbers)
+    assert page.complaints() == []

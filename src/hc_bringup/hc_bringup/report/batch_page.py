@@ -108,7 +108,7 @@ def _row(number: int, done: Done, *, with_variant: bool) -> list[str]:
     begin = [f"{number}  {done.name}", *([done.variant.label] if with_variant else [])]
     row = done.result["recording"]
     if done.result["reason"]:
-        return [*begin, *([""] * 8), done.result["reason"]]
+        return [*begin, *([""] * 8), "; ".join((done.result["reason"], *done.result["notes"]))]
     return [
         *begin,
         f"{row['duration']:.1f}",
@@ -180,10 +180,8 @@ def _reasons(sums: _Sums) -> str:
     ]
     more = len(rows) - MOST_REASONS
     note = f"<p>and {more} more reasons: see recordings.csv</p>" if more > 0 else ""
-    return (
-        '<section class="panel full"><h2>Without a result</h2>'
-        f"{table(['reason', 'results', 'for example'], rows[:MOST_REASONS])}{note}</section>"
-    )
+    found = table(["reason", "results", "for example"], rows[:MOST_REASONS], "reasons")
+    return f'<section class="panel full"><h2>Without a result</h2>{found}{note}</section>'
 
 
 def _recordings(sums: _Sums, *, with_variant: bool) -> str:

@@ -268,5 +268,5 @@ def _spread(contacts: Sequence[Contact]) -> Sentence:
     values = np.array([c.parameters[0] for c in contacts])
     return Sentence(
         Level.NOTE,
-        f"{len(contacts)} contacts: K from {values.min():.3g} to {values.max():.3g} N/mm^n.",
+        f"{len(contacts)} contacts: K from {values.min():.3g} to {values.max():.3g} N/mmⁿ.",
     )

@@ -45,6 +45,7 @@ MEMBERS = INDICES.size
 FIRST_READINGS = 3  # the bank starts from the parabola through them
 SETTLED_READINGS = 100  # in the mean before a member's motion is used
 CHOICE_PERIOD = 8  # samples between two choices
+RUN_AWAY = 1e6  # an innovation beyond is that of gains for another step than the readings have [mm]
 CORRECTION_RATE = 0.05  # per sample
 SMALLEST_CORRECTION = -4.0  # of the logarithm of the factor
 LARGEST_NIS = 4.0  # one spike must not move the factor
@@ -143,7 +144,7 @@ def reset(motion: Any) -> None:
 
 @compiled
 def restart(motion: Any) -> None:
-    """Begin anew after a gap; the density stays."""
+    """Begin anew, after a gap say; the density stays."""
     motion.count = 0
 
 
@@ -216,9 +217,11 @@ def learn(
     if channel.count > 0:  # a noise that just rose is no turn of the tool
         cautious_noise = max(noise, difference_noise.latest(channel))
     states = motion.states
+    ran_away = False
     for m in range(MEMBERS - 1, -1, -1):
         predicted = states[m, 0] + steps * states[m, 1] + half * states[m, 2]
         innovation = displacement - predicted
+        ran_away = ran_away or not abs(innovation) < RUN_AWAY
         motion.age[m] += 1.0
         age = motion.age[m]
         if age < SETTLED[m]:  # gains of the parabola through all readings since the start
@@ -240,7 +243,10 @@ def learn(
             motion.squares[m] += share * (squares - motion.squares[m])
             motion.logs[m] += share * (log_variance - motion.logs[m])
             _sum_up_bias(motion, m, innovation / math.sqrt(cautious_noise * variance), held)
-    if count % CHOICE_PERIOD == 0 and motion.weighted >= CHOICE_PERIOD:
+    if ran_away:  # where readings come more slowly than before, by the time that the step is learnt
+        motion.weighted = 0
+        restart(motion)
+    elif count % CHOICE_PERIOD == 0 and motion.weighted >= CHOICE_PERIOD:
         _choose(motion, noise)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
+from hc_estimator.contact.registry import end_of_parameters
 from hc_estimator.memory import Field
 from hc_estimator.random_numbers import exponential
 from hc_estimator.specification import ParameterSpecification
@@ -148,9 +149,10 @@ def scale_covariance(settings: Any, memory: Any, factor: float) -> None:
     otherwise multiply, again and again, what no measurement ever brings down.
     """
     covariance = memory.predicted_covariance
+    last = end_of_parameters(settings.contact_model)
     for i in range(7):
         memory.point[i] = math.sqrt(abs(factor))
-        if settings.scaling_form == GUARDED and i >= 3:
+        if settings.scaling_form == GUARDED and 3 <= i < last:
             room = memory.prior_variance[i - 3]
             if covariance[i, i] * factor > room:
                 rise = room / covariance[i, i] if covariance[i, i] > 0.0 else 1.0

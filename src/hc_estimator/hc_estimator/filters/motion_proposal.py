@@ -55,12 +55,16 @@ def draw_motion(
 
 @compiled
 def predict_motion(settings: Any, memory: Any) -> None:
-    """Predict the motion filter: memory.predicted_state and predicted_covariance."""
+    """Predict the motion filter: memory.predicted_state and predicted_covariance.
+
+    At a restart the state is where `prediction.restart_motion` has put it.
+    """
     state, covariance = memory.predicted_state, memory.predicted_covariance
     if memory.restart != 0:
+        displacement = state[0]
         clear_vector(state)
         clear_matrix(covariance)
-        kinematic.start_motion(settings, memory.measurement[0], state, covariance)
+        kinematic.start_motion(settings, displacement, state, covariance)
         return
     kinematic.propagate(
         memory.elapsed, 0.0, memory.motion_state, memory.motion_covariance, state, covariance

@@ -130,6 +130,13 @@ _PLAIN: Mapping[str, Any] = {
 # just found scatters: 2.73 then called five changes in 20 quiet seconds, 4 none.
 _RECURSIVE: dict[str, ParameterValue] = {"change_threshold": 4.0, "change_refractory": 200}
 
+_WALKS = (
+    "stiffness_log_walk",
+    "damping_log_walk",
+    "displacement_exponent_walk",
+    "velocity_exponent_walk",
+)
+
 FILTERS: dict[str, FilterEntry] = {
     "self_tuning_ukf": FilterEntry(
         run=self_tuning_ukf.run,
@@ -146,12 +153,7 @@ FILTERS: dict[str, FilterEntry] = {
         },
         state_spaces=("kinematic",),
         contact_models=("hunt_crossley", "adhesive", "kelvin_voigt", "elastic_power_law"),
-        without=(
-            "stiffness_log_walk",
-            "damping_log_walk",
-            "displacement_exponent_walk",
-            "velocity_exponent_walk",
-        ),
+        without=_WALKS,
         internal=self_tuning_ukf.INTERNAL,
         memory=self_tuning_ukf.FIELDS,
         initialise=self_tuning_ukf.initialise,
@@ -204,6 +206,8 @@ FILTERS: dict[str, FilterEntry] = {
         fixed={"tempering_amplitude": 0.0},
         state_spaces=("kinematic",),
         contact_models=("hunt_crossley",),
+        # What it forgets `forgetting` says, and p is 1.
+        without=(*_WALKS, "initial_velocity_exponent", "initial_velocity_exponent_std"),
         own_beginning=True,
     ),
     "sir_pf": FilterEntry(

@@ -210,6 +210,7 @@ def _use(settings: Any, memory: Any, time: float) -> int:
         copy_matrix(covariance, memory.updated_covariance)
     decision = commit(settings, memory, time)
     if decision == ACCEPTED:
+        memory.change_detected = 0
         if memory.present[1] != 0:
             _regress(settings, memory, memory.state[0], memory.state[1])
         _to_state(memory)

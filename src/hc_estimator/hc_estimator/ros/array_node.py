@@ -224,6 +224,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
             "estimates": stream.used,
             "lost": stream.lost,
             "late": stream.late,
+            "strays": stream.strays,
             "skipped": self._skipped,
             "undecodable": self._undecodable,
             "restarts": stream.restarts,

@@ -74,7 +74,7 @@ class Channel:
         type_name: name of the messages' type, as the graph names it.
         received: messages that came, whoever sent them.
         received_ns: when the message that is handed on now came, by the system's clock.
-        lines: tells the publishers apart.
+        lines: tells the publishers apart, where one is followed.
         most_waiting: messages that waited at once, the most since somebody set it to 0.
     """
 
@@ -178,10 +178,14 @@ class Channel:
         return int(self._subscription.get_publisher_count())
 
     @property
+    def crowded(self) -> bool:
+        """Whether there are several publishers, and only one of them is followed."""
+        return self._one_publisher and self.publishers > 1
+
+    @property
     def speaking(self) -> int:
-        """Number of publishers that sent something lately, 1 where all of them are listened to."""
-        number = self.lines.speaking(time.time_ns(), LATELY_NS)
-        return number if self._one_publisher else min(number, 1)
+        """Number of publishers that sent something lately, where one is followed."""
+        return self.lines.speaking(time.time_ns(), LATELY_NS)
 
     @property
     def publisher_names(self) -> list[str]:
@@ -258,8 +262,10 @@ class Channel:
         """Count a message; returns whether it is to be taken, by who published it."""
         self.received += 1
         self.received_ns = _came_ns(info)
+        if not self._one_publisher:
+            return True
         number, came_ns = info["publication_sequence_number"], info["received_timestamp"]
-        return self.lines.follows(number, came_ns) or not self._one_publisher
+        return self.lines.follows(number, came_ns)
 
     def _go_on_later(self) -> None:
         if not self._continues:

@@ -232,10 +232,10 @@ def why_unmatched(channel: Channel) -> str:
 
 
 def publisher_conflict(channels: Sequence[Channel]) -> str:
-    """Say which topics have more than one publisher, and whom is followed; nothing if none has."""
+    """Say which topics have more publishers than are followed, and who is; nothing if none has."""
     return "; ".join(
         f"{channel.publishers} publishers on {channel.topic} "
         f"({', '.join(channel.publisher_names)}): follows the one that was first"
         for channel in channels
-        if channel.publishers > 1
+        if channel.crowded
     )

@@ -14,6 +14,9 @@ LARGEST_BACKLOG = 20_000
 CHOICE_NAMES = ("filter", "state_space", "contact_model")
 MISSING_READINGS = "missing_readings"
 
+OWN_SENSORS = ("sensors", "effort")
+"""Sources of which the node makes samples itself: of now, and published with zeros taken off."""
+
 NEEDS_OTHER_SUBSCRIPTIONS = frozenset(
     (
         "input.source",
@@ -264,7 +267,8 @@ NODE_SETTINGS = _table(
     setting(
         "input.publish_samples",
         True,
-        "With source sensors: publish their readings on indenter/sample, to record and plot.",
+        "With source sensors or effort: publish the samples made of them on indenter/sample, to "
+        "record and plot.",
     ),
     setting(
         "input.silence_timeout",

@@ -5,9 +5,12 @@ The node is an input's listener and the session's; here it is told, and hands on
 
 from __future__ import annotations
 
+import math
+
 from hc_estimator import Estimate, EstimateSeries
 from hc_estimator.ros.event_log import EventLog
 from hc_estimator.ros.inputs import Input
+from hc_estimator.ros.node_settings import OWN_SENSORS
 from hc_estimator.ros.outputs import EACH, Outputs
 from hc_estimator.ros.settings import Settings
 from hc_estimator.ros.state_keeper import StateKeeper
@@ -17,7 +20,7 @@ from hc_estimator.ros.zeroing import ZEROS
 from hc_estimator.stream.contacts import ContactSummary
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
-from hc_estimator.stream.vocabulary import Batch, Cause, Event, EventKind, Revision
+from hc_estimator.stream.vocabulary import Batch, Cause, Event, Revision
 from hc_msgs_py.diagnostics import DiagnosticsPublisher
 
 FEWEST_TOGETHER = 12
@@ -55,11 +58,21 @@ class SampleFlow:
         """Hand a sample to the session, and to a tare that is under way."""
         if self._keeper.on_trial:
             self._keeper.on_sample()
-        self._configured().process(stamp_ns, sequence, displacement_mm, force_n)
+        session = self._configured()
+        session.process(stamp_ns, sequence, displacement_mm, force_n)
+        contact = session.contacts.current
+        if contact is not None and math.isnan(contact.position_m[0]):
+            self._say_where(contact)
         # The zeros that it gives hold from the next sample on, and so does the estimator's reset.
         self._suspicions.add(stamp_ns, displacement_mm, force_n)
         self._zeros.add(stamp_ns, displacement_mm, force_n)
         self._use_pause()
+
+    def _say_where(self, contact: ContactSummary) -> None:
+        """Write where the tool is into a contact that has just begun, if that is known."""
+        position = self._input.position if self._input is not None else None
+        if position is not None:
+            contact.position_m, contact.position_frame_id = position
 
     def on_samples(self, batch: Batch) -> None:
         """Hand samples that wait together to the session."""
@@ -128,17 +141,13 @@ class SampleFlow:
         assert self._status is not None
         self._status.latency.add(latency_ns)
         # Samples may come out of a bag; sensors of a robot speak now.
-        live = self._settings.values["input.source"] == "sensors"
+        live = self._settings.values["input.source"] in OWN_SENSORS
         self._suspicions.add_latency(latency_ns, live=live)
 
     def on_event(self, event: Event) -> None:
         """Publish an event and write it to the log."""
         self._outputs.publish_event(event, self._revision)
         self._log.write(event)
-        contact = self._configured().contacts.current
-        position = self._input.position if self._input is not None else None
-        if event.kind is EventKind.CONTACT_MADE and contact is not None and position is not None:
-            contact.position_m, contact.position_frame_id = position
 
     def on_contact(self, summary: ContactSummary) -> None:
         """Publish the summary of a contact."""
@@ -149,7 +158,7 @@ class SampleFlow:
         self._revision = revision.number
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
-        zeros = {n: values[n] for n in ZEROS} if values["input.source"] != "sensors" else {}
+        zeros = {} if values["input.source"] in OWN_SENSORS else {n: values[n] for n in ZEROS}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
         self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)

@@ -88,6 +88,7 @@ class Settings:
         reason = self._check(self._values)
         if reason:
             raise ValueError(reason)
+        self._at_start = dict(self._values)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,6 +104,11 @@ class Settings:
     def kind(self) -> Kind:
         """The kind of estimator that is asked for."""
         return Kind(*(self._values[name] for name in CHOICE_NAMES))
+
+    def changed_of_node(self) -> dict[str, Any]:
+        """Return the node's own settings that are no longer those of its start: zeros, say."""
+        now, start = self._values, self._at_start
+        return {name: now[name] for name in NODE_SETTINGS if now[name] != start[name]}
 
     def estimator_values(self) -> dict[str, Any]:
         """Return the settings that the present kind of estimator has."""

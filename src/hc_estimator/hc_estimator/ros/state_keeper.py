@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -34,13 +34,18 @@ class StateKeeper:
     What is kept for a restart is written in a thread, for the disk may take its time.
     """
 
-    def __init__(self, folder: str) -> None:
+    def __init__(self, folder: str, settings: Callable[[], Mapping[str, Any]] = dict) -> None:
         """Use a folder; an empty name switches everything off.
+
+        Args:
+            folder: its name.
+            settings: returns those of the node that a state kept for a restart is to bring along.
 
         Raises:
             OSError: if the folder cannot be made.
         """
         self._folder = StateFolder(Path(folder)) if folder else None
+        self._settings = settings
         self._writer = ThreadPoolExecutor(1, "state")
         self._writing: Future[Any] | None = None
         self._next_s = 0.0
@@ -116,7 +121,8 @@ class StateKeeper:
             done, self._writing = self._writing, None
             done.result()
         self._next_s = now_s + period_s
-        self._writing = self._writer.submit(self._folder.write_frozen, RUNNING, freeze(session))
+        frozen = freeze(session, self._settings())
+        self._writing = self._writer.submit(self._folder.write_frozen, RUNNING, frozen)
 
     def keep_last(self, session: EstimationSession | None, period_s: float) -> None:
         """Keep the state once more: the node ends in good order, and may be started again.
@@ -133,7 +139,7 @@ class StateKeeper:
             self.on_trial = False
             self._folder.end_trial()
         elif session is not None and session.time_origin_ns is not None:
-            self._folder.write_frozen(RUNNING, freeze(session))
+            self._folder.write_frozen(RUNNING, freeze(session, self._settings()))
 
     def hasten(self) -> None:
         """Keep the state at the next opportunity: a revision that was told must not come twice."""
@@ -246,5 +252,5 @@ def try_out(state: SavedState) -> None:
 def parameters_of(state: SavedState) -> list[Parameter]:
     """Return the parameters of the node with which a state was saved."""
     wanted = {name: state.estimator[name] for name in CHOICE_NAMES}
-    wanted |= state.estimator["configuration"]
+    wanted |= state.estimator["configuration"] | state.settings
     return [Parameter(name, value=value) for name, value in wanted.items()]

@@ -83,7 +83,8 @@ class StatusReporter:
         now_s = time.perf_counter()
         elapsed_s = now_s - self._before_s
         counts = self._counts(source)
-        since = {name: counts[name] - self._before.get(name, 0) for name in counts}
+        before = self._before  # of an input that gave way to another, which counts anew, some
+        since = {n: c - before[n] if c >= before.get(n, math.inf) else c for n, c in counts.items()}
         self._before, self._before_s = counts, now_s
         come = bool(source.channels) and all(since[c.topic] for c in source.channels)
         self._fruitless = self._fruitless + 1 if come and not since["received"] else 0
@@ -180,7 +181,7 @@ class StatusReporter:
         level = Level.OK
         problems = []
         for channel in source.channels:
-            if channel.publishers > 1:
+            if channel.crowded:
                 both = channel.speaking > 1
                 level = max(level, Level.ERROR if both else Level.WARN)
                 problems.append(_crowd(channel, both))
@@ -211,7 +212,7 @@ class StatusReporter:
         problems += [
             f"cannot keep up: {channel.most_waiting} messages waited on {channel.topic}"
             for channel in source.channels
-            if channel.most_waiting > SHARE_WAITING * channel.maximum_backlog
+            if channel.most_waiting > max(1.0, SHARE_WAITING * channel.maximum_backlog)
         ]
         for name in ("lost", "skipped", "strays"):
             if since[name]:

@@ -82,7 +82,8 @@ class ZeroSetting:
         self._tell_superseded(before)
         wanted = values["input.contact.frame"], values["input.contact.normal_from"]
         source = self._source()
-        if source is not None and wanted == ("surface", "find_surface"):
+        joined = before == FIND_SURFACE  # the search goes on, with what it has seen
+        if source is not None and wanted == ("surface", "find_surface") and not joined:
             source.normal_finder = NormalFinder()
         return answer_text
 
@@ -112,12 +113,14 @@ class ZeroSetting:
         """Look for nothing any more, and say why if something was looked for."""
         given_up = self._zeroing.cancel()
         if given_up:
+            self._end_of_finder()
             self._report(EventKind.TARE_REFUSED, f"{given_up} given up: {reason}")
 
     def _tell_superseded(self, before: str) -> None:
         """Say that what was under way gave way to another service."""
         now = self._zeroing.under_way
         if before and before != now:
+            self._end_of_finder()
             self._report(EventKind.TARE_REFUSED, f"{before} given up: {now} was asked for")
 
     def forget(self) -> None:
@@ -154,8 +157,10 @@ class ZeroSetting:
                 Parameter("input.contact.normal", value=list(normal.direction)),
                 Parameter("input.contact.point", value=list(tip)),
             ]
-            # The surface's point takes the place of the zero.
-            zeros = [zeros[0], Parameter(ZEROS[1], value=0.0)]
+            # The force is read along the new normal from now on: what it is free of contact there.
+            # The surface's point takes the place of the position's zero.
+            newtons = float(self._settings.values["input.force.scale"]) * normal.free_n
+            zeros = [Parameter(ZEROS[0], value=newtons), Parameter(ZEROS[1], value=0.0)]
         known = self._contact_position_std(found)
         answer = self._node.set_parameters_atomically([*zeros, *also, *known])
         if answer.successful:

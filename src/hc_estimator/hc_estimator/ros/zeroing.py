@@ -16,7 +16,7 @@ TARE, FIND_SURFACE = "tare", "find_surface"
 ZEROS = ("input.force.zero", "input.position.zero")
 FORCED = "tare.force: true, or --force of the command, takes them all the same"
 PATIENCE_S = 10.0
-"""A tare that has not got its samples by then is given up."""
+"""A tare that has got no sample for so long is given up: slow ones take what they take."""
 
 
 class Refusal(NamedTuple):
@@ -38,6 +38,7 @@ class Zeroing:
         self._collector: Tare | SurfaceFinder | None = None
         self.latest = ""
         self._forced = False
+        self._count = 0  # samples of a tare when it was looked at last
         self._deadline_s = 0.0
 
     @property
@@ -54,7 +55,7 @@ class Zeroing:
         if self._joins(TARE, forced):
             return "a tare is under way already; hc/events says when it is done"
         self._collector = Tare(samples)
-        self._deadline_s = now_s + PATIENCE_S
+        self._count, self._deadline_s = 0, now_s + PATIENCE_S
         return f"takes the mean of the next {samples} samples; hc/events says when it is done"
 
     def find_surface(self, *, forced: bool, least_noise_n: float = 0.0) -> str:
@@ -103,10 +104,17 @@ class Zeroing:
     def overdue(self, now_s: float) -> str:
         """Give up a tare that does not get its samples; returns why, or nothing."""
         collector = self._collector
-        if not isinstance(collector, Tare) or now_s < self._deadline_s:
+        if not isinstance(collector, Tare):
+            return ""
+        if collector.count > self._count:
+            self._count, self._deadline_s = collector.count, now_s + PATIENCE_S
+        if now_s < self._deadline_s:
             return ""
         self._collector = None
-        return f"only {collector.count} of {collector.wanted} samples came in {PATIENCE_S:g} s"
+        return (
+            f"only {collector.count} of {collector.wanted} samples came, and none for "
+            f"{PATIENCE_S:g} s"
+        )
 
     def _joins(self, name: str, forced: bool) -> bool:
         """Whether a request joins one of its kind; else it is to begin.

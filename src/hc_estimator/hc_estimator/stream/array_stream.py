@@ -32,7 +32,10 @@ class ArrayStream:
         received: samples given to it.
         used: samples of which there are estimates.
         lost: samples that the numbers say never came.
-        late: samples that came after a younger one, or with its stamp; they are left out.
+        late: samples that came after a younger one, or with its stamp; they are left out, unless
+            the estimators put them in their place (`reorder_window`).
+        strays: samples alone at stamps that jumped, or the first of those that stay there; so are
+            they.
         restarts: times that the estimators were started afresh.
         fresh: why that was the last time, until somebody has told it; None otherwise.
     """
@@ -47,9 +50,10 @@ class ArrayStream:
         self._make = make
         self._maximum_gap_ns = round(maximum_gap_s * 1e9)
         self._array: EstimatorArray | None = None
-        self._origin_ns = self._last_ns = 0
+        self._origin_ns = self._last_ns = self._window_ns = 0
         self._last_sequence = 0
-        self.received = self.used = self.lost = self.late = self.restarts = 0
+        self._jumped_ns: int | None = None  # the last stamp, if it jumped
+        self.received = self.used = self.lost = self.late = self.strays = self.restarts = 0
         self.fresh: Fresh | None = None
 
     @property
@@ -86,19 +90,35 @@ class ArrayStream:
                 self._start_afresh(f"{count} taxels instead of {self._array.channels}")
             self._array = self._make(count)
             self._origin_ns = stamp_ns
+            settings = self._array.configuration
+            window_s = settings["missing_readings"] and settings["reorder_window"]
+            self._window_ns = round(float(window_s) * 1e9)
         else:
             elapsed_ns = stamp_ns - self._last_ns
+            if -self._window_ns <= elapsed_ns < 0:
+                self.used += 1
+                return self._step(stamp_ns, displacements_mm, forces_n)
             if -LATE_NS < elapsed_ns <= 0:
                 self.late += 1
                 return None
-            if elapsed_ns <= -LATE_NS or elapsed_ns > self._maximum_gap_ns:
+            if elapsed_ns < 0 or elapsed_ns > self._maximum_gap_ns:
+                before_ns, self._jumped_ns = self._jumped_ns, stamp_ns
+                if before_ns is None or not 0 < stamp_ns - before_ns <= self._maximum_gap_ns:
+                    self.strays += 1  # one stamp that is wrong is no jump of the clock
+                    return None
                 self._start_afresh(f"the stamps jumped by {elapsed_ns * 1e-9:+.3f} s")
                 self._array.reset()
                 self._origin_ns = stamp_ns
             elif sequence > self._last_sequence:
                 self.lost += sequence - self._last_sequence - 1
-        self._last_ns, self._last_sequence = stamp_ns, sequence
+        self._last_ns, self._last_sequence, self._jumped_ns = stamp_ns, sequence, None
         self.used += 1
+        return self._step(stamp_ns, displacements_mm, forces_n)
+
+    def _step(
+        self, stamp_ns: int, displacements_mm: NDArray[np.float64], forces_n: NDArray[np.float64]
+    ) -> EstimateSeries:
+        assert self._array is not None
         time_s = (stamp_ns - self._origin_ns) * 1e-9
         return self._array.step(time_s, displacements_mm, forces_n)
 

@@ -83,7 +83,7 @@ def held(readings: Readings) -> tuple[str, float]:
     rate = _rate(time_s)
     setting = "force" if name == "force" else "position"
     sentence = (
-        f"the {name} changes only with every {usual:.0f}th sample: it comes at {rate / usual:.4g} "
+        f"the {name} changes only once in {usual:.0f} samples: it comes at {rate / usual:.4g} "
         f"Hz, not at {rate:.4g} Hz; count each reading once ({setting}.held)"
     )
     return sentence, usual
@@ -172,7 +172,7 @@ def coarse(readings: Readings) -> str:
     if step == 0.0 or step < 0.02 * (high - low):
         return ""
     return (
-        f"the {name} comes in steps of {step:.3g} {unit}, a {(high - low) / step:.0f}th of its "
+        f"the {name} comes in steps of {step:.3g} {unit}, 1/{(high - low) / step:.0f} of its "
         "range: choose a finer range or a better resolution"
     )
 

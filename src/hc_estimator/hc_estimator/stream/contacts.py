@@ -181,8 +181,8 @@ class ContactTracker:
         force_n: float,
         estimate: Estimate,
     ) -> None:
-        contact.end_ns = stamp_ns
-        contact.last_sequence = sequence
+        if stamp_ns > contact.end_ns:  # one that comes late is used in its place
+            contact.end_ns, contact.last_sequence = stamp_ns, sequence
         contact.samples += 1
         contact.tissue_changes += estimate.change_detected
         contact.model_mismatch |= estimate.model_mismatch

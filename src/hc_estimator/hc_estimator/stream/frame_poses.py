@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.frames import FrameTree, Pose
+from hc_estimator.stream.merger import JUMP_NS
 from hc_msgs_py.units import nanoseconds_from_stamp
 
 
@@ -69,6 +70,9 @@ class FramePoses:
         newest_ns = self._newest(stamps)
         if newest_ns < 0:
             return  # of other frames
+        waiting_ns = self._waiting_ns
+        if waiting_ns is not None and waiting_ns - JUMP_NS <= newest_ns < waiting_ns:
+            return  # of before: the pose that waits is as of now, and its stamp stays
         if all(self._moved.get(frame, newest_ns) == newest_ns for frame in chain):
             self._tell(newest_ns)
         else:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.contact.registry import LAWS
 from hc_estimator.estimator import Estimator, create_estimator
 from hc_estimator.filters.registry import FILTERS, FilterEntry
 from hc_estimator.multiple_model.knowledge import keep
@@ -22,6 +23,7 @@ _CLOCK = ("started", "accepted", "last_time", "channel_time", "usual_period", "p
 _STAMPS = ("state_time", "force_time")  # at the last sample, whatever delay was allowed for
 _THIRD = 2  # position of what the state spaces do not share: acceleration, or force
 _LOGARITHMIC = (3, 4)  # positions of K and B, which are logarithms in the kinematic state space
+_LAGGED = 6  # position of p, or of a velocity that lags: that belongs to the motion
 _LOGARITHMIC_NAMES = ("stiffness", "damping")
 _SMALLEST = 1e-9  # K and B below this have no logarithm worth taking over
 _KNOWN_LOG_STD = 1.0  # K or B within a factor of e is known, whatever the target guessed
@@ -74,8 +76,9 @@ def hand_over(source: Estimator, target: Estimator) -> Estimator:
         if source.state_space != target.state_space:
             variance = memory["covariance"][_THIRD][_THIRD]
             keep(state, covariance, _THIRD, memory["state"][_THIRD], variance)
+        lagged = LAWS[target.contact_model].lagged_velocity
         for i, variance in enumerate(memory["prior_variance"], start=3):
-            if variance == 0.0:
+            if variance == 0.0 and not (lagged and i == _LAGGED):
                 keep(state, covariance, i, memory["state"][i], 0.0)
         memory["state"], memory["covariance"] = state.tolist(), covariance.tolist()
         if "tempering_count" in before:

@@ -38,10 +38,12 @@ class Normal(NamedTuple):
         direction: out of the tissue, in the base frame, of length 1.
         deviation_deg: root mean square of the angle by which it may be off [degrees]; friction,
             which leans it to one side throughout, is not in it.
+        free_n: force along it free of contact [N].
     """
 
     direction: Vector
     deviation_deg: float
+    free_n: float
 
     @property
     def is_poor(self) -> bool:
@@ -100,19 +102,21 @@ class NormalFinder:
         if not len(rest) or most <= limit:
             return None
         strong = forces[more >= STRONG_SHARE * most]
-        push = strong.mean(axis=0) - rest.mean(axis=0)
+        unloaded = rest.mean(axis=0)
+        push = strong.mean(axis=0) - unloaded
         size = float(np.linalg.norm(push))
         if size == 0.0:
             return None
         direction = unit_vector(push.tolist())
         across = np.eye(3) - np.outer(direction, direction)
         # Of the press the directions are compared: the stronger of its forces lean no more.
-        pressed = strong - rest.mean(axis=0)
+        pressed = strong - unloaded
         leant = pressed @ across / (pressed @ np.array(direction))[:, None]
         free_across = rest @ across
         offset = _of_mean(free_across) + _wander(free_across)  # the second lasts into the press
         variance = _of_mean(leant) + offset / size**2
-        return Normal(direction, math.degrees(math.sqrt(variance)))
+        deviation_deg = math.degrees(math.sqrt(variance))
+        return Normal(direction, deviation_deg, float(unloaded @ np.array(direction)))
 
 
 def _wander(values: NDArray[np.float64]) -> float:

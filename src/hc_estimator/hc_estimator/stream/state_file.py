@@ -16,6 +16,7 @@ import math
 import os
 import tempfile
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,6 +49,7 @@ class SavedState(NamedTuple):
     time_origin_ns: int
     revision: int
     age_s: float
+    settings: dict[str, Any]  # of the node, that were changed while it ran
 
 
 def snapshot(session: EstimationSession) -> dict[str, Any]:
@@ -81,9 +83,16 @@ class Frozen(NamedTuple):
         return {**self.head, "estimator": self.estimator.packed()}
 
 
-def freeze(session: EstimationSession) -> Frozen:
-    """Copy a session's state, in no time to speak of: it has seen a sample."""
-    return Frozen(_head(session), packed_state.freeze(session.estimator))
+def freeze(session: EstimationSession, settings: Mapping[str, Any]) -> Frozen:
+    """Copy a session's state, in no time to speak of: it has seen a sample.
+
+    Args:
+        session: the session.
+        settings: of its node, without which the state would be one of other readings: numbers,
+            texts, and lists of them.
+    """
+    head = {**_head(session), "settings": dict(settings)}
+    return Frozen(head, packed_state.freeze(session.estimator))
 
 
 class StateFolder:
@@ -159,11 +168,15 @@ class StateFolder:
             for name, kind in _KINDS.items():
                 if not isinstance(estimator[name], kind):
                     raise ValueError(f"{name} is {estimator[name]!r:.40}")
+            settings = data.get("settings", {})
+            if not isinstance(settings, dict):
+                raise ValueError(f"settings is {settings!r:.40}")
             return SavedState(
                 estimator,
                 _whole(data, "time_origin_ns", LATEST_NS),
                 _whole(data, "revision", LAST_REVISION),
                 time.time() - _finite(data, "saved_at_s"),
+                settings,
             )
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
             raise ValueError(f"{path} is no state of an estimator: {error}") from error

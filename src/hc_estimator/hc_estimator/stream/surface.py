@@ -69,10 +69,11 @@ class SurfaceFinder:
         """Wait for free motion.
 
         Args:
-            enough: how far a force has to stand out of its noise for the approach to be fitted.
-            twice: whether two weaker touches that agree are enough as well.
             least_noise_n: where the force is not a sensor's but calculated, its error in motion,
                 which the noise at rest does not show [N]. Contact is a force clear of it.
+            enough: how far a force has to stand out of its noise for the approach to be fitted.
+            twice: whether two weaker touches that agree are enough as well; never where the force
+                is calculated.
         """
         # Half a second that a node need not spend at its start, and not at the end of an approach.
         from scipy.optimize import least_squares
@@ -154,10 +155,11 @@ class SurfaceFinder:
 
     @property
     def _enough(self) -> float:
-        """Force up to which an approach that has begun is fitted, without its zero [N]."""
+        """Force up to which an approach is fitted, without its zero [N]."""
         if self._least_noise == 0.0:
             return self._noises * self._deviation
-        return max(CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * self._approach[0][1])
+        first = self._approach[0][1] if self._approach else 0.0
+        return max(CALCULATED_ENOUGH * self._least_noise, CALCULATED_SPAN * first)
 
     @property
     def feels(self) -> str:
@@ -169,10 +171,10 @@ class SurfaceFinder:
         excess = self._force_n - self._zero
         if self._approach:
             return f"presses with {excess:.3g} N; {self._enough:.2g} N are enough"
+        twice = f", or twice with {LESS[-1] * self._deviation:.2g} N" if self._twice else ""
         return (
             f"free of contact: {excess:+.2g} N from its zero, noise {self._deviation:.2g} N; press "
-            f"with {self._noises * self._deviation:.2g} N at least, or twice with "
-            f"{LESS[-1] * self._deviation:.2g} N"
+            f"with {self._enough:.2g} N at least{twice}"
         )
 
     def _begin(self, force_n: float) -> None:

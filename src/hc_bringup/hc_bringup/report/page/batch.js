@@ -3,6 +3,8 @@
 
 HC.BATCH_COLOURS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00"];
 
+HC.WHOLE_STEPS = [0, 1, 2, 3, 4, 5].flatMap((power) => [1, 2, 5].map((s) => s * 10 ** power));
+
 HC.batchChart = function (host, name, variants) {
   // Side by side, so that equal ones do not hide one another.
   const aside = (i) => 0.1 * (i - 0.5 * (variants.length - 1));
@@ -16,7 +18,8 @@ HC.batchChart = function (host, name, variants) {
   const margin = 0.1 * (high - low) || 0.1 * Math.abs(high) || 1;
   HC.chart(host, {
     height: 210,
-    x: { label: "recording", range: () => [0, Math.ceil(numbers.at(-1) ?? 0) + 1] },
+    x: { label: "recording", range: () => [0, Math.ceil(numbers.at(-1) ?? 0) + 1],
+      axis: { incrs: HC.WHOLE_STEPS } },
     y: { range: () => [Math.max(0, low - margin), high + margin], axis: { size: 54 } },
     series: variants.map((_, i) => ({
       stroke: HC.BATCH_COLOURS[i], paths: () => null,
