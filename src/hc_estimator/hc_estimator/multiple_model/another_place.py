@@ -18,15 +18,16 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import place_fit
 from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import TOUCHING
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
 from hc_estimator.multiple_model.kalman import LARGEST_LOG
+from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.model_error import THRESHOLD
-from hc_estimator.multiple_model.place_fit import POSITION, UNKNOWNS
+from hc_estimator.multiple_model.place_fit import DELAY, POSITION, UNKNOWNS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.specification import ParameterSpecification
 
@@ -52,6 +53,9 @@ LIKELIER = 10.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 3.0  # the same once there was one
 CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
 LEAST_VARIANCE = 1e-8
+DELAY_DEVIATION = 0.02  # of a delay that is not known yet [s]
+SMALL_DELAY = 0.003  # deviation of a delay from which on it is known [s]
+IN_STEP, LEAST_DELAY = 3.0, 0.001  # deviations, and delay [s], up to which it is none
 DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 
 
@@ -65,6 +69,9 @@ def reset(place: Any) -> None:
     place.level = 0
     place.contacts = 0
     place.in_step = 0
+    place.ended = 0
+    place.fitting = 0
+    place.late = 0
     clear_matrix(place.open)
 
 
@@ -97,8 +104,9 @@ def look(settings: Any, bank: Any) -> bool:
         last = place.is_other != 0 and history.count > place.last
         last = last and _ask(settings, bank)
         end(place)
+        _note_end(bank)
         if not last:
-            _note_before(settings, bank)
+            note_before(settings, bank)
         return last
     if place.away > OUT_TIME and place.known != 0:
         place.testing = 1
@@ -113,8 +121,6 @@ def look(settings: Any, bank: Any) -> bool:
     _doubt(bank)
     if finder.delay != 0.0 or (finder.doubt == 0.0 and not math.isnan(finder.deviation)):
         place.in_step = 1
-    if math.isnan(settings.channel_delay) and place.in_step == 0:
-        return False
     count = history.count - history.contact
     if place.doubted == 0 or count < place.due:
         return False
@@ -136,10 +142,19 @@ def _doubt(bank: Any) -> None:
 
 
 @compiled
-def _note_before(settings: Any, bank: Any) -> None:
+def _note_end(bank: Any) -> None:
+    """Take note of whether the law fitted at the end of a contact."""
+    place, row = bank.place, bank.rows[bank.judge.chosen]
+    if bank.tool.contact_clock > 0.0:
+        place.ended += 1
+        place.fitting += 1 if row.model_error == 0.0 else 0
+
+
+@compiled
+def note_before(settings: Any, bank: Any) -> None:
     """What is known of the place that the tool was at, or nothing."""
     place, row = bank.place, bank.rows[bank.judge.chosen]
-    fits = row.model_error == 0.0 and bank.tool.contact_clock > 0.0
+    fits = 2 * place.fitting > place.ended
     place.known = 1 if fits and not SURFACE[row.index] and bank.change.testing == 0 else 0
     place.row = row.index
     clear_matrix(place.before_covariance)
@@ -199,6 +214,9 @@ def _ask(settings: Any, bank: Any) -> bool:
     place.evidence[2] = _evidence(settings, place, history, noise, weight, 0)
     lead = max(place.evidence[0], place.evidence[1]) - place.evidence[2]
     if lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
+        unknown = math.isnan(settings.channel_delay) and place.in_step == 0
+        if unknown and not _is_in_step(settings, place, history, noise, weight):
+            return False
         clear_matrix(place.open)
         place.is_other = 1
         place.found += 1
@@ -207,6 +225,29 @@ def _ask(settings: Any, bank: Any) -> bool:
         odds = math.log((1.0 + place.found) / (1.0 + place.contacts - place.found))
         _leave_open(place, _probability(lead + odds))
     return False
+
+
+@compiled
+def _is_in_step(
+    settings: Any, place: Any, history: Any, noise: tuple[float, float, float], weight: float
+) -> bool:
+    """True if the contact by itself shows that the force is not late, nor early.
+
+    What is late looks like another place, as long as nobody knows that it is late.
+    """
+    _set_other(place, HEIGHT_DEVIATION**2)
+    copy_vector(place.outcome, place.values)
+    place.late = 1
+    left = place_fit.fit(settings, place, history, noise, weight, 1)
+    column = place.next
+    clear_vector(column)
+    column[DELAY] = 1.0
+    if math.isfinite(left):
+        solve(place.factor, column, UNKNOWNS)
+    place.late = 0
+    deviation, delay = math.sqrt(max(column[DELAY], 0.0)), place.values[DELAY]
+    place.values[DELAY] = 0.0
+    return bool(deviation < SMALL_DELAY and abs(delay) < IN_STEP * deviation + LEAST_DELAY)
 
 
 @compiled
@@ -309,6 +350,7 @@ def _set_other(place: Any, height_variance: float) -> None:
     for i in range(POSITION):
         prior[i, i] = 1.0 / (DEVIATIONS[i] ** 2 + before[i, i])
     prior[POSITION, POSITION] = 1.0 / max(height_variance, LEAST_VARIANCE)
+    prior[DELAY, DELAY] = 1.0 / DELAY_DEVIATION**2
     # That of B is one of B / K.
     prior[0, 0] += prior[1, 1]
     prior[0, 1] = prior[1, 0] = -prior[1, 1]

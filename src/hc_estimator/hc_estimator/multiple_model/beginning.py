@@ -226,6 +226,8 @@ def begin_at_place(settings: Any, bank: Any) -> None:
     _choose_anew(bank)
     place.before[POSITION] -= values[POSITION]
     values[POSITION] = 0.0
+    if place.testing == 0:  # the contact is over
+        another_place.note_before(settings, bank)
     if is_first:
         place.level += place.is_level
         delay_points.forget(bank.delay)

@@ -1,6 +1,6 @@
-"""Least squares over the points of one contact: K, B, n, p and where the contact begins.
+"""Least squares over the points of one contact: K, B, n, p, where the contact begins, and a delay.
 
-With a prior that is normal in all five of them, so that the evidence of a fit follows from two
+With a prior that is normal in all of them, so that the evidence of a fit follows from two
 determinants (MacKay, Neural Computation 4, 1992) and two priors can be compared by it
 (`another_place`). The points are narrow parabolas, from the first force on, for a tap has no
 others.
@@ -32,15 +32,17 @@ from hc_estimator.multiple_model.normal_equations import law_at, velocity_at
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 
-POSITION = 4  # of the unknowns ln K, ln B, n, p and contact position
-UNKNOWNS = 5
+POSITION, DELAY = 4, 5  # of the unknowns ln K, ln B, n, p, contact position and delay
+UNKNOWNS = 6
 MOST_STEPS = 20
 BEFORE = 0.1  # of the points' way, before which the force is assumed to have begun
 
 
 @compiled
-def is_fixed(settings: Any, i: int) -> bool:
+def is_fixed(settings: Any, place: Any, i: int) -> bool:
     """True if an unknown is none."""
+    if i == DELAY:
+        return bool(place.late == 0)
     if i == POSITION:
         return bool(settings.find_zeros == 0)
     return bool(is_held(settings, i))
@@ -51,13 +53,15 @@ def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> fl
     """Force of a point [N]; place.slopes are its derivatives by the unknowns."""
     slopes, gradient = place.slopes, place.gradient
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
-    depth = point[0] - values[POSITION]
-    velocity = velocity_at(history, point)
+    velocity, acceleration = velocity_at(history, point), point[6]
+    depth = point[0] - values[POSITION] - values[DELAY] * velocity
+    velocity -= values[DELAY] * acceleration
     n, p = values[2], values[3]
     force = law_at(settings, stiffness, damping, n, p, depth, velocity, gradient)
     for i in range(4):
         slopes[i] = gradient[2 + i]
     slopes[POSITION] = -gradient[0]
+    slopes[DELAY] = -gradient[0] * velocity - gradient[1] * acceleration
     return force
 
 
@@ -122,7 +126,7 @@ def _add_prior(settings: Any, place: Any, values: Any, weight: float) -> None:
             information[i, j] = weight * place.seen[max(i, j), min(i, j)] + place.prior[i, j]
             slope[i] -= place.prior[i, j] * (values[j] - place.guess[j])
     for i in range(UNKNOWNS):
-        if is_fixed(settings, i):
+        if is_fixed(settings, place, i):
             slope[i] = 0.0
             for j in range(UNKNOWNS):
                 information[i, j] = 0.0
@@ -174,7 +178,7 @@ def begin(settings: Any, place: Any, history: Any) -> None:
     """Begin where the prior does, but at the height and with the stiffness that the force shows."""
     values = place.values
     copy_vector(place.guess, values)
-    if not is_fixed(settings, POSITION):
+    if not is_fixed(settings, place, POSITION):
         values[POSITION] = min(0.0, _begin_of_force(place, history))
     by_law, squares = 0.0, 0.0
     for k in range(place.first, place.last):
@@ -232,7 +236,7 @@ def log_evidence(settings: Any, place: Any, squares: float, weight: float) -> fl
     for i in range(UNKNOWNS):
         total += 2.0 * math.log(place.factor[i, i])
         for j in range(UNKNOWNS):
-            fixed = is_fixed(settings, i) or is_fixed(settings, j)
+            fixed = is_fixed(settings, place, i) or is_fixed(settings, place, j)
             work[i, j] = (1.0 if i == j else 0.0) if fixed else place.prior[i, j]
     if not leading_cholesky(work, work, UNKNOWNS):
         return -math.inf
@@ -247,11 +251,11 @@ def note_covariance(settings: Any, place: Any) -> None:
     column = place.next
     for i in range(UNKNOWNS):
         clear_vector(column)
-        if not is_fixed(settings, i):
+        if not is_fixed(settings, place, i):
             column[i] = 1.0
         solve(place.factor, column, UNKNOWNS)
         for j in range(UNKNOWNS):
-            place.covariance[j, i] = 0.0 if is_fixed(settings, j) else column[j]
+            place.covariance[j, i] = 0.0 if is_fixed(settings, place, j) else column[j]
 
 
 @compiled

@@ -7,14 +7,14 @@ import numpy as np
 from hc_estimator.memory import Field, record_type
 from hc_estimator.multiple_model.hypotheses import ROWS
 
-FIVE = 5  # ln K, ln B, n, p, contact position
+SIX = 6  # ln K, ln B, n, p, contact position, delay
 
 PLACE = record_type(
     (
         Field("away", np.float64, (), 0.0),  # time since a force was felt [s]
         Field("known", np.int64, (), 0, 1),  # 1 if `before` is what was known in the air
-        Field("before", np.float64, (FIVE,)),
-        Field("before_covariance", np.float64, (FIVE, FIVE)),
+        Field("before", np.float64, (SIX,)),
+        Field("before_covariance", np.float64, (SIX, SIX)),
         Field("testing", np.int64, (), 0, 1),  # 1 while it is asked of the present contact
         Field("is_other", np.int64, (), 0, 1),  # 1 once it is another place
         Field("row", np.int64, (), 0, len(ROWS) - 1),  # that was in charge in the air
@@ -22,6 +22,9 @@ PLACE = record_type(
         Field("in_step", np.int64, (), 0, 1),
         Field("doubted", np.int64, (), 0, 1),  # 1 once that has failed since then
         Field("due", np.int64, (), 0),  # points of the contact at which it is asked next
+        Field("ended", np.int64, (), 0),  # contacts so far
+        Field("fitting", np.int64, (), 0),  # of which the law fitted so many at their end
+        Field("late", np.int64, (), 0, 1),  # 1 while the delay is an unknown
         Field("found", np.int64, (), 0),  # other places so far
         Field("contacts", np.int64, (), 0),  # that were asked about
         # What is open of ln K, ln B, n and p as it may be another place after all.
@@ -36,25 +39,25 @@ PLACE = record_type(
         Field("left", np.float64, (2,), finite=False),
         Field("evidence", np.float64, (3,), finite=False),
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
-        Field("guess", np.float64, (FIVE,)),
-        Field("prior", np.float64, (FIVE, FIVE)),  # precision
-        Field("values", np.float64, (FIVE,)),
+        Field("guess", np.float64, (SIX,)),
+        Field("prior", np.float64, (SIX, SIX)),  # precision
+        Field("values", np.float64, (SIX,)),
         # Of the fit at the old height and of that at another one, and then of the likelier.
-        Field("outcome", np.float64, (FIVE,)),
-        Field("outcome_elsewhere", np.float64, (FIVE,)),
-        Field("covariance_elsewhere", np.float64, (FIVE, FIVE)),
+        Field("outcome", np.float64, (SIX,)),
+        Field("outcome_elsewhere", np.float64, (SIX,)),
+        Field("covariance_elsewhere", np.float64, (SIX, SIX)),
         Field("conditional", np.float64, (4, 4)),  # covariance at that height
         Field("doubt", np.float64, (4, 4)),  # what the height leaves open
         Field("height_deviation", np.float64, (), 0.0),  # [mm]
         Field("is_level", np.int64, (), 0, 1),  # 1 if the height is the old one
-        Field("next", np.float64, (FIVE,)),
-        Field("slope", np.float64, (FIVE,)),
-        Field("pull", np.float64, (FIVE,)),
-        Field("slopes", np.float64, (FIVE,)),
+        Field("next", np.float64, (SIX,)),
+        Field("slope", np.float64, (SIX,)),
+        Field("pull", np.float64, (SIX,)),
+        Field("slopes", np.float64, (SIX,)),
         Field("gradient", np.float64, (6,)),
-        Field("seen", np.float64, (FIVE, FIVE)),
-        Field("information", np.float64, (FIVE, FIVE)),
-        Field("factor", np.float64, (FIVE, FIVE)),
-        Field("covariance", np.float64, (FIVE, FIVE)),
+        Field("seen", np.float64, (SIX, SIX)),
+        Field("information", np.float64, (SIX, SIX)),
+        Field("factor", np.float64, (SIX, SIX)),
+        Field("covariance", np.float64, (SIX, SIX)),
     )
 )
