@@ -49,10 +49,11 @@ DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
 HEIGHT_DEVIATION = 1.0
 UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
-LIKELIER = 10.0  # logarithm of the evidence by which it is another place
-LIKELIER_AGAIN = 3.0  # the same once there was one
+LIKELIER = 20.0  # logarithm of the evidence by which it is another place
+LIKELIER_AGAIN = 5.0  # the same once there was one
 CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
 LEAST_VARIANCE = 1e-8
+NARROW = 0.03  # width of a parabola that misses nothing [s]
 DELAY_DEVIATION = 0.02  # of a delay that is not known yet [s]
 SMALL_DELAY = 0.003  # deviation of a delay from which on it is known [s]
 IN_STEP, LEAST_DELAY = 3.0, 0.001  # deviations, and delay [s], up to which it is none
@@ -65,6 +66,7 @@ def reset(place: Any) -> None:
     place.away = 0.0
     place.known = 0
     end(place)
+    place.called = 0
     place.found = 0
     place.level = 0
     place.contacts = 0
@@ -111,6 +113,7 @@ def look(settings: Any, bank: Any) -> bool:
     if place.away > OUT_TIME and place.known != 0:
         place.testing = 1
         place.doubted = 0
+        place.called = 0
         place.contacts += 1
         clear_matrix(place.open)
         place.due = FEWEST
@@ -192,8 +195,9 @@ def _ask(settings: Any, bank: Any) -> bool:
     place.left[1] = left
     if not left < CONSISTENT:
         return False
-    # What the law misses is no reason for another place.
-    weight = 1.0 / max(left, 1.0)
+    # What the law misses is no reason for another place, nor what wide parabolas miss of a press.
+    wider = max(bank.delay.grid_width / NARROW, 1.0)
+    weight = 1.0 / (max(left, 1.0) * wider * wider)
     place.evidence[1] = _evidence(settings, place, history, noise, weight, 1)
     if place.evidence[1] == -math.inf:
         return False
@@ -216,6 +220,7 @@ def _ask(settings: Any, bank: Any) -> bool:
     if lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
         unknown = math.isnan(settings.channel_delay) and place.in_step == 0
         if unknown and not _is_in_step(settings, place, history, noise, weight):
+            _leave_open(place, _probability(lead))
             return False
         clear_matrix(place.open)
         place.is_other = 1

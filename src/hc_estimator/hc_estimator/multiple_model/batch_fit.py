@@ -74,9 +74,7 @@ def update(settings: Any, bank: Any) -> bool:
         True if the points were fitted anew.
     """
     history, finder, constant, row = bank.history, bank.delay, bank.rows[0], bank.rows[FITTED]
-    # Another place may be higher.
-    shallowest = -math.inf if bank.place.testing != 0 else histories.LEAST_DEPTH
-    if not histories.learn(history, finder, bank.sensor_noise, shallowest):
+    if not histories.learn(history, finder, bank.sensor_noise):
         return False
     count = history.count - histories.oldest(history)
     due = min(SHARE * count * history.every, RAREST / finder.grid_step)

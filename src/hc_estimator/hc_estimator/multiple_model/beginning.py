@@ -226,12 +226,14 @@ def begin_at_place(settings: Any, bank: Any) -> None:
     _choose_anew(bank)
     place.before[POSITION] -= values[POSITION]
     values[POSITION] = 0.0
-    if place.testing == 0:  # the contact is over
-        another_place.note_before(settings, bank)
     if is_first:
         place.level += place.is_level
         delay_points.forget(bank.delay)
-        bank.change.detected = 1 if another_place.is_other_tissue(place) else 0
+    if place.called == 0 and another_place.is_other_tissue(place):
+        place.called = 1
+        bank.change.detected = 1
+    if place.testing == 0:  # the contact is over
+        another_place.note_before(settings, bank)
 
 
 @compiled

@@ -66,14 +66,13 @@ def move(history: Any, displacement: float, force: float, begun: float, now: flo
 
 
 @compiled
-def learn(history: Any, finder: Any, noise: Any, shallowest: float) -> bool:
+def learn(history: Any, finder: Any, noise: Any) -> bool:
     """Take the newest point of the grid; True if it was remembered.
 
     Args:
         history: changed.
         finder: record of `delay`.
         noise: variances of a reading, shape (2,).
-        shallowest: depth from which on a point is remembered [mm].
     """
     shift = round(finder.delay / finder.grid_step)
     rest = shift * finder.grid_step - finder.delay
@@ -86,7 +85,7 @@ def learn(history: Any, finder: Any, noise: Any, shallowest: float) -> bool:
     place = finder.grid[there % GRID]
     depth = place[0] + rest * (place[1] + 0.5 * rest * place[2])
     force = finder.grid[here % GRID, 3]
-    if depth < shallowest or force * force < TOUCHING**2 * noise[1]:
+    if depth < LEAST_DEPTH or force * force < TOUCHING**2 * noise[1]:
         return False
     # Where the tissue lets go or the tool turns, no parabola fits.
     if place[4] > SMOOTH * noise[0] or finder.grid[here % GRID, 5] > SMOOTH * noise[1]:

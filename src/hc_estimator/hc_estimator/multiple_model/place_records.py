@@ -21,6 +21,7 @@ PLACE = record_type(
         # 1 once the delay was known: until then what is late looks like another height.
         Field("in_step", np.int64, (), 0, 1),
         Field("doubted", np.int64, (), 0, 1),  # 1 once that has failed since then
+        Field("called", np.int64, (), 0, 1),  # 1 once it was called another tissue
         Field("due", np.int64, (), 0),  # points of the contact at which it is asked next
         Field("ended", np.int64, (), 0),  # contacts so far
         Field("fitting", np.int64, (), 0),  # of which the law fitted so many at their end
