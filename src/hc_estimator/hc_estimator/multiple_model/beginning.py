@@ -208,6 +208,7 @@ def begin_at_place(settings: Any, bank: Any) -> None:
     contact_onset.move_zeros(bank)
     zero_fit.reset(zeros)
     zeros.unknown = OF_POSITION
+    zeros.off[0] = place.height_deviation
     copy_matrix(place.doubt, zeros.doubt)
     zeros.deviation = math.sqrt(zeros.doubt[0, 0])
     history.first = history.contact
