@@ -119,5 +119,12 @@ def test_what_the_user_holds_fixed_stays():
     np.testing.assert_array_equal(series.parameters_std[:, 2], 0.0)
     for i, end in enumerate(ends(number, depth)):
         assert abs(series.parameters[end, 0] / places[i][0] - 1.0) < 0.03
-    known = hc.create_estimator(FILTER, find_zeros=False).run(time, place, force)
-    assert np.all(known.contact_position == 0.0)
+
+
+def test_the_height_stays_where_no_zeros_are_looked_for():
+    places = [(k, 0.02 * k, 1.6, 0.8, 0.0) for k in (0.3, 0.8, 0.2)]
+    time, place, force, number, depth = palpate(places)
+    series = hc.create_estimator(FILTER, find_zeros=False).run(time, place, force)
+    for i, end in enumerate(ends(number, depth)):
+        assert abs(series.parameters[end, 0] / places[i][0] - 1.0) < 0.01
+    assert np.count_nonzero(series.change_detected) == 2

@@ -45,6 +45,7 @@ RECORDS = {  # what a variable of that name is, in every kernel
     "window": "window",
     "air": "air",
     "search": "search",
+    "place": "place",
     "memory": "memory",
 }
 OWNERS = {
@@ -100,21 +101,24 @@ OWNERS = {
     "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
+    "place": ("multiple_model/another_place", "multiple_model/place_fit"),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
 }
 GUESTS = {
     "multiple_model/alignment": {
+        "change": "detected",
         "delay": "delay deviation doubt",
         "judge": "chosen",
         "given": "latest_force",
         "row": "active",
     },
+    "multiple_model/another_place": {"history": "contact"},
     "multiple_model/air_zero": {"onset": "force_deviation in_air shift"},
     "multiple_model/beginning": {
         "change": "detected",
         "clock": "refused_count refused_since started",
-        "history": "unfitted",
+        "history": "fit unfitted",
         "row": "active index state",
         "tool": "away_time contact_clock worthless_time",
     },

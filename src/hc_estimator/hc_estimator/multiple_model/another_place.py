@@ -108,7 +108,7 @@ def look(settings: Any, bank: Any) -> bool:
         end(place)
         _note_end(bank)
         if not last:
-            note_before(settings, bank)
+            _note_before(settings, bank)
         return last
     if place.away > OUT_TIME and place.known != 0:
         place.testing = 1
@@ -154,7 +154,7 @@ def _note_end(bank: Any) -> None:
 
 
 @compiled
-def note_before(settings: Any, bank: Any) -> None:
+def _note_before(settings: Any, bank: Any) -> None:
     """What is known of the place that the tool was at, or nothing."""
     place, row = bank.place, bank.rows[bank.judge.chosen]
     fits = 2 * place.fitting > place.ended
@@ -363,7 +363,32 @@ def _set_other(place: Any, height_variance: float) -> None:
 
 
 @compiled
-def is_other_tissue(place: Any) -> bool:
+def count_level(place: Any) -> None:
+    """Count another place at the height of the one before."""
+    place.level += place.is_level
+
+
+@compiled
+def is_to_be_called(settings: Any, bank: Any) -> bool:
+    """True once the place is clearly of another tissue; its height is where the contact begins now.
+
+    Args:
+        settings: settings record.
+        bank: its record `place` is changed.
+    """
+    place = bank.place
+    place.before[POSITION] -= place.outcome[POSITION]
+    place.outcome[POSITION] = 0.0
+    is_called = place.called == 0 and _is_other_tissue(place)
+    if is_called:
+        place.called = 1
+    if place.testing == 0:  # the contact is over
+        _note_before(settings, bank)
+    return bool(is_called)
+
+
+@compiled
+def _is_other_tissue(place: Any) -> bool:
     """True if K, B, n or p of the last fit is clearly another than before the contact."""
     for i in range(POSITION):
         off = place.outcome[i] - place.before[i]

@@ -8,7 +8,7 @@ from typing import Any
 from hc_estimator.adaptation import difference_noise, motion_density
 from hc_estimator.adaptation.policy import DIFFERENCES
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import copy_matrix, copy_vector
+from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model import (
     air_zero,
     another_place,
@@ -46,7 +46,6 @@ from hc_estimator.multiple_model.rows import (
     reset,
     take_motion,
 )
-from hc_estimator.multiple_model.zero_records import OF_POSITION
 from hc_estimator.screening import ACCEPTED, NUMERICAL
 
 ALIGNED_DEVIATIONS = (0.3, 1.0, 0.15, 0.1)  # of ln K, ln B, n, p after an alignment
@@ -199,23 +198,15 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
 @compiled
 def begin_at_place(settings: Any, bank: Any) -> None:
     """Begin every row at another place, with the fit to the contact with it."""
-    place, history, zeros, onset = bank.place, bank.history, bank.zeros, bank.onset
-    values = place.outcome
-    onset.shift[0] = values[POSITION]
-    onset.shift[1] = 0.0
-    onset.position_deviation = place.height_deviation
-    is_first = history.begun != history.contact
-    contact_onset.move_zeros(bank)
-    zero_fit.reset(zeros)
-    zeros.unknown = OF_POSITION
-    zeros.off[0] = place.height_deviation
-    copy_matrix(place.doubt, zeros.doubt)
-    zeros.deviation = math.sqrt(zeros.doubt[0, 0])
-    history.first = history.contact
-    history.begun = history.contact
-    history.unfitted = history.count
+    place, history, values = bank.place, bank.history, bank.place.outcome
+    contact_onset.move_position(bank, values[POSITION], place.height_deviation)
+    zero_fit.begin_at_place(bank.zeros, place.doubt, place.height_deviation)
+    if histories.begin_at_place(history):
+        another_place.count_level(place)
+        delay_points.forget(bank.delay)
     for i in range(4):
         history.fit[i] = values[i]
+    history.unfitted = history.count
     bank.rows[FITTED].active = 0
     _begin_rows(settings, bank.rows, (values[0], values[1], values[2], values[3]))
     for m in range(FRESH):
@@ -225,16 +216,8 @@ def begin_at_place(settings: Any, bank: Any) -> None:
                 covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = place.conditional[i, j]
     _go_on_moving(settings, bank)
     _choose_anew(bank)
-    place.before[POSITION] -= values[POSITION]
-    values[POSITION] = 0.0
-    if is_first:
-        place.level += place.is_level
-        delay_points.forget(bank.delay)
-    if place.called == 0 and another_place.is_other_tissue(place):
-        place.called = 1
+    if another_place.is_to_be_called(settings, bank):
         bank.change.detected = 1
-    if place.testing == 0:  # the contact is over
-        another_place.note_before(settings, bank)
 
 
 @compiled

@@ -335,6 +335,16 @@ def move_zeros(bank: Any) -> None:
 
 
 @compiled
+def move_position(bank: Any, displacement: float, deviation: float) -> None:
+    """Move the contact position by so much, now that it is known to a deviation [mm]."""
+    onset = bank.onset
+    onset.shift[0] = displacement
+    onset.shift[1] = 0.0
+    onset.position_deviation = deviation
+    move_zeros(bank)
+
+
+@compiled
 def move_readings(bank: Any) -> None:
     """The same, but for the points of `history`."""
     onset, finder, held = bank.onset, bank.delay, bank.held

@@ -190,6 +190,15 @@ def oldest(history: Any) -> int:
 
 
 @compiled
+def begin_at_place(history: Any) -> bool:
+    """Begin with the points of the present contact; False if they are the first already."""
+    is_first = history.begun != history.contact
+    history.first = history.contact
+    history.begun = history.contact
+    return bool(is_first)
+
+
+@compiled
 def of_place(history: Any) -> int:
     """Number of the first point of the present place that is still remembered."""
     return max(history.count - POINTS, history.begun)  # type: ignore[no-any-return]

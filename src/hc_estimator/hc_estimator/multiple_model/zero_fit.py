@@ -88,6 +88,22 @@ def reset(zeros: Any) -> None:
 
 
 @compiled
+def begin_at_place(zeros: Any, doubt: Any, deviation: float) -> None:
+    """The contact begins where a fit to another place says (`another_place`), and that is given.
+
+    Args:
+        zeros: changed.
+        doubt: what the position leaves open of ln K, ln B, n and p, shape (4, 4).
+        deviation: of the position [mm].
+    """
+    reset(zeros)
+    zeros.unknown = OF_POSITION
+    zeros.off[0] = deviation
+    copy_matrix(doubt, zeros.doubt)
+    zeros.deviation = math.sqrt(zeros.doubt[0, 0])
+
+
+@compiled
 def take_setting(settings: Any, zeros: Any) -> None:
     """Doubt nothing that is not looked for, or that the user knows better by now."""
     known = settings.contact_position_std > 0.0 and settings.force_zero_std > 0.0
