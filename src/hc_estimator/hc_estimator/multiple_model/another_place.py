@@ -55,8 +55,8 @@ CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
 LEAST_VARIANCE = 1e-8
 NARROW = 0.03  # width of a parabola that misses nothing [s]
 DELAY_DEVIATION = 0.02  # of a delay that is not known yet [s]
-SMALL_DELAY = 0.003  # deviation of a delay from which on it is known [s]
-IN_STEP, LEAST_DELAY = 3.0, 0.001  # deviations, and delay [s], up to which it is none
+SMALL_DELAY = 0.0015  # deviation of a delay from which on it is known [s]
+IN_STEP, LEAST_DELAY = 2.0, 0.0005  # deviations, and delay [s], up to which it is none
 DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 
 
@@ -64,8 +64,7 @@ DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 def reset(place: Any) -> None:
     """No contact is asked about."""
     place.away = 0.0
-    place.known = 0
-    end(place)
+    forget(place)
     place.called = 0
     place.found = 0
     place.level = 0
@@ -74,7 +73,6 @@ def reset(place: Any) -> None:
     place.ended = 0
     place.fitting = 0
     place.late = 0
-    clear_matrix(place.open)
 
 
 @compiled
@@ -82,6 +80,14 @@ def end(place: Any) -> None:
     """Ask no more about the present contact."""
     place.testing = 0
     place.is_other = 0
+
+
+@compiled
+def forget(place: Any) -> None:
+    """What was known before the present contact no longer holds: the zeros or the delay moved."""
+    end(place)
+    place.known = 0
+    clear_matrix(place.open)
 
 
 @compiled

@@ -168,6 +168,7 @@ def begin_aligned(settings: Any, bank: Any) -> None:
     p = guess_of(settings, 3)
     _begin_rows(settings, bank.rows, (math.log(stiffness), math.log(damping), fit[2], p))
     bank.motion_anew = 1
+    another_place.forget(bank.place)
     _choose_anew(bank)
     histories.reset(bank.history)
 
@@ -192,6 +193,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
     bank.rows[FITTED].active = 0
     _go_on_moving(settings, bank)
     delays.forget(bank.delay)
+    another_place.forget(bank.place)
     _choose_anew(bank)
 
 
@@ -248,6 +250,7 @@ def _forget_tissue(settings: Any, bank: Any) -> None:
     bank.tool.worthless_time = 0.0
     levels.reset(bank.tool)
     bank.tool.contact_clock = 0.0
+    another_place.forget(bank.place)
     _choose_anew(bank)
     histories.reset(bank.history)
 

@@ -254,8 +254,10 @@ def note_covariance(settings: Any, place: Any) -> None:
         if not is_fixed(settings, place, i):
             column[i] = 1.0
         solve(place.factor, column, UNKNOWNS)
-        for j in range(UNKNOWNS):
-            place.covariance[j, i] = 0.0 if is_fixed(settings, place, j) else column[j]
+        for j in range(i + 1):
+            element = 0.0 if is_fixed(settings, place, j) else column[j]
+            place.covariance[i, j] = element
+            place.covariance[j, i] = element
 
 
 @compiled

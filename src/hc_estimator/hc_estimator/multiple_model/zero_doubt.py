@@ -147,4 +147,4 @@ def _add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
         first = out[columns.PARAMETERS + i] if i < 2 else 1.0
         for j in range(4):
             second = out[columns.PARAMETERS + j] if j < 2 else 1.0
-            out[columns.COVARIANCE + 4 * i + j] += doubt[i, j] * (first * second)
+            out[columns.COVARIANCE + 4 * i + j] += doubt[max(i, j), min(i, j)] * (first * second)

@@ -43,17 +43,17 @@ def _at_end(contact: DrawnPlaces, series: object, place: int) -> dict[str, float
     """Errors of a place where its last contact ends."""
     touching = np.flatnonzero((contact.place == place) & (contact.depth_mm > 0.0))
     end = int(touching[-1])
-    told = np.asarray(series.parameters)[end]  # type: ignore[attr-defined]
+    estimate = np.asarray(series.parameters)[end]  # type: ignore[attr-defined]
     stated = np.asarray(series.parameters_std)[end]  # type: ignore[attr-defined]
     begin = float(np.asarray(series.contact_position)[end])  # type: ignore[attr-defined]
     flagged = np.asarray(series.model_mismatch, np.bool_)[touching]  # type: ignore[attr-defined]
     called = np.asarray(series.change_detected, np.bool_)  # type: ignore[attr-defined]
     truth = contact.parameters[end]
     depth = SHARE * float(np.max(contact.depth_mm[touching]))
-    error = abs(float(np.log(told[0] / truth[0])))
-    deviation = float(stated[0] / told[0])
+    error = abs(float(np.log(estimate[0] / truth[0])))
+    deviation = float(stated[0] / estimate[0])
     seen = max(depth + contact.surface_mm[end] - begin, 1e-6)
-    force = told[0] * seen ** told[2] / (truth[0] * depth ** truth[2])
+    force = estimate[0] * seen ** estimate[2] / (truth[0] * depth ** truth[2])
     believed = float(np.mean(flagged)) < OFTEN
     return {
         "K": error,
