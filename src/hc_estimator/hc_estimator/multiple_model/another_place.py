@@ -136,6 +136,7 @@ def look(settings: Any, bank: Any) -> bool:
     place.due = math.ceil(MORE * count)
     if count * history.every * finder.grid_step > LONGEST or history.contact < history.begun:
         place.testing = 0
+        clear_matrix(place.open)  # by now the rows have learnt what the contact says
         return False
     return _ask(settings, bank)
 
