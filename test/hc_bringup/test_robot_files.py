@@ -39,3 +39,13 @@ def test_numbers_are_numbers_whatever_their_size(tmp_path):
         assert told["zero"] == pytest.approx(zero, rel=1e-4)
         assert told["scale"] == 2e-11
         assert isinstance(told["zero"], float)
+
+
+def test_a_delay_that_several_places_said_is_written_down(tmp_path):
+    time_s = np.arange(100) * 1e-2
+    found = SetupProposal(FORCE, JOINT, time_s, np.zeros(100), np.ones(100), ())
+    path = tmp_path / "arm.yaml"
+    streams = (Stream("/ft", "wrench", 1e3, "ft"), Stream("/joints", "joint", 100.0, ""))
+    write_files(path, *streams, found, {"channel_delay": -0.006})
+    told = yaml.safe_load(path.read_text())["estimator"]["ros__parameters"]
+    assert told["channel_delay"] == -0.006

@@ -111,3 +111,45 @@ def test_found_zeros_survive_saving(plant):
     second = other.run(time[half:], d_read[half:], force[half:])
     np.testing.assert_array_equal(first.parameters, second.parameters)
     np.testing.assert_array_equal(first.contact_position, second.contact_position)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("zero", [1.0, 3.0])
+def test_a_zero_that_moves_twice_before_the_first_touch_is_read_twice(zero, seed, plant):
+    """Regression of 2026-11-26: the highest level of before stayed in the zero of before.
+
+    The force stands at 1 N, falls a little while the tool rests, and rises a little on its way
+    down, where its zero is read. What the tool felt at rest was one newton more than that zero, and
+    counted as a contact: so the rest of the way down was no air.
+    """
+    fall, rise = 0.06, 0.04
+    time, travel = approach(seconds=6.5, start=-4.0, speed=2.0)
+    d = np.concatenate([np.full(750, -4.0), travel])
+    time = np.arange(d.size) / 500.0
+    level = zero - fall * (time > 1.0) + rise * (time > 2.7)  # at -1.6 mm
+    d_read, force = felt(plant, time, d, seed)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force + level)
+    inside = int(np.argmax(d > 0.4))
+    assert series.force_zero[inside] == pytest.approx(level[-1], abs=0.005)
+    assert series.force_zero[-1] == pytest.approx(level[-1], abs=0.005)
+    assert series.contact_position[-1] == 0.0
+
+
+@pytest.mark.parametrize("force_zero", [-2.0, 0.0, 0.4, 2.0])
+def test_no_reading_stays_in_a_zero_that_moved(force_zero, plant):
+    """Regression of 2026-11-26: the reading with which a zero moved was still in the old one.
+
+    Readings come alone, the displacement late: the forces are held back, and one of them moves a
+    zero while the next reading, of either sensor, is at hand. It was 3 mm or 2 N off, and refused.
+    """
+    delay, position = 0.02, -3.0
+    time, d = approach()
+    _, force = felt(plant, time, d, 3, position, force_zero)
+    d_read, _ = felt(plant, time, np.interp(time - delay, time, d), 3, position)
+    d_read[1::2], force[::2] = np.nan, np.nan
+    estimator = hc.create_estimator("self_tuning_ukf", missing_readings=True, channel_delay=-delay)
+    series = estimator.run(time, d_read, force)
+    down = (time > 0.6) & (time < 1.3)  # from the air into the tissue
+    assert np.any(np.abs(np.diff(series.contact_position[down])) > 1.0)
+    assert series.force_zero[-1] == pytest.approx(force_zero, abs=MOVED)
+    assert np.all(series.rejected[down] == 0)

@@ -152,3 +152,24 @@ def test_the_delay_of_a_tool_that_taps_quickly_is_found(delay, exponent, tapping
     assert series.channel_delay[-1] == pytest.approx(delay, abs=2e-3)
     assert series.parameters[-1, 0] == pytest.approx(1.1, rel=0.02)
     assert not series.change_detected.any()
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_change_that_a_reading_held_back_shows_is_told(seed, plant):
+    """Regression of 2026-11-26: readings that come alone, the displacement late: none was told.
+
+    The forces are held back, and what one of them found was forgotten with the next reading.
+    """
+    delay, changed = 0.02, 3.5
+    time = np.arange(4500) / 1000.0
+    motion = plant.motion(time)
+    before, after = (0.2, 0.009, 1.8, 1.05), (0.5, 0.02, 1.5, 1.05)
+    force = np.where(time < changed, plant.force(*motion, *before), plant.force(*motion, *after))
+    d, force = plant.noisy(plant.motion(time - delay)[0], force, seed)
+    d[1::2], force[::2] = np.nan, np.nan
+    estimator = hc.create_estimator("self_tuning_ukf", missing_readings=True, channel_delay=-delay)
+    series = estimator.run(time, d, force)
+    told = time[series.change_detected]
+    assert told.size == 1
+    assert changed < told[0] < changed + 0.6
+    assert series.parameters[-1, 0] == pytest.approx(after[0], rel=0.02)

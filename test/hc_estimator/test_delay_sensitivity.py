@@ -86,3 +86,41 @@ def test_what_is_not_known_of_the_delay_is_handed_over(recording):
     memory = hand_over(estimator, hc.create_estimator("ukf")).state()["memory"]
     variance = np.array(memory["covariance"])[3, 3]
     assert variance == pytest.approx((estimate.parameters_std[0] / estimate.parameters[0]) ** 2)
+
+
+def jerky(plant, seed, rate=500.0):
+    """Four seconds of a tool that stops and turns at once, its force 20 ms late."""
+    turns = np.array((0.0, 0.4, 0.8, 1.2, 1.6, 2.0, 2.4, 2.8, 4.0))
+    speeds = np.array((6.0, 0.0, -4.0, 0.0, 9.0, 0.0, -9.0, 4.0))
+    places = 0.3 + np.concatenate(([0.0], np.cumsum(speeds * np.diff(turns))))
+    time = np.arange(round(4.0 * rate)) / rate
+    felt_at = np.maximum(time - DELAY_S, 0.0)
+    velocity = speeds[np.searchsorted(turns, felt_at, side="right") - 1]
+    force = plant.force(np.interp(felt_at, turns, places), velocity, 0.3, 0.02, 1.6, 1.0)
+    return (time, *plant.noisy(np.interp(time, turns, places), force, seed))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_rows_that_go_back_to_before_a_turn_take_the_derivative_along(seed, plant):
+    """Regression of 2026-11-26: parameters of before the turn, and the derivative of after it.
+
+    A row that goes back has the parameters to the bit that it had some samples before; what they
+    owe to the delay is then what they owed to it there.
+    """
+    estimator = hc.create_estimator(
+        "self_tuning_ukf", channel_delay=DELAY_S, without_hypotheses=126
+    )
+    parameters, slopes, since = [], [], []
+    for sample in zip(*jerky(plant, seed), strict=True):
+        estimator.step(*sample)
+        memory = estimator._memory[0]
+        row = memory["rows"][memory["judge"]["chosen"]]
+        parameters.append(row["state"][2:6].copy())
+        slopes.append(row["by_delay"][2:6].copy())
+        since.append(float(memory["maneuver"]["since"]))
+    turns = [k for k in range(1, len(since)) if since[k] < since[k - 1]]
+    assert len(turns) >= 5
+    for k in turns:
+        before = max(j for j in range(k) if np.array_equal(parameters[j], parameters[k]))
+        assert not np.allclose(slopes[k - 1], slopes[before], rtol=1e-3)  # it was another meanwhile
+        np.testing.assert_array_equal(slopes[k], slopes[before])

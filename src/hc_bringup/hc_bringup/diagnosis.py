@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import Estimated, FloatArray, Samples
 from hc_estimator import PARAMETER_NAMES
@@ -25,7 +26,8 @@ from hc_estimator.stream.readings import (
 )
 from hc_estimator.stream.sanity import check_samples
 from hc_estimator.stream.sensor_setup import SURFACE_SHARE
-from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY
+from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
 
 MOST_REMEDIES = 5
@@ -43,8 +45,6 @@ SPOILT = (
 )
 """What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
-MOST_NOISES = 1.5
-"""A fit that leaves more than so many times the noise does not say where the surface is."""
 DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
@@ -62,7 +62,7 @@ class Finding:
     Attributes:
         what: in a sentence.
         settings: input settings that put it right, by name below `input.`; empty if none does.
-            CONTACT_STD among them is one of the estimator's own.
+            CONTACT_STD and CHANNEL_DELAY among them are the estimator's own.
         cost: what it changes in K, B, n, p, in words; empty where that is not known.
     """
 
@@ -135,9 +135,14 @@ def diagnose(
         cost = _cost(before, after, mended)
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
+    after = before
     if not spoilt:
         findings += _between_channels(samples, before)
-    after = samples.estimate()
+        after = samples.estimate()
+        late = _at_all_places(samples, after, findings)
+        if late:
+            findings += late
+            after = samples.estimate()
     findings += _refusals(after, len(samples.time_s))
     if after is not None and after.mismatch > DISTURBED_SHARE:
         findings.append(
@@ -256,11 +261,8 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
     findings = []
     faults = found.clear_faults
     if "delay" in faults and abs(found.delay_s) > CLEAR_DELAY_S:
-        late, early = ("force", "position") if found.delay_s > 0.0 else ("position", "force")
-        what = (
-            f"the {late} is {1e3 * abs(found.delay_s):.1f} ± {1e3 * found.delay_std_s:.1f} ms late "
-            f"against the {early}"
-        )
+        late = "force" if found.delay_s > 0.0 else "position"
+        what = Delay(found.delay_s, found.delay_std_s, 1).late
         settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
         samples.shift_force(-found.delay_s)
         after = samples.estimate()
@@ -293,6 +295,26 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
         samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
     return findings
+
+
+def _at_all_places(
+    samples: Samples, before: Estimated | None, findings: list[Finding]
+) -> list[Finding]:
+    """Look for a delay where the law does not fit, for several places may have been pressed."""
+    known = any(name.endswith("time_offset") for f in findings for name in f.settings)
+    if before is None or before.mismatch <= DISTURBED_SHARE or known:
+        return []
+    delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
+    if delay is None or abs(delay.seconds) < max(CLEAR_DELAY_S, CLEAR * delay.deviation_s):
+        return []
+    aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4))
+    after = aligned.estimate()
+    if _fits_worse(before, after):
+        return []
+    samples.channel_delay = aligned.channel_delay
+    what = f"{delay.late}, at {delay.places} places that were pressed one after another"
+    settings = {CHANNEL_DELAY: aligned.channel_delay}
+    return [Finding(what, settings, _cost(before, after, True))]
 
 
 def _fits_worse(before: Estimated | None, after: Estimated | None) -> bool:

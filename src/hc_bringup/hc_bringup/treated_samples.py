@@ -47,6 +47,8 @@ class Samples:
     displacement_mm: FloatArray
     force_n: FloatArray
     surface_std_mm: float
+    channel_delay: float | str = "auto"
+    """As the default filter's setting [s]."""
 
     def count_once(self, channel: str) -> None:
         """Leave out the readings of a channel that only repeat the one before."""
@@ -75,7 +77,10 @@ class Samples:
     def estimate(self) -> Estimated | None:
         """Run the default estimator; None if it was never in contact."""
         estimator = create_estimator(
-            DEFAULT_FILTER, missing_readings=True, contact_position_std=self.surface_std_mm
+            DEFAULT_FILTER,
+            missing_readings=True,
+            contact_position_std=self.surface_std_mm,
+            channel_delay=self.channel_delay,
         )
         series = run_in_pieces(estimator, self.time_s, self.displacement_mm, self.force_n)
         touched = series.contact & (series.rejected == 0)
