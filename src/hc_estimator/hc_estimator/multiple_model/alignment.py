@@ -21,6 +21,7 @@ from hc_estimator.multiple_model import (
     delay_points,
     delay_sensitivity,
     moving_fit,
+    place_delay,
     plausible,
     sample,
     surface_search,
@@ -216,6 +217,11 @@ def _take_point(settings: Any, bank: Any) -> None:
     if new and is_tried(settings, FITTED):
         if another_place.look(settings, bank):
             beginning.begin_at_place(settings, bank)
+        elif place_delay.is_found(finder, bank.place):
+            bank.held.first = bank.held.count
+            delay_evidence.reset(finder)
+            beginning.begin_aligned(settings, bank)
+            another_place.begin_in_step(bank.place)
         if batch_fit.update(settings, bank) and zero_fit.look(settings, bank):
             beginning.begin_with_zeros(settings, bank)
         elif plausible.is_no_law(settings, rows[FITTED], bank.tool):

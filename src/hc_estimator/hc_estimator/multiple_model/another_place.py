@@ -18,17 +18,17 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
+from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import place_average, place_fit
+from hc_estimator.multiple_model import place_average, place_delay, place_fit, place_prior
 from hc_estimator.multiple_model.change import is_different
 from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import TOUCHING
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
 from hc_estimator.multiple_model.kalman import probability
-from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.model_error import THRESHOLD
-from hc_estimator.multiple_model.place_fit import DELAY, POSITION, UNKNOWNS
+from hc_estimator.multiple_model.place_fit import POSITION
+from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION, LONGEST
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.specification import ParameterSpecification
 
@@ -42,23 +42,11 @@ SPECIFICATIONS = (
 )
 
 OUT_TIME = 0.05  # without a force before a contact is a new one [s]
-FEWEST = 6  # points
 MORE = 1.25  # times as many points at which it is asked again
-LONGEST = 2.0  # time for which a contact is asked [s]
-# Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
-DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
-HEIGHT_DEVIATION = 1.0
-VARIES = 0.01  # deviation of ln K and ln B by which the same place is another later on
 UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 5.0  # the same once there was one
-CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
-LEAST_VARIANCE = 1e-8
-NARROW = 0.03  # width of a parabola that misses nothing [s]
-DELAY_DEVIATION = 0.02  # of a delay that is not known yet [s]
-SMALL_DELAY = 0.0015  # deviation of a delay from which on it is known [s]
-IN_STEP, LEAST_DELAY = 2.0, 0.0005  # deviations, and delay [s], up to which it is none
 
 
 @compiled
@@ -70,10 +58,8 @@ def reset(place: Any) -> None:
     place.found = 0
     place.level = 0
     place.contacts = 0
-    place.in_step = 0
-    place.ended = 0
-    place.fitting = 0
-    place.late = 0
+    place_delay.reset(place)
+    forget_fits(place)
 
 
 @compiled
@@ -92,6 +78,22 @@ def forget(place: Any) -> None:
 
 
 @compiled
+def begin_in_step(place: Any) -> None:
+    """Begin with what the last contact said beside the delay that it showed, its height as well."""
+    place.known = 1
+    place.row = 0
+    copy_vector(place.outcome, place.before)
+    copy_matrix(place.covariance, place.before_covariance)
+
+
+@compiled
+def forget_fits(place: Any) -> None:
+    """Whether the law fitted the contacts before says nothing: the channels were out of step."""
+    place.ended = 0
+    place.fitting = 0
+
+
+@compiled
 def look(settings: Any, bank: Any) -> bool:
     """Take the newest point of the grid; True if rows are to begin anew with the fit in `place`.
 
@@ -100,6 +102,7 @@ def look(settings: Any, bank: Any) -> bool:
         bank: its record `place` is changed, and where the contact begins in `history`.
     """
     place, history, finder = bank.place, bank.history, bank.delay
+    place.delay_learnt = 0
     if settings.find_places == 0 or is_held(settings, 0):
         return False
     here = finder.grid_count - 1 - max(-round(finder.delay / finder.grid_step), 0)
@@ -116,15 +119,16 @@ def look(settings: Any, bank: Any) -> bool:
         _note_end(bank)
         if not last:
             _note_before(settings, bank)
+            place_delay.learn(settings, bank)
         return last
-    if place.away > OUT_TIME and place.known != 0:
-        place.testing = 1
+    if place.away > OUT_TIME:
+        history.contact = history.count
+        place.testing = place.known
         place.doubted = 0
         place.called = 0
-        place.contacts += 1
+        place.contacts += place.known
         clear_matrix(place.open)
         place.due = FEWEST
-        history.contact = history.count
     place.away = 0.0
     if place.testing == 0:
         return False
@@ -188,12 +192,12 @@ def _ask(settings: Any, bank: Any) -> bool:
     place.first = history.contact
     place.last = history.count
     if place.is_other == 0:
-        _set_same(place)
+        place_prior.set_same(place)
         copy_vector(place.guess, place.values)
         same = place_fit.fit(settings, place, history, noise, 1.0, 1)
         # A place that explains the contact to within the noise is no other one.
         needed = not same < CONSISTENT * place.expected
-    _set_other(place, HEIGHT_DEVIATION**2)
+    place_prior.set_other(place, HEIGHT_DEVIATION**2)
     if place.is_other == 0:
         place_fit.begin(settings, place, history)
     else:
@@ -204,16 +208,14 @@ def _ask(settings: Any, bank: Any) -> bool:
     left = other / place.expected
     if not left < CONSISTENT:
         return False
-    # What the law misses is no reason for another place, nor what wide parabolas miss of a press.
-    wider = max(bank.delay.grid_width / NARROW, 1.0)
-    weight = 1.0 / (max(left, 1.0) * wider * wider)
+    weight = place_prior.weight_of(bank, left)
     elsewhere = _evidence(settings, place, history, noise, weight, 1)
     if elsewhere == -math.inf:
         return False
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
-    _set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
+    place_prior.set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
     level = _evidence(settings, place, history, noise, weight, 0)
     place_fit.note_covariance(settings, place)
@@ -222,12 +224,13 @@ def _ask(settings: Any, bank: Any) -> bool:
     place_average.join(place, probability(elsewhere - level - odds))
     if place.is_other != 0:
         return True
-    _set_same(place)
+    place_prior.set_same(place)
     copy_vector(place.guess, place.values)
     lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 0)
     if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
-        unknown = math.isnan(settings.channel_delay) and place.in_step == 0
-        if unknown and not _is_in_step(settings, place, history, noise, weight):
+        if place_delay.may_be_late(settings, place) and not place_delay.is_in_step(
+            settings, bank, noise, weight
+        ):
             place_average.leave_open(place, probability(lead))
             return False
         clear_matrix(place.open)
@@ -238,29 +241,6 @@ def _ask(settings: Any, bank: Any) -> bool:
         odds = math.log((1.0 + place.found) / (1.0 + place.contacts - place.found))
         place_average.leave_open(place, probability(lead + odds))
     return False
-
-
-@compiled
-def _is_in_step(
-    settings: Any, place: Any, history: Any, noise: tuple[float, float, float], weight: float
-) -> bool:
-    """True if the contact by itself shows that the force is not late, nor early.
-
-    What is late looks like another place, as long as nobody knows that it is late.
-    """
-    _set_other(place, HEIGHT_DEVIATION**2)
-    copy_vector(place.outcome, place.values)
-    place.late = 1
-    left = place_fit.fit(settings, place, history, noise, weight, 1)
-    column = place.next
-    clear_vector(column)
-    column[DELAY] = 1.0
-    if math.isfinite(left):
-        solve(place.factor, column, UNKNOWNS)
-    place.late = 0
-    deviation, delay = math.sqrt(max(column[DELAY], 0.0)), place.values[DELAY]
-    place.values[DELAY] = 0.0
-    return bool(deviation < SMALL_DELAY and abs(delay) < IN_STEP * deviation + LEAST_DELAY)
 
 
 @compiled
@@ -277,41 +257,6 @@ def _evidence(
     if not math.isfinite(squares):
         return -math.inf
     return place_fit.log_evidence(settings, place, squares, weight)
-
-
-@compiled
-def _set_same(place: Any) -> None:
-    """It is the place before: what was known of it is the prior, and its height stays."""
-    for i in range(UNKNOWNS):
-        for j in range(UNKNOWNS):
-            place.seen[i, j] = place.before_covariance[i, j]
-        place.seen[i, i] += LEAST_VARIANCE
-    for i in range(2):
-        for j in range(2):
-            place.seen[i, j] += VARIES**2
-    place.seen[POSITION, POSITION] = LEAST_VARIANCE
-    copy_vector(place.before, place.guess)
-    place_fit.invert(place.seen, place)
-
-
-@compiled
-def _set_other(place: Any, height_variance: float) -> None:
-    """It is another place: alike, but no more.
-
-    Args:
-        place: its prior is set.
-        height_variance: of where the contact begins [mm^2].
-    """
-    prior, before = place.prior, place.before_covariance
-    clear_matrix(prior)
-    for i in range(POSITION):
-        prior[i, i] = 1.0 / (DEVIATIONS[i] ** 2 + before[i, i])
-    prior[POSITION, POSITION] = 1.0 / max(height_variance, LEAST_VARIANCE)
-    prior[DELAY, DELAY] = 1.0 / DELAY_DEVIATION**2
-    # That of B is one of B / K.
-    prior[0, 0] += prior[1, 1]
-    prior[0, 1] = prior[1, 0] = -prior[1, 1]
-    copy_vector(place.before, place.guess)
 
 
 @compiled

@@ -54,8 +54,12 @@ def _law(settings: Any, place: Any, values: Any, history: Any, point: Any) -> fl
     slopes, gradient = place.slopes, place.gradient
     stiffness, damping = exp_limited(values[0]), exp_limited(values[1])
     velocity, acceleration = velocity_at(history, point), point[6]
-    depth = point[0] - values[POSITION] - values[DELAY] * velocity
     velocity -= values[DELAY] * acceleration
+    depth = (
+        point[0]
+        - values[POSITION]
+        - values[DELAY] * (velocity + 0.5 * values[DELAY] * acceleration)
+    )
     n, p = values[2], values[3]
     force = law_at(settings, stiffness, damping, n, p, depth, velocity, gradient)
     for i in range(4):

@@ -1,0 +1,151 @@
+"""By how much is the force late, where every contact is with another place?
+
+`delay` fits one law to all half seconds and is at a loss where the tissue is another one each time.
+So each contact that is over says by itself what it knows of the delay, beside a K, B, n, p and
+height of its own, and what contacts before said is the prior for the next. That tells that the
+channels are in step, or by how much they are not where `delay` does not know; until then what is
+late looks like another place (`another_place`). (Ours; `hc bench accuracy places`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector, copy_vector
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import place_fit, place_prior
+from hc_estimator.multiple_model.delay import BEGINS, LARGEST
+from hc_estimator.multiple_model.kalman import exp_limited
+from hc_estimator.multiple_model.levenberg_marquardt import solve
+from hc_estimator.multiple_model.place_fit import DELAY, UNKNOWNS
+from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION, LONGEST
+
+FIRST_DEVIATION = 0.02  # of a delay of which nothing is known [s]
+SMALL = 0.0015  # deviation of a delay from which on it is known [s]
+IN_STEP, LEAST = 2.0, 0.0005  # deviations, and delay [s], up to which it is none
+FEWEST_CONTACTS = 3  # that say the same, for a delay to be used
+ALIKE = 4.0  # mean square of how contacts differ, over what it should be, up to which they agree
+
+
+@compiled
+def reset(place: Any) -> None:
+    """No contact has said anything."""
+    place.late = 0
+    place.in_step = 0
+    place.delay = 0.0
+    place.delay_precision = 1.0 / FIRST_DEVIATION**2
+    place.delay_contacts = 0
+    place.delay_learnt = 0
+    place.delay_squares = 0.0
+
+
+@compiled
+def may_be_late(settings: Any, place: Any) -> bool:
+    """True as long as nobody knows whether the force is late."""
+    return bool(math.isnan(settings.channel_delay) and place.in_step == 0)
+
+
+@compiled
+def _fit(
+    settings: Any, bank: Any, noise: tuple[float, float, float], weight: float, passes: int
+) -> tuple[float, float, float]:
+    """Fit a delay beside the rest, from place.outcome on.
+
+    Args:
+        settings: settings record.
+        bank: place.values are those of the fit, but for the delay.
+        noise: of the points.
+        weight: of their squares.
+        passes: with other weights.
+
+    Returns:
+        Delay [s], its variance, and squares left in those of the noise; these infinite for none.
+    """
+    place = bank.place
+    place_prior.set_other(place, HEIGHT_DEVIATION**2)
+    place.guess[DELAY] = place.delay
+    place.prior[DELAY, DELAY] = place.delay_precision
+    copy_vector(place.outcome, place.values)
+    place.values[DELAY] = place.delay
+    place.late = 1
+    squares = place_fit.fit(settings, place, bank.history, noise, weight, passes)
+    place.late = 0
+    delay = place.values[DELAY]
+    place.values[DELAY] = 0.0
+    if not (math.isfinite(squares) and place.expected > 0.0):
+        return 0.0, math.inf, math.inf
+    column = place.next
+    clear_vector(column)
+    column[DELAY] = 1.0
+    solve(place.factor, column, UNKNOWNS)
+    return delay, max(column[DELAY], 0.0), squares / place.expected
+
+
+@compiled
+def is_in_step(settings: Any, bank: Any, noise: tuple[float, float, float], weight: float) -> bool:
+    """True if this contact and those before show by themselves that the force is in step.
+
+    What is late looks like another place, as long as nobody knows that it is late.
+    """
+    delay, variance, _ = _fit(settings, bank, noise, weight, 1)
+    deviation = math.sqrt(variance)
+    return bool(deviation < SMALL and abs(delay) < IN_STEP * deviation + LEAST)
+
+
+@compiled
+def learn(settings: Any, bank: Any) -> None:
+    """Take what the contact that is over says of the delay, whatever its place is like."""
+    place, history = bank.place, bank.history
+    longest = int(LONGEST / (history.every * bank.delay.grid_step))
+    place.first = max(history.contact, histories.oldest(history))
+    place.last = min(history.count, place.first + longest)
+    if not may_be_late(settings, place) or place.last - place.first < FEWEST:
+        return
+    noise = histories.noise_of_points(bank)
+    place_prior.set_other(place, HEIGHT_DEVIATION**2)
+    place_fit.begin(settings, place, history)
+    copy_vector(place.values, place.outcome)
+    delay, variance, left = _fit(settings, bank, noise, 1.0, 2)
+    if not left < CONSISTENT:
+        return
+    weight = place_prior.weight_of(bank, left)
+    delay, variance, left = _fit(settings, bank, noise, weight, 1)
+    before = place.delay_precision
+    if not (math.isfinite(left) and 0.0 < variance < 1.0 / before):
+        return
+    off = delay - place.delay
+    place.delay_squares += off * off * before / (1.0 - before * variance)
+    place.delay_contacts += 1
+    place.delay, place.delay_precision = delay, 1.0 / variance
+    place.delay_learnt = 1
+    copy_vector(place.values, place.outcome)
+    place_fit.note_covariance(settings, place)
+
+
+@compiled
+def is_found(finder: Any, place: Any) -> bool:
+    """True if the contacts agree on a delay, where the finder says none; it is used from now on.
+
+    Place.outcome and place.covariance are then those of the last contact, with the delay.
+
+    Args:
+        finder: record of `delay`; its delay, deviation and fit are set.
+        place: what the contacts said.
+    """
+    delay, variance = place.delay, 1.0 / place.delay_precision
+    few = place.delay_learnt == 0 or place.delay_contacts < FEWEST_CONTACTS
+    known = few or finder.clear != 0 or finder.delay != 0.0 or place.in_step != 0
+    if known or not (SMALL < abs(delay) < LARGEST and variance < SMALL**2):
+        return False
+    differ = place.delay_squares > ALIKE * place.delay_contacts
+    if differ or delay * delay < BEGINS**2 * variance:
+        return False
+    finder.delay = delay
+    finder.deviation = math.sqrt(variance)
+    finder.doubt = variance
+    for i in range(2):
+        finder.fit[i] = exp_limited(place.outcome[i])
+    finder.fit[2] = place.outcome[2]
+    return True

@@ -1,0 +1,69 @@
+"""What is believed beforehand of the place that a new contact is with (`another_place`).
+
+Either it is the place before, whose tissue may have changed by a little meanwhile, or it is another
+one, alike but no more.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_matrix, copy_vector
+from hc_estimator.multiple_model import place_fit
+from hc_estimator.multiple_model.place_fit import DELAY, POSITION, UNKNOWNS
+
+FEWEST = 6  # points of a contact
+LONGEST = 2.0  # time of a contact that is used [s]
+# Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
+DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
+HEIGHT_DEVIATION = 1.0
+VARIES = 0.01  # deviation of ln K and ln B by which the same place is another later on
+LEAST_VARIANCE = 1e-8
+CONSISTENT = 1.5  # squares left, in those of the noise, up to which a law fits
+NARROW = 0.03  # width of a parabola that misses nothing [s]
+
+
+@compiled
+def set_same(place: Any) -> None:
+    """It is the place before: what was known of it is the prior, and its height stays."""
+    for i in range(UNKNOWNS):
+        for j in range(UNKNOWNS):
+            place.seen[i, j] = place.before_covariance[i, j]
+        place.seen[i, i] += LEAST_VARIANCE
+    for i in range(2):
+        for j in range(2):
+            place.seen[i, j] += VARIES**2
+    place.seen[POSITION, POSITION] = LEAST_VARIANCE
+    copy_vector(place.before, place.guess)
+    place_fit.invert(place.seen, place)
+
+
+@compiled
+def set_other(place: Any, height_variance: float) -> None:
+    """It is another place: alike, but no more.
+
+    Args:
+        place: its prior is set.
+        height_variance: of where the contact begins [mm^2].
+    """
+    prior, before = place.prior, place.before_covariance
+    clear_matrix(prior)
+    for i in range(POSITION):
+        prior[i, i] = 1.0 / (DEVIATIONS[i] ** 2 + before[i, i])
+    prior[POSITION, POSITION] = 1.0 / max(height_variance, LEAST_VARIANCE)
+    prior[DELAY, DELAY] = 1.0
+    # That of B is one of B / K.
+    prior[0, 0] += prior[1, 1]
+    prior[0, 1] = prior[1, 0] = -prior[1, 1]
+    copy_vector(place.before, place.guess)
+
+
+@compiled
+def weight_of(bank: Any, left: float) -> float:
+    """Weight of the points' squares, of which a fit leaves so many times the noise's.
+
+    What the law misses is no reason for another place, nor what wide parabolas miss of a press.
+    """
+    wider = max(bank.delay.grid_width / NARROW, 1.0)
+    return 1.0 / (max(left, 1.0) * wider * wider)
