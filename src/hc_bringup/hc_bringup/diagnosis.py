@@ -7,14 +7,15 @@ recording is estimated again: the difference is what the fault costs.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from hc_bringup.terminal.numbers import rounded
-from hc_bringup.treated_samples import Estimated, FloatArray, Samples
-from hc_estimator import PARAMETER_NAMES
+from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
+from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
@@ -49,6 +50,7 @@ DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
 SYMBOLS = "KBnp"
+OUT_OF_RANGE = Rejection.OUT_OF_RANGE.name.lower()
 CONTACT_STD = "contact_position_std"
 """The estimator's setting that says how well the surface is known."""
 _LONGEST = 20_000
@@ -62,7 +64,7 @@ class Finding:
     Attributes:
         what: in a sentence.
         settings: input settings that put it right, by name below `input.`; empty if none does.
-            CONTACT_STD among them is one of the estimator's own.
+            CONTACT_STD and FORCE_LIMIT among them are the estimator's own.
         cost: what it changes in K, B, n, p, in words; empty where that is not known.
     """
 
@@ -96,6 +98,7 @@ def diagnose(
     displacement_mm: FloatArray,
     force_n: FloatArray,
     surface_std_mm: float = 0.0,
+    force_limit_n: float = math.inf,
 ) -> Diagnosis:
     """Judge readings of both channels.
 
@@ -104,6 +107,7 @@ def diagnose(
         displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
         force_n: contact force [N], shape (n,); NaN where there is no reading.
         surface_std_mm: standard deviation of the position that displacements count from [mm].
+        force_limit_n: the estimator's: forces beyond it are left out here as well [N].
     """
     samples = Samples(
         np.asarray(time_s, np.float64),
@@ -111,6 +115,8 @@ def diagnose(
         np.asarray(force_n, np.float64),
         surface_std_mm,
     )
+    if (np.abs(samples.force_n) > force_limit_n).any():
+        samples.force_end_n = force_limit_n
     untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
@@ -121,7 +127,9 @@ def diagnose(
     while len(treated) < MOST_REMEDIES:
         doubts = [
             s
-            for s in check_samples(samples.time_s, samples.displacement_mm, samples.force_n)
+            for s in check_samples(
+                samples.time_s, samples.displacement_mm, samples.force_n, force_limit_n
+            )
             if (s.check, s.channel, s.since_s, s.until_s) not in treated
         ]
         if not doubts:
@@ -135,10 +143,10 @@ def diagnose(
         cost = _cost(before, after, mended)
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
-    if not spoilt:
+    if not (spoilt or samples.limits):  # a force that goes no further looks late
         findings += _between_channels(samples, before)
     after = samples.estimate()
-    findings += _refusals(after, len(samples.time_s))
+    findings += _refusals(after, len(samples.time_s), but=OUT_OF_RANGE if samples.limits else "")
     if after is not None and after.mismatch > DISTURBED_SHARE:
         findings.append(
             Finding(
@@ -164,6 +172,9 @@ def diagnose(
             depth_mm=depth,
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
+    for finding in findings:
+        if FORCE_LIMIT in finding.settings:
+            finding.settings.update(samples.limits)  # as the forces count in the end
     if samples.surface_std_mm != surface_std_mm:
         _say_deviation(findings, samples.surface_std_mm)
     return Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
@@ -219,7 +230,10 @@ def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
             samples.displacement_mm = samples.displacement_mm - shift
         return {}
     settings: dict[str, Any] = {}
-    if doubt.check is Check.RATE:
+    if doubt.check is Check.SATURATION:
+        samples.force_end_n = doubt.remedy
+        settings |= samples.limits
+    elif doubt.check is Check.RATE:
         samples.count_once(doubt.channel)
         settings["force.held" if doubt.channel == "force" else "position.held"] = True
     elif doubt.check in (Check.SIGN, Check.UNITS):
@@ -230,10 +244,10 @@ def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
             samples.surface_std_mm *= abs(doubt.remedy)
             settings[f"position.{name}"] = value
         if doubt.channel in ("force", "both"):
-            samples.force_n = samples.force_n * doubt.remedy
+            samples.scale_force(doubt.remedy)
             settings[f"force.{name}"] = value
     elif doubt.check is Check.FORCE_ZERO:
-        samples.force_n = samples.force_n - doubt.remedy
+        samples.take_force_zero(doubt.remedy)
         settings["force.zero"] = rounded(doubt.remedy, 4)
     elif doubt.check is Check.POSITION_ZERO:
         samples.displacement_mm = samples.displacement_mm - doubt.remedy
@@ -315,10 +329,11 @@ def _surface(estimated: Estimated, sure: Estimated, surface_std_mm: float) -> li
     ]
 
 
-def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:
+def _refusals(estimated: Estimated | None, count: int, but: str) -> list[Finding]:
     if estimated is None:
         return [Finding("the tool was never in contact: nothing is known of the tissue")]
-    refused = {k: n for k, n in estimated.rejected.items() if n > DISTURBED_SHARE * count}
+    most = DISTURBED_SHARE * count
+    refused = {k: n for k, n in estimated.rejected.items() if k != but and n > most}
     return [
         Finding(f"{n} of {count} samples are refused ({reason.replace('_', ' ')})")
         for reason, n in refused.items()

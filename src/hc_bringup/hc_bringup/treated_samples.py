@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,8 @@ from hc_estimator.stream.repeats import new_readings
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
+FORCE_LIMIT = "force_limit"
+"""The estimator's setting beyond which a force is refused [N]."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +45,38 @@ class Estimated:
 
 @dataclass
 class Samples:
-    """A recording under treatment, and the settings that it has got so far."""
+    """A recording under treatment, and the settings that it has got so far.
+
+    Attributes:
+        time_s: stamps [s].
+        displacement_mm: penetration [mm], as far as it was put right.
+        force_n: contact force [N], as far as it was put right.
+        surface_std_mm: how well the position is known that displacements count from [mm].
+        force_end_n: force from which on readings are left out, for the sensor's range ends there
+            [N]; NaN where none are.
+    """
 
     time_s: FloatArray
     displacement_mm: FloatArray
     force_n: FloatArray
     surface_std_mm: float
+    force_end_n: float = math.nan
+
+    def scale_force(self, factor: float) -> None:
+        """Multiply the forces, and what counts in them."""
+        self.force_n = self.force_n * factor
+        self.force_end_n *= factor
+
+    def take_force_zero(self, zero_n: float) -> None:
+        """Let the forces count from a zero [N]."""
+        self.force_n = self.force_n - zero_n
+        self.force_end_n -= zero_n
+
+    @property
+    def limits(self) -> dict[str, Any]:
+        """The estimator's setting that leaves out what is at the end of the sensor's range."""
+        end = abs(self.force_end_n)
+        return {} if math.isnan(end) else {FORCE_LIMIT: float(f"{end:.4g}")}
 
     def count_once(self, channel: str) -> None:
         """Leave out the readings of a channel that only repeat the one before."""
@@ -75,7 +105,10 @@ class Samples:
     def estimate(self) -> Estimated | None:
         """Run the default estimator; None if it was never in contact."""
         estimator = create_estimator(
-            DEFAULT_FILTER, missing_readings=True, contact_position_std=self.surface_std_mm
+            DEFAULT_FILTER,
+            missing_readings=True,
+            contact_position_std=self.surface_std_mm,
+            **self.limits,
         )
         series = run_in_pieces(estimator, self.time_s, self.displacement_mm, self.force_n)
         touched = series.contact & (series.rejected == 0)
