@@ -346,3 +346,34 @@ def test_a_channel_of_a_table_that_is_repeated_counts_once(press_table, tmp_path
     assert np.flatnonzero(there).tolist() == list(range(0, 2000, 4))
     with pytest.raises(UserError, match=r"position\.held=1 is not true or false"):
         loaded(tmp_path / "held.csv", "position.held=1")
+
+
+def test_the_samples_of_a_bag_are_stamped_and_not_its_sensors_read(tmp_path: Path, reading) -> None:
+    """Regression: what `hc doctor` said of a bag of `hc run` read its sensors with other axes."""
+    from hc_msgs.msg import IndenterSample
+
+    path = tmp_path / "run"
+    with BagWriter(path) as writer:
+        sample = writer.add_topic("/indenter/sample", "hc_msgs/msg/IndenterSample")
+        wrench = writer.add_topic("/ft/wrench", "geometry_msgs/msg/WrenchStamped")
+        pose = writer.add_topic("/arm/pose", "geometry_msgs/msg/PoseStamped")
+        for k in range(1000):
+            stamp = START_NS + k * 1_000_000
+            depth, force = reading(k * 1e-3)
+            made = IndenterSample(sequence=k, displacement=depth * 1e-3, force=force)
+            made.header.stamp.sec, made.header.stamp.nanosec = divmod(stamp, 10**9)
+            writer.write(sample, stamp, serialize_message(made))
+            raw = WrenchStamped(header=made.header)
+            raw.wrench.force.z = -force
+            writer.write(wrench, stamp, serialize_message(raw))
+            writer.write(pose, stamp, serialize_message(PoseStamped(header=made.header)))
+    plain = loaded(path)
+    late = loaded(path, "position.time_offset=-0.0065", "force.scale=2")
+    there = ~np.isnan(late.force_n)
+    np.testing.assert_array_equal(late.force_n[there], 2.0 * plain.force_n)
+    np.testing.assert_array_equal(late.displacement_mm[~there], plain.displacement_mm)
+    np.testing.assert_array_equal(late.stamps[~there], plain.stamps - 6_500_000)
+    sensors = loaded(path, "force.topic=/ft/wrench")
+    np.testing.assert_allclose(sensors.force_n, -plain.force_n)
+    with pytest.raises(UserError, match=r"force\.sign=3 is not 1 or -1"):
+        loaded(path, "force.sign=3")

@@ -48,6 +48,7 @@ def test_corrections_of_one_setting_add_up(monkeypatch):
         Finding("it is late", {"force.time_offset": -0.01}),
         Finding("the surface is off", {"position.zero": 2.0}),
         Finding("and again", {"position.zero": -0.25}),
+        Finding("at all places it is late", {"channel_delay": -0.006}),
     )
     found = Found()
     monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: Diagnosis(findings, None, (), 1.0))
@@ -55,7 +56,7 @@ def test_corrections_of_one_setting_add_up(monkeypatch):
     stream = SimpleNamespace(name="/x", kind="wrench")
     recorded = SimpleNamespace(readings=(), rest_s=None, force=stream, position=stream)
     _, offsets = setup._judge(recorded, (1.0, 1.0))
-    assert offsets == {"force": -0.01}
+    assert offsets == {"force": -0.01, "channel_delay": -0.006}
     given, scales, zeros = found.done
     assert given == (1.0, 1.0)
     assert scales == (0.001, 1.0)

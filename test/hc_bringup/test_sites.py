@@ -167,3 +167,50 @@ def test_without_an_approach_it_is_one_line(
     said = capsys.readouterr().err
     assert "does not go from free motion into contact" in said
     assert len(said.splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def late_table(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same with positions that are 8 ms late, and taps instead of five presses a place."""
+    path = tmp_path_factory.mktemp("late") / "late.csv"
+    time_s, depth, _sideways, force = palpation()
+    rows = np.column_stack([time_s, np.interp(time_s - 0.008, time_s, depth), force])
+    header = "time_s,displacement_mm,force_N"
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
+    return path
+
+
+def test_the_delay_of_the_robot_is_that_of_all_places_together(
+    late_table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: each place looked for it by itself, and most left it open."""
+    command = ["contacts", str(late_table), "--sites", "-o"]
+    found = of([*command, str(tmp_path / "c.csv")], capsys)
+    assert found["channel_delay_s"] == pytest.approx(-0.008, abs=3e-4)
+    assert 0.0 < found["channel_delay_std_s"] < 5e-4
+    assert_true(found["sites"])
+    assert main([*command, str(tmp_path / "d.csv")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "the position is 8." in lines[4] or "the position is 7.9" in lines[4]
+    assert "hc param set estimator channel_delay -0.00" in lines[5]
+
+
+def test_a_delay_that_was_given_is_taken(
+    late_table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["contacts", str(late_table), "--sites", "-o", str(tmp_path / "c.csv")]
+    wrong = of([*words, "--param", "channel_delay=0.01"], capsys)["sites"][0]
+    off = np.array(list(wrong["parameters"].values())) - PLACES[0][1]
+    assert (np.abs(off) > 5.0 * np.array(list(wrong["parameters_std"].values()))).any()
+
+
+def test_doctor_says_the_delay_where_places_differ(
+    late_table: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: one law over all places fitted none, and no delay was said."""
+    assert main(["doctor", str(late_table), "--json"]) == 1
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    (late,) = [finding for finding in findings if "channel_delay" in finding["settings"]]
+    assert "at 3 places that were pressed one after another" in late["what"]
+    assert late["settings"]["channel_delay"] == pytest.approx(-0.008, abs=3e-4)
+    assert "--param channel_delay=-0.00" in late["type"][0]

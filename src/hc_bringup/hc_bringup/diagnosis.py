@@ -13,20 +13,20 @@ from typing import Any
 
 import numpy as np
 
+from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
-    Suspicion,
     moves,
     noise,
     robust_range,
 )
 from hc_estimator.stream.sanity import check_samples
-from hc_estimator.stream.sensor_setup import SURFACE_SHARE
-from hc_evaluation.channels import diagnose_channels, evenly_spaced, unbroken
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY
+from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
 
 MOST_REMEDIES = 5
@@ -44,8 +44,6 @@ SPOILT = (
 )
 """What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
-MOST_NOISES = 1.5
-"""A fit that leaves more than so many times the noise does not say where the surface is."""
 DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
@@ -64,7 +62,7 @@ class Finding:
     Attributes:
         what: in a sentence.
         settings: input settings that put it right, by name below `input.`; empty if none does.
-            CONTACT_STD and FORCE_LIMIT among them are the estimator's own.
+            CONTACT_STD, FORCE_LIMIT and CHANNEL_DELAY among them are the estimator's own.
         cost: what it changes in K, B, n, p, in words; empty where that is not known.
     """
 
@@ -136,16 +134,21 @@ def diagnose(
             break
         doubt = doubts[0]
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
-        settings = _remedy(samples, doubt)
+        settings = samples.put_right(doubt)
         mended = bool(settings) or doubt.check is Check.ZERO_STEP
         after = samples.estimate() if mended else before
         spoilt = spoilt or (doubt.check in SPOILT and not settings)
         cost = _cost(before, after, mended)
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
+    after = before
     if not (spoilt or samples.limits):  # a force that goes no further looks late
         findings += _between_channels(samples, before)
-    after = samples.estimate()
+        after = samples.estimate()
+        late = _at_all_places(samples, after, findings)
+        if late:
+            findings += late
+            after = samples.estimate()
     findings += _refusals(after, len(samples.time_s), but=OUT_OF_RANGE if samples.limits else "")
     if after is not None and after.mismatch > DISTURBED_SHARE:
         findings.append(
@@ -217,47 +220,6 @@ def _touches_nothing(samples: Samples) -> Finding | None:
     )
 
 
-def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
-    """Put a fault right; return the settings that do so, none if no setting does."""
-    if np.isnan(doubt.remedy):
-        return {}
-    if doubt.check is Check.ZERO_STEP:
-        during = (samples.time_s >= doubt.since_s) & (samples.time_s < doubt.until_s)
-        shift = np.where(during, doubt.remedy, 0.0)
-        if doubt.channel == "force":
-            samples.force_n = samples.force_n - shift
-        else:
-            samples.displacement_mm = samples.displacement_mm - shift
-        return {}
-    settings: dict[str, Any] = {}
-    if doubt.check is Check.SATURATION:
-        samples.force_end_n = doubt.remedy
-        settings |= samples.limits
-    elif doubt.check is Check.RATE:
-        samples.count_once(doubt.channel)
-        settings["force.held" if doubt.channel == "force" else "position.held"] = True
-    elif doubt.check in (Check.SIGN, Check.UNITS):
-        name = "sign" if doubt.check is Check.SIGN else "scale"
-        value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
-        if doubt.channel in ("displacement", "both"):
-            samples.displacement_mm = samples.displacement_mm * doubt.remedy
-            samples.surface_std_mm *= abs(doubt.remedy)
-            settings[f"position.{name}"] = value
-        if doubt.channel in ("force", "both"):
-            samples.scale_force(doubt.remedy)
-            settings[f"force.{name}"] = value
-    elif doubt.check is Check.FORCE_ZERO:
-        samples.take_force_zero(doubt.remedy)
-        settings["force.zero"] = rounded(doubt.remedy, 4)
-    elif doubt.check is Check.POSITION_ZERO:
-        samples.displacement_mm = samples.displacement_mm - doubt.remedy
-        low, high = robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])
-        # A glance at where the force begins: taken for exact, K would be wrong and sure.
-        samples.surface_std_mm = SURFACE_SHARE * (high - low)
-        settings["position.zero"] = rounded(doubt.remedy, 3)
-    return settings
-
-
 def _between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
     """Look for a delay, and for zeros that the checks cannot see."""
     try:
@@ -270,11 +232,8 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
     findings = []
     faults = found.clear_faults
     if "delay" in faults and abs(found.delay_s) > CLEAR_DELAY_S:
-        late, early = ("force", "position") if found.delay_s > 0.0 else ("position", "force")
-        what = (
-            f"the {late} is {1e3 * abs(found.delay_s):.1f} ± {1e3 * found.delay_std_s:.1f} ms late "
-            f"against the {early}"
-        )
+        late = "force" if found.delay_s > 0.0 else "position"
+        what = Delay(found.delay_s, found.delay_std_s, 1).late
         settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
         samples.shift_force(-found.delay_s)
         after = samples.estimate()
@@ -307,6 +266,26 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         known_mm = float(np.hypot(found.contact_mm, found.contact_std_mm))
         samples.surface_std_mm = min(samples.surface_std_mm, known_mm)
     return findings
+
+
+def _at_all_places(
+    samples: Samples, before: Estimated | None, findings: list[Finding]
+) -> list[Finding]:
+    """Look for a delay where the law does not fit, for several places may have been pressed."""
+    known = any(name.endswith("time_offset") for f in findings for name in f.settings)
+    if before is None or before.mismatch <= DISTURBED_SHARE or known:
+        return []
+    delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
+    if delay is None or abs(delay.seconds) < max(CLEAR_DELAY_S, CLEAR * delay.deviation_s):
+        return []
+    aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4))
+    after = aligned.estimate()
+    if _fits_worse(before, after):
+        return []
+    samples.channel_delay = aligned.channel_delay
+    what = f"{delay.late}, at {delay.places} places that were pressed one after another"
+    settings = {CHANNEL_DELAY: aligned.channel_delay}
+    return [Finding(what, settings, _cost(before, after, True))]
 
 
 def _fits_worse(before: Estimated | None, after: Estimated | None) -> bool:

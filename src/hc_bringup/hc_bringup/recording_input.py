@@ -25,7 +25,8 @@ OF_A_TABLE = tuple(
     for channel in ("force", "position")
     for name in ("sign", "scale", "zero", "time_offset", "held")
 )
-"""What can be said of a CSV file as well; the rest is for a bag with two sensors' topics."""
+"""What can be said of a CSV file and of recorded samples as well; the rest is for a bag with two
+sensors' topics."""
 
 _TEXT, _NUMBER, _WHOLE, _NUMBERS = "a word", "a number", "a whole number", "a list of numbers"
 _FLAG = "true or false"
@@ -69,9 +70,9 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
-        "position.zero (mm) of any recording; sign, scale, time_offset and held of either also of "
-        "a CSV; of a bag with a wrench and a position topic also force.topic, force.axis, "
-        "position.joint, pairing.maximum_gap and so on",
+        "position.zero (mm), sign, scale, time_offset and held of either; of a bag with a wrench "
+        "and a position topic also force.topic, force.axis, position.joint, pairing.maximum_gap "
+        "and so on: with one of these its sensors are read, else its indenter/sample if there",
     )
     parser.add_argument(
         "--preset",
@@ -219,31 +220,29 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
         UserError: if it cannot be read, or an option is not allowed; the message says why.
     """
     from hc_logger.errors import BagError
-    from hc_logger.recording import is_text, read_recording
-    from hc_logger.sensors import LONGEST_S
+    from hc_logger.recording import has_samples, is_text, read_recording
 
     check(arguments)
     sensors = dict(arguments.sensors)
     table = is_text(Path(arguments.input))
+    as_read = table  # what stands there is turned and stamped, no sensor's topic is read
     if not (table or one_of_many) and Path(arguments.input).exists():
         refuse_csv_options(arguments, arguments.input)
-    for name, value in sensors.items():
+    for name in sensors:
         if table and name not in OF_A_TABLE:
             raise UserError(
                 f"--input {name} is for a bag: of a CSV say {', '.join(OF_A_TABLE)}, and --columns",
                 WRONG_USE,
             )
-        if table and name.endswith(".sign") and value not in (1, -1):
-            raise UserError(f"--input {name}={value} is not 1 or -1", WRONG_USE)
-        if table and name.endswith(".time_offset") and abs(value) > LONGEST_S:
-            raise UserError(
-                f"--input {name}={value:g} s is not a number up to {LONGEST_S:g}", WRONG_USE
-            )
     try:
-        if table or set(sensors) <= set(ZEROS):
+        if not table and set(sensors) <= set(OF_A_TABLE):
+            as_read = has_samples(arguments.input)
+        if as_read:
+            _check_as_read(sensors)
+        if as_read or set(sensors) <= set(ZEROS):
             options = csv_options(arguments)
             recording = read_recording(arguments.input, csv_options=options)
-            recording = read_as(recording, sensors) if table else less_zeros(recording, sensors)
+            recording = read_as(recording, sensors)
         else:
             recording = _read_sensors(arguments.input, sensors)
     except ValueError as error:
@@ -251,6 +250,23 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
     except BagError as error:
         raise UserError(str(error)) from error
     return _from_surface(recording) if arguments.find_surface else recording
+
+
+def _check_as_read(sensors: Mapping[str, Any]) -> None:
+    """Check the values that topics of sensors would have checked.
+
+    Raises:
+        UserError: if one is not allowed.
+    """
+    from hc_logger.sensors import LONGEST_S
+
+    for name, value in sensors.items():
+        if name.endswith(".sign") and value not in (1, -1):
+            raise UserError(f"--input {name}={value} is not 1 or -1", WRONG_USE)
+        if name.endswith(".time_offset") and abs(value) > LONGEST_S:
+            raise UserError(
+                f"--input {name}={value:g} s is not a number up to {LONGEST_S:g}", WRONG_USE
+            )
 
 
 def is_given(arguments: argparse.Namespace) -> bool:

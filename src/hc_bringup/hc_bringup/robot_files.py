@@ -14,6 +14,7 @@ from hc_bringup.robot_streams import Stream
 from hc_bringup.terminal.numbers import rounded
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, needed_wait_s
 from hc_estimator.stream.sensor_setup import SensorProposal, SetupProposal
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 from hc_logger.errors import BagError
 from hc_logger.new_file import write_new_text
 from hc_msgs_py.ros_yaml import scalar_for_ros
@@ -71,7 +72,8 @@ def write_files(
         force: the force stream.
         position: the position stream.
         found: how they are to be read.
-        offsets: time offsets [s] of "force" and "position".
+        offsets: time offsets [s] of "force" and "position"; under CHANNEL_DELAY a delay that is to
+            be taken as it is.
 
     Raises:
         UserError: if they exist or cannot be written.
@@ -109,6 +111,7 @@ def _parameters(
         "  ros__parameters:",
         _limit(found.force_limit),
         *_deviation(found.position.zero_std),
+        *_delay(offsets),
         *(_ONE_MESSAGE if force.kind == "effort" else ()),
         "    input:",
         *settings,
@@ -189,6 +192,14 @@ def _deviation(zero_std: float) -> list[str]:
     if not math.isfinite(zero_std):
         return []
     return [f"    contact_position_std: {zero_std:.2g}   # mm; how well position.zero is known"]
+
+
+def _delay(offsets: dict[str, float]) -> list[str]:
+    if CHANNEL_DELAY not in offsets:
+        return []
+    delay_s = offsets[CHANNEL_DELAY]
+    late = "force" if delay_s > 0.0 else "position"
+    return [f"    channel_delay: {_number(delay_s)}   # s; the {late} is late; auto looks for it"]
 
 
 def _sensor(stream: Stream, found: SensorProposal, unit: str, offset_s: float) -> list[str]:

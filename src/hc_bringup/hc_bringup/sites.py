@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hc_bringup.commands.doctor import apply
 from hc_bringup.diagnosis import diagnose
 from hc_bringup.errors import UserError
+from hc_bringup.place_delay import TOUCHED, Delay, between_places, delay_at
 from hc_bringup.recording_input import ZEROS
 from hc_bringup.tip_path import TipPath
 from hc_estimator import EstimateSeries, Estimator
@@ -29,16 +30,14 @@ from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.surface import CLEAR, find_surface, why_no_surface
 from hc_estimator.stream.tare import TareResult
 from hc_estimator.stream.together import together
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 from hc_logger.recording import Recording
 
 Array = NDArray[np.float64]
 
-APART_MM: Final = 2.0
-"""Sideways: two touches further apart are of two places."""
-PAUSE_S: Final = 1.0
-"""In the air, where nobody tells how far the tip went sideways: longer, and it is another place."""
-TOUCHED: Final = 25.0
-"""Noises by which the force must stand out somewhere for a place to have been pressed."""
+
+SURE_DELAY_S: Final = 5e-4
+"""A delay that is known to this is taken; one that is not, each site looks for by itself."""
 
 
 class Site(NamedTuple):
@@ -74,7 +73,7 @@ def find_sites(recording: Recording, tip: TipPath | None) -> list[Site]:
     noise_n = max(first.force_std_n, 1e-12)
     there = np.flatnonzero(~np.isnan(recording.force_n))
     pressed = recording.force_n[there] - first.force_n > CLEAR * noise_n
-    cuts = [0, *_between(recording.time_s, there[pressed], tip), len(recording.time_s)]
+    cuts = [0, *between_places(recording.time_s, there[pressed], tip), len(recording.time_s)]
     peaks = [
         float(np.nanmax(recording.force_n[a:b], initial=-np.inf)) - first.force_n
         for a, b in itertools.pairwise(cuts)
@@ -85,31 +84,6 @@ def find_sites(recording: Recording, tip: TipPath | None) -> list[Site]:
         for (a, b), is_place in zip(itertools.pairwise(cuts), touched, strict=True)
         if is_place
     ]
-
-
-def _between(time_s: Array, pressed: NDArray[np.intp], tip: TipPath | None) -> list[int]:
-    """Return rows between two places: in the middle of the time between two touches.
-
-    Args:
-        time_s: of all rows, shape (n,).
-        pressed: rows in which the force stands out of its noise, ascending.
-        tip: where the tip was, if that is known.
-    """
-    before, after = time_s[pressed[:-1]], time_s[pressed[1:]]
-    steps = np.diff(time_s[np.isfinite(time_s)])
-    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    apart = after - before > 3.0 * usual
-    if tip is None:
-        apart &= after - before > PAUSE_S
-    else:
-        moved = [
-            np.interp(after - time_s[0], tip.time_s, axis)
-            - np.interp(before - time_s[0], tip.time_s, axis)
-            for axis in tip.position_mm.T
-        ]
-        apart &= np.hypot(*moved) > APART_MM
-    middle = 0.5 * (before[apart] + after[apart])
-    return [int(row) for row in np.searchsorted(time_s, middle)]
 
 
 def _site(recording: Recording, rows: slice, elsewhere: TareResult) -> Site:
@@ -150,8 +124,31 @@ def _first_look(
     return elsewhere.displacement_mm, stroke_mm, elsewhere.force_n
 
 
+def common_delay(recording: Recording, sites: list[Site]) -> Delay | None:
+    """Return the delay between the channels that the sites say together, None if it is open.
+
+    A few presses of one site leave it open to some milliseconds, which make B and p unsure.
+
+    Args:
+        recording: as for `find_sites`.
+        sites: what that found.
+    """
+    found = delay_at(
+        (
+            recording.time_s[site.rows],
+            recording.displacement_mm[site.rows] - site.surface_mm,
+            recording.force_n[site.rows] - site.force_zero_n,
+        )
+        for site in sites
+    )
+    return found if found is not None and found.deviation_s < SURE_DELAY_S else None
+
+
 def estimate_sites(
-    recording: Recording, sites: list[Site], make: Callable[[Recording], Estimator]
+    recording: Recording,
+    sites: list[Site],
+    make: Callable[[Recording], Estimator],
+    delay: Delay | None = None,
 ) -> tuple[Recording, Estimator, EstimateSeries]:
     """Estimate each place with an estimator of its own.
 
@@ -159,6 +156,7 @@ def estimate_sites(
         recording: as for `find_sites`.
         sites: what that found.
         make: of an estimator, for a recording whose surface is known as well as it says.
+        delay: between the channels, for an estimator that would look for it; None: it is open.
 
     Returns:
         The rows of all places with their zeros taken off, the last of the estimators, and the
@@ -176,6 +174,8 @@ def estimate_sites(
             contact_position_std_mm=site.surface_std_mm,
         )
         estimator = make(part)
+        if delay is not None and estimator.configuration.get(CHANNEL_DELAY) == "auto":
+            estimator.reconfigure(**{CHANNEL_DELAY: delay.seconds})
         parts.append(part)
         series.append(
             run_in_pieces(estimator, part.time_s, part.displacement_mm, part.force_n).values

@@ -147,6 +147,19 @@ def sample_topic(bag: Bag) -> str | None:
     return only_topic(bag, SAMPLE_TYPE, SAMPLE) or only_topic(bag, SAMPLES_TYPE, SAMPLES)
 
 
+def has_samples(path: str | os.PathLike[str]) -> bool:
+    """Whether a bag holds samples, so that no topic of a sensor has to be read.
+
+    Raises:
+        BagError: if it cannot be read, or has several such topics and none is the usual one.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise BagError(f"{path} does not exist")
+    with open_bag(path) as bag:
+        return sample_topic(bag) is not None
+
+
 def _because(reader: Bag) -> str:
     return f" ({'; '.join(reader.problems)})" if reader.problems else ""
 

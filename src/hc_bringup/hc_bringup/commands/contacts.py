@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -131,8 +132,9 @@ def run(arguments: argparse.Namespace) -> int:
     recording = recording_input.load(arguments)
     tip = tip_source(arguments)
     sites: list[Any] = []
+    delay: Any = None
     if arguments.sites:
-        data, sites, series = _by_site(arguments, recording, tip)
+        data, sites, series, delay = _by_site(arguments, recording, tip)
     elif estimate.is_asked_for(arguments) or (data := recorded(recording, tip)) is None:
         data = estimated(recording, estimate.make_estimator(arguments, recording), tip)
     contacts = find_contacts(data, contact_rules(arguments))
@@ -145,6 +147,8 @@ def run(arguments: argparse.Namespace) -> int:
     summary: dict[str, Any] = {"contacts": len(contacts)}
     if sites:
         summary["sites"] = _of_sites(beside, contacts)
+    if delay is not None:
+        summary |= {"channel_delay_s": delay.seconds, "channel_delay_std_s": delay.deviation_s}
     if arguments.maps:
         summary |= _write_maps(arguments, data, contacts, written)
     summary["written"] = written
@@ -152,18 +156,24 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _by_site(arguments: argparse.Namespace, recording: Any, tip: Any) -> tuple[Any, list[Any], Any]:
-    """Return the run (run_data.RunData), its places (sites.Site), the series of estimates."""
+def _by_site(
+    arguments: argparse.Namespace, recording: Any, tip: Any
+) -> tuple[Any, list[Any], Any, Any]:
+    """Return the run (run_data.RunData), its places (sites.Site), the series of estimates.
+
+    The last is the delay that all places say together (place_delay.Delay), None if it is open.
+    """
     from hc_bringup.run_data import of_series, tip_path
-    from hc_bringup.sites import estimate_sites, find_sites
+    from hc_bringup.sites import common_delay, estimate_sites, find_sites
 
     path = tip_path(recording, tip)
     sites = find_sites(recording, path)
+    delay = common_delay(recording, sites)
     zeroed, estimator, series = estimate_sites(
-        recording, sites, lambda part: estimate.make_estimator(arguments, part)
+        recording, sites, lambda part: estimate.make_estimator(arguments, part), delay
     )
     data = dataclasses.replace(of_series(zeroed, estimator, series), tip=path)
-    return data, sites, series
+    return data, sites, series, delay
 
 
 def _site_columns(
@@ -262,10 +272,14 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
                 "KBnp", site["parameters"].values(), site["parameters_std"].values(), strict=True
             )
         )
+        x_mm, y_mm = site["x_mm"], site["y_mm"]
+        where = "" if math.isnan(x_mm) else f", at x = {x_mm:.1f}, y = {y_mm:.1f} mm"
         print(
             f"site {site['site']}: surface at {site['surface_mm']:.6g} ± "
-            f"{site['surface_std_mm']:.1g} mm, {values}"
+            f"{site['surface_std_mm']:.1g} mm, {values}{where}"
         )
+    if "channel_delay_s" in summary:
+        _tell_delay(summary["channel_delay_s"], summary["channel_delay_std_s"])
     if "places" in summary:
         print(f"map of {summary['places']} places, stiffness at {summary['depth_mm']:g} mm")
     lump = summary.get("lump")
@@ -273,3 +287,14 @@ def _tell(summary: dict[str, Any], *, as_json: bool) -> None:
         print(lump["in_words"])
     for name in summary["written"]:
         print(f"written: {name}")
+
+
+def _tell_delay(seconds: float, deviation_s: float) -> None:
+    from hc_bringup.place_delay import Delay
+
+    delay = Delay(seconds, deviation_s, 0)
+    if abs(seconds) < 3.0 * deviation_s:
+        print(f"force and position are in step, to {1e3 * deviation_s:.1g} ms at all sites")
+        return
+    print(f"{delay.late}, at all sites alike")
+    print(f"  for a node that runs: hc param set estimator channel_delay {seconds:.4f}")

@@ -107,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _of_one_message(finding: Any) -> Any:
     """Return a finding where force and position come in one message: no stamp of theirs is late."""
-    if not any("time_offset" in name for name in finding.settings):
+    if not any("time_offset" in name or "delay" in name for name in finding.settings):
         return finding
     why = (
         "both are of one message, so that is inertia or friction that the motor also moves "
@@ -146,12 +146,13 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
 
     from hc_bringup.diagnosis import CONTACT_STD
     from hc_bringup.treated_samples import FORCE_LIMIT
+    from hc_estimator.stream.vocabulary import CHANNEL_DELAY
+
+    of_a_table = (*recording_input.OF_A_TABLE, CONTACT_STD, CHANNEL_DELAY, FORCE_LIMIT)
 
     def type_it(changed: dict[str, Any], present: dict[str, Any]) -> list[str]:
         usable = {
-            name: value
-            for name, value in present.items()
-            if recording.is_bag or name in (*recording_input.OF_A_TABLE, CONTACT_STD, FORCE_LIMIT)
+            name: value for name, value in present.items() if recording.is_bag or name in of_a_table
         }
         lines = []
         if usable.keys() & changed.keys():

@@ -133,7 +133,7 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
 
 
 def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, float]]:
-    """Say how the sensors are to be read; returns that, and the time offsets [s].
+    """Say how the sensors are to be read; returns that, and what of `write_files` is late [s].
 
     Args:
         recorded: what was recorded.
@@ -148,6 +148,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_bringup.recording_input import assumed_line
     from hc_bringup.treated_samples import FORCE_LIMIT
     from hc_estimator.stream.sensor_setup import SetupError, propose
+    from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 
     heartbeat.doing(FINDING)
     try:
@@ -178,7 +179,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     say(taken_for)
     for finding in diagnosis.findings:
         if not _are_zeros(finding.settings):  # those are told above
-            late = any("time_offset" in name for name in finding.settings)
+            late = any("time_offset" in name or "delay" in name for name in finding.settings)
             allowed = finding.settings and not (effort and late)
             say(f"{finding.what}{' (allowed for)' if allowed else ''}")
     for note in found.notes:
@@ -195,6 +196,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
         for name in ("force", "position")
         if f"{name}.time_offset" in corrections
     }
+    if CHANNEL_DELAY in corrections:
+        offsets[CHANNEL_DELAY] = corrections[CHANNEL_DELAY]
     return found, offsets
 
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from hc_bringup import force_error
 from hc_bringup.explanation import explain
+from hc_bringup.place_delay import APART_MM
 from hc_bringup.report.contacts import Contact
 from hc_bringup.report.palpation_map import StiffnessMap
 from hc_bringup.run_data import RunData
-from hc_bringup.sites import APART_MM
 from hc_bringup.terminal.numbers import engineering, with_spread
 from hc_bringup.zero_effect import effect_in
 from hc_bringup.zero_words import Zeros

@@ -18,6 +18,9 @@ LOADED_STATE = "loaded_state"
 CONTACT_POSITION_STD = "contact_position_std"
 """Setting of the filters that consider how well the surface is known [mm]."""
 
+CHANNEL_DELAY = "channel_delay"
+"""Setting of the default filter: by how much the force is late [s], or auto."""
+
 
 class EventKind(IntEnum):
     """What happened; the numbers of hc_msgs/EstimatorEvent."""
