@@ -233,6 +233,35 @@ def feel(finder, displacement, force):
     return None
 
 
+def test_a_press_that_comes_before_free_motion_is_sure_is_said():
+    """Regression: of a rest of one second at 50 Hz only that there is no free motion was said."""
+    depth = np.concatenate([np.full(60, -2.0), np.linspace(-2.0, 2.0, 30)])
+    force = 0.5 * np.maximum(depth, 0.0) ** 1.5 + 0.002 * np.sin(1.0 + 37.0 * np.arange(90))
+    assert find_surface(depth, force) is None
+    assert "has to be in the air for 100 readings of the force" in why_no_surface(depth, force)
+
+
+def test_a_few_samples_of_an_approach_do_not_know_the_surface_better_than_they_do():
+    """Regression: at 50 Hz 0.17 of the surfaces were off by more than 3 of their deviations."""
+    generator = np.random.default_rng(50)
+    ratios = []
+    for _ in range(60):
+        stiffness, exponent = generator.uniform(0.1, 1.0), generator.uniform(1.3, 1.9)
+        seconds, deep = generator.uniform(0.3, 1.0), generator.uniform(2.5, 5.0)
+        share = np.arange(1, round(seconds * 50.0)) / round(seconds * 50.0)
+        sinks = -3.0 + (deep + 3.0) * 0.5 * (1.0 - np.cos(np.pi * share))
+        depth = np.concatenate([np.full(150, -3.0), sinks])
+        speed = np.maximum(np.gradient(depth, 0.02), 0.0)
+        inside = np.maximum(depth, 0.0) ** exponent
+        force = stiffness * inside * (1.0 + 0.02 * speed**0.8)
+        noise = 0.004 * generator.standard_normal(len(force))
+        found = find_surface(np.round(depth, 2), force + noise)
+        assert found is not None
+        ratios.append(found.displacement_mm / found.displacement_std_mm)
+    assert np.sqrt(np.mean(np.square(ratios))) < 1.5
+    assert np.mean(np.abs(ratios) > 3.0) < 0.05
+
+
 def test_two_weak_touches_that_agree_are_enough_while_it_runs():
     """Regression: a wrist's sensor with 0.05 N of noise asked for 5 N, or went on waiting."""
     scores, errors = [], []

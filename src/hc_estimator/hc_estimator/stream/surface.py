@@ -83,6 +83,7 @@ class SurfaceFinder:
         self._noises = enough
         self._twice = twice and least_noise_n == 0.0
         self.strongest = 0.0  # how far the force stood out of its noise
+        self.was_free = False  # whether free motion was ever sure
         self._weak: TareResult | None = None  # what the last weak touch showed
         self._approach: list[tuple[float, float]] = []
         self._force_n = math.nan
@@ -190,6 +191,7 @@ class SurfaceFinder:
             del self._first[:half]
             return
         self._free = FREE_SAMPLES
+        self.was_free = True
         self._zero = float(np.mean(force))
         self._variance = self._first_variance = float(np.var(force))
 
@@ -210,12 +212,18 @@ class SurfaceFinder:
 
     def _fit(self, deviation: float) -> TareResult:
         displacement, force = np.array(self._approach).T
-        speed = self._speed(displacement, SPEED_DEGREE)
+        few = len(force) < FEWEST_FOR_SPEED
+        speed = None if few else self._speed(displacement, SPEED_DEGREE)
         surface, variance = self._fit_law(displacement, force, speed)
-        if speed is not None:
+        if few:
+            # Too few for a speed that is known well: what one would have changed is left open.
+            degrees: tuple[int, ...] = (min(SPEED_DEGREE, len(force) - 3),)
+        else:
+            degrees = (SPEED_DEGREE - 1, SPEED_DEGREE + 1) if speed is not None else ()
+        if degrees:
             others = [
                 self._fit_law(displacement, force, self._speed(displacement, degree))[0]
-                for degree in (SPEED_DEGREE - 1, SPEED_DEGREE + 1)
+                for degree in degrees
             ]
             variance += float(np.mean(np.square(np.array(others) - surface)))
         return TareResult(surface, math.sqrt(variance), self._zero, deviation, len(force))
@@ -251,7 +259,9 @@ class SurfaceFinder:
         fit = self._least_squares(misfit, start, bounds=(lower, upper), x_scale=scale)
         freedom = max(len(force) - len(lower), 1)
         jacobian: FloatArray = np.asarray(fit.jac)
-        covariance = 2.0 * float(fit.cost) / freedom * np.linalg.pinv(jacobian.T @ jacobian)
+        # A few residuals are small by chance, and no smaller than the noise of which they are.
+        residual = max(2.0 * float(fit.cost) / freedom, self._variance) * (1.0 + 2.0 / freedom)
+        covariance = residual * np.linalg.pinv(jacobian.T @ jacobian)
         variance = max(float(covariance[0, 0]), 0.0) * samples_for_one(np.asarray(fit.fun))
         return float(fit.x[0]), variance
 
@@ -260,10 +270,10 @@ class SurfaceFinder:
 
         The speed is a polynomial of that degree in time.
 
-        None where that is not known or does not differ: too few samples, or a calculated force,
+        None where that is not known or does not differ: few samples, or a calculated force,
         which has the damping of its own robot in it.
         """
-        if self._least_noise > 0.0 or len(displacement) < FEWEST_FOR_SPEED:
+        if self._least_noise > 0.0 or len(displacement) < degree + 3:
             return None
         # A polynomial over the whole approach: less noise than slopes of short pieces.
         place = np.linspace(-1.0, 1.0, len(displacement))
@@ -290,10 +300,10 @@ def find_surface(displacement_mm: FloatArray, force_n: FloatArray) -> TareResult
         Force zero and surface; None if the recording does not go from free motion into contact.
     """
     for enough in (ENOUGH, *LESS):
-        result, strongest = _first_approach(displacement_mm, force_n, enough)
+        result, finder = _first_approach(displacement_mm, force_n, enough)
         if result is not None and (enough == ENOUGH or _is_lowest(result, force_n)):
             return result
-        if strongest < LESS[-1]:
+        if finder.strongest < LESS[-1]:
             break
     return None
 
@@ -306,22 +316,27 @@ def _is_lowest(found: TareResult, force_n: FloatArray) -> bool:
 
 def why_no_surface(displacement_mm: FloatArray, force_n: FloatArray) -> str:
     """Say why a recording, of the same arguments, does not show where the surface is."""
-    _result, strongest = _first_approach(displacement_mm, force_n, ENOUGH)
-    if strongest < 2.0 * CLEAR:  # noise alone does not reach that
+    _result, finder = _first_approach(displacement_mm, force_n, ENOUGH)
+    if not finder.was_free:
+        return (
+            "does not go from free motion into contact: before a press the tool has to be in the "
+            f"air for {FREE_SAMPLES} readings of the force"
+        )
+    if finder.strongest < 2.0 * CLEAR:  # noise alone does not reach that
         return "does not go from free motion into contact"
     return (
         "has no press from free motion that is strong enough: the force stands out of its noise by "
-        f"{strongest:.0f} times, and {LESS[-1]:.0f} are needed"
+        f"{finder.strongest:.0f} times, and {LESS[-1]:.0f} are needed"
     )
 
 
 def _first_approach(
     displacement_mm: FloatArray, force_n: FloatArray, enough: float
-) -> tuple[TareResult | None, float]:
-    """Return what an approach of so many noises shows, and by how many the force stood out."""
+) -> tuple[TareResult | None, SurfaceFinder]:
+    """Return what an approach of so many noises shows, and who looked for it."""
     finder = SurfaceFinder(enough=enough, twice=False)
     for displacement, force in zip(displacement_mm.tolist(), force_n.tolist(), strict=True):
         result = finder.add(displacement, force)
         if result is not None:
-            return result, finder.strongest
-    return None, finder.strongest
+            return result, finder
+    return None, finder
