@@ -54,8 +54,7 @@ def test_a_surface_that_sinks_is_no_stiffness_that_drifts(seed):
 
 @pytest.mark.parametrize("seed", [1001, 1004, 1010, 1019])
 def test_a_stiffness_that_drifts_is_no_surface_that_sinks(seed):
-    # Taps of a tissue that drifts may be told as places of their own; here it is the fit's turn.
-    numbers = trouble_run(TroubleTask(Setup(parameters={"find_places": False}), "drift", seed))
+    numbers = trouble_run(TroubleTask(Setup(), "drift", seed))
     assert numbers["wrong"] < 0.05
     assert numbers["K"] < 0.05
 
@@ -96,11 +95,7 @@ def test_steps_and_a_batch_say_the_same_through_its_fits():
 def test_a_state_is_taken_back_whatever_was_asked_last():
     """Regression of 2026-11-26: one saved after the fit of a steady drift was refused (2 %)."""
     contact = drawn_contact(("lumps",), 1002)
-    settings = {"find_places": False}  # else each tap is a place of its own, and needs no spline
-    estimator, other = (
-        hc.create_estimator(FILTER, **settings),
-        hc.create_estimator(FILTER, **settings),
-    )
+    estimator, other = hc.create_estimator(FILTER), hc.create_estimator(FILTER)
     readings = (contact.time_s, contact.displacement_mm, contact.force_n)
     begin, kinds = 0, set()
     for until_s in np.arange(5.0, 6.5, 0.02):

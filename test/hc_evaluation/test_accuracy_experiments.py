@@ -189,9 +189,7 @@ def test_contact_outside_the_law_is_reproducible_and_does_not_fit(motion):
 
 
 def test_the_estimate_holds_where_the_contact_law_does_not_fit():
-    # With find_places a press that no law fits may be called another place (see docs/accuracy.md).
-    setup = Setup(parameters={"find_places": False})
-    runs = [misfit_run(MisfitTask(setup, "press", seed)) for seed in range(700, 708)]
+    runs = [misfit_run(MisfitTask(Setup(), "press", seed)) for seed in range(700, 708)]
     assert np.median([r["ratio"] for r in runs]) < 2.7
     assert not any(r["changes"] for r in runs)
 

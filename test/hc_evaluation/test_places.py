@@ -5,7 +5,7 @@ import pytest
 
 from hc_evaluation.accuracy.drawn_places import KINDS, drawn_places
 
-SEEDS = (1000, 1003, 1007)
+SEEDS = (1000, 1003, 1007, 1011, 1012)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -25,13 +25,14 @@ def test_what_differs_is_what_is_said(kind, seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_place_is_touched_and_left(seed):
+def test_every_place_is_touched_and_left_before_the_next(seed):
     contact = drawn_places("all", seed)
-    for place in range(int(contact.place[-1]) + 1):
+    last = int(contact.place[-1])
+    for place in range(last + 1):
         here = contact.place == place
         assert np.max(contact.depth_mm[here]) > 1.5
         assert contact.depth_mm[here][0] < 0.0
-        assert contact.depth_mm[here][-1] < 0.0
+        assert place == last or contact.depth_mm[here][-1] < 0.0
     # Tissue cannot pull: what is read below zero is noise.
     assert np.min(contact.force_n) > -0.2 * np.max(contact.force_n)
     outside = contact.depth_mm < 0.0

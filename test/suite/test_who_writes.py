@@ -101,7 +101,11 @@ OWNERS = {
     "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
-    "place": ("multiple_model/another_place", "multiple_model/place_fit"),
+    "place": (
+        "multiple_model/another_place",
+        "multiple_model/place_fit",
+        "multiple_model/place_average",
+    ),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
 }

@@ -7,6 +7,7 @@ recording is estimated again: the difference is what the fault costs.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,18 +15,16 @@ import numpy as np
 
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
-from hc_bringup.treated_samples import Estimated, FloatArray, Samples
-from hc_estimator import PARAMETER_NAMES
+from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
+from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
-    Suspicion,
     moves,
     noise,
     robust_range,
 )
 from hc_estimator.stream.sanity import check_samples
-from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
@@ -49,6 +48,7 @@ DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
 SYMBOLS = "KBnp"
+OUT_OF_RANGE = Rejection.OUT_OF_RANGE.name.lower()
 CONTACT_STD = "contact_position_std"
 """The estimator's setting that says how well the surface is known."""
 _LONGEST = 20_000
@@ -62,7 +62,7 @@ class Finding:
     Attributes:
         what: in a sentence.
         settings: input settings that put it right, by name below `input.`; empty if none does.
-            CONTACT_STD and CHANNEL_DELAY among them are the estimator's own.
+            CONTACT_STD, FORCE_LIMIT and CHANNEL_DELAY among them are the estimator's own.
         cost: what it changes in K, B, n, p, in words; empty where that is not known.
     """
 
@@ -96,6 +96,7 @@ def diagnose(
     displacement_mm: FloatArray,
     force_n: FloatArray,
     surface_std_mm: float = 0.0,
+    force_limit_n: float = math.inf,
 ) -> Diagnosis:
     """Judge readings of both channels.
 
@@ -104,6 +105,7 @@ def diagnose(
         displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
         force_n: contact force [N], shape (n,); NaN where there is no reading.
         surface_std_mm: standard deviation of the position that displacements count from [mm].
+        force_limit_n: the estimator's: forces beyond it are left out here as well [N].
     """
     samples = Samples(
         np.asarray(time_s, np.float64),
@@ -111,6 +113,8 @@ def diagnose(
         np.asarray(force_n, np.float64),
         surface_std_mm,
     )
+    if (np.abs(samples.force_n) > force_limit_n).any():
+        samples.force_end_n = force_limit_n
     untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
@@ -121,14 +125,16 @@ def diagnose(
     while len(treated) < MOST_REMEDIES:
         doubts = [
             s
-            for s in check_samples(samples.time_s, samples.displacement_mm, samples.force_n)
+            for s in check_samples(
+                samples.time_s, samples.displacement_mm, samples.force_n, force_limit_n
+            )
             if (s.check, s.channel, s.since_s, s.until_s) not in treated
         ]
         if not doubts:
             break
         doubt = doubts[0]
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
-        settings = _remedy(samples, doubt)
+        settings = samples.put_right(doubt)
         mended = bool(settings) or doubt.check is Check.ZERO_STEP
         after = samples.estimate() if mended else before
         spoilt = spoilt or (doubt.check in SPOILT and not settings)
@@ -136,14 +142,14 @@ def diagnose(
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
     after = before
-    if not spoilt:
+    if not (spoilt or samples.limits):  # a force that goes no further looks late
         findings += _between_channels(samples, before)
         after = samples.estimate()
         late = _at_all_places(samples, after, findings)
         if late:
             findings += late
             after = samples.estimate()
-    findings += _refusals(after, len(samples.time_s))
+    findings += _refusals(after, len(samples.time_s), but=OUT_OF_RANGE if samples.limits else "")
     if after is not None and after.mismatch > DISTURBED_SHARE:
         findings.append(
             Finding(
@@ -169,6 +175,9 @@ def diagnose(
             depth_mm=depth,
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
+    for finding in findings:
+        if FORCE_LIMIT in finding.settings:
+            finding.settings.update(samples.limits)  # as the forces count in the end
     if samples.surface_std_mm != surface_std_mm:
         _say_deviation(findings, samples.surface_std_mm)
     return Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
@@ -209,44 +218,6 @@ def _touches_nothing(samples: Samples) -> Finding | None:
         f"the force is noise alone ({noise_n:.2g} N) while the tool moves by {most - least:.3g} "
         "mm: it touched nothing, or this is another axis, topic or column than that which presses"
     )
-
-
-def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
-    """Put a fault right; return the settings that do so, none if no setting does."""
-    if np.isnan(doubt.remedy):
-        return {}
-    if doubt.check is Check.ZERO_STEP:
-        during = (samples.time_s >= doubt.since_s) & (samples.time_s < doubt.until_s)
-        shift = np.where(during, doubt.remedy, 0.0)
-        if doubt.channel == "force":
-            samples.force_n = samples.force_n - shift
-        else:
-            samples.displacement_mm = samples.displacement_mm - shift
-        return {}
-    settings: dict[str, Any] = {}
-    if doubt.check is Check.RATE:
-        samples.count_once(doubt.channel)
-        settings["force.held" if doubt.channel == "force" else "position.held"] = True
-    elif doubt.check in (Check.SIGN, Check.UNITS):
-        name = "sign" if doubt.check is Check.SIGN else "scale"
-        value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
-        if doubt.channel in ("displacement", "both"):
-            samples.displacement_mm = samples.displacement_mm * doubt.remedy
-            samples.surface_std_mm *= abs(doubt.remedy)
-            settings[f"position.{name}"] = value
-        if doubt.channel in ("force", "both"):
-            samples.force_n = samples.force_n * doubt.remedy
-            settings[f"force.{name}"] = value
-    elif doubt.check is Check.FORCE_ZERO:
-        samples.force_n = samples.force_n - doubt.remedy
-        settings["force.zero"] = rounded(doubt.remedy, 4)
-    elif doubt.check is Check.POSITION_ZERO:
-        samples.displacement_mm = samples.displacement_mm - doubt.remedy
-        low, high = robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])
-        # A glance at where the force begins: taken for exact, K would be wrong and sure.
-        samples.surface_std_mm = SURFACE_SHARE * (high - low)
-        settings["position.zero"] = rounded(doubt.remedy, 3)
-    return settings
 
 
 def _between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
@@ -337,10 +308,11 @@ def _surface(estimated: Estimated, sure: Estimated, surface_std_mm: float) -> li
     ]
 
 
-def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:
+def _refusals(estimated: Estimated | None, count: int, but: str) -> list[Finding]:
     if estimated is None:
         return [Finding("the tool was never in contact: nothing is known of the tissue")]
-    refused = {k: n for k, n in estimated.rejected.items() if n > DISTURBED_SHARE * count}
+    most = DISTURBED_SHARE * count
+    refused = {k: n for k, n in estimated.rejected.items() if k != but and n > most}
     return [
         Finding(f"{n} of {count} samples are refused ({reason.replace('_', ' ')})")
         for reason, n in refused.items()

@@ -20,11 +20,12 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import place_fit
+from hc_estimator.multiple_model import place_average, place_fit
+from hc_estimator.multiple_model.change import is_different
 from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import TOUCHING
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
-from hc_estimator.multiple_model.kalman import LARGEST_LOG
+from hc_estimator.multiple_model.kalman import probability
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import DELAY, POSITION, UNKNOWNS
@@ -47,6 +48,7 @@ LONGEST = 2.0  # time for which a contact is asked [s]
 # Of ln K, ln B / K, n and p about those of the place before, and of the height [mm].
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
 HEIGHT_DEVIATION = 1.0
+VARIES = 0.01  # deviation of ln K and ln B by which the same place is another later on
 UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
@@ -57,7 +59,6 @@ NARROW = 0.03  # width of a parabola that misses nothing [s]
 DELAY_DEVIATION = 0.02  # of a delay that is not known yet [s]
 SMALL_DELAY = 0.0015  # deviation of a delay from which on it is known [s]
 IN_STEP, LEAST_DELAY = 2.0, 0.0005  # deviations, and delay [s], up to which it is none
-DIFFERENT = 4.0  # deviations by which a parameter of another tissue differs
 
 
 @compiled
@@ -183,13 +184,15 @@ def _ask(settings: Any, bank: Any) -> bool:
     """Hold what the contact says by itself against what was known before it."""
     place, history = bank.place, bank.history
     noise = histories.noise_of_points(bank)
+    needed = True
     place.first = history.contact
     place.last = history.count
     if place.is_other == 0:
         _set_same(place)
         copy_vector(place.guess, place.values)
         same = place_fit.fit(settings, place, history, noise, 1.0, 1)
-        place.left[0] = same / place.expected
+        # A place that explains the contact to within the noise is no other one.
+        needed = not same < CONSISTENT * place.expected
     _set_other(place, HEIGHT_DEVIATION**2)
     if place.is_other == 0:
         place_fit.begin(settings, place, history)
@@ -199,35 +202,33 @@ def _ask(settings: Any, bank: Any) -> bool:
     if not (math.isfinite(other) and place.expected > 0.0):
         return False
     left = other / place.expected
-    place.left[1] = left
     if not left < CONSISTENT:
         return False
     # What the law misses is no reason for another place, nor what wide parabolas miss of a press.
     wider = max(bank.delay.grid_width / NARROW, 1.0)
     weight = 1.0 / (max(left, 1.0) * wider * wider)
-    place.evidence[1] = _evidence(settings, place, history, noise, weight, 1)
-    if place.evidence[1] == -math.inf:
+    elsewhere = _evidence(settings, place, history, noise, weight, 1)
+    if elsewhere == -math.inf:
         return False
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome_elsewhere)
     copy_matrix(place.covariance, place.covariance_elsewhere)
     _set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
-    place.evidence[0] = _evidence(settings, place, history, noise, weight, 0)
+    level = _evidence(settings, place, history, noise, weight, 0)
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome)
     odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
-    _join(place, _probability(place.evidence[1] - place.evidence[0] - odds))
+    place_average.join(place, probability(elsewhere - level - odds))
     if place.is_other != 0:
         return True
     _set_same(place)
     copy_vector(place.guess, place.values)
-    place.evidence[2] = _evidence(settings, place, history, noise, weight, 0)
-    lead = max(place.evidence[0], place.evidence[1]) - place.evidence[2]
-    if lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
+    lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 0)
+    if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
         unknown = math.isnan(settings.channel_delay) and place.in_step == 0
         if unknown and not _is_in_step(settings, place, history, noise, weight):
-            _leave_open(place, _probability(lead))
+            place_average.leave_open(place, probability(lead))
             return False
         clear_matrix(place.open)
         place.is_other = 1
@@ -235,7 +236,7 @@ def _ask(settings: Any, bank: Any) -> bool:
         return True
     if place.found > 0:
         odds = math.log((1.0 + place.found) / (1.0 + place.contacts - place.found))
-        _leave_open(place, _probability(lead + odds))
+        place_average.leave_open(place, probability(lead + odds))
     return False
 
 
@@ -263,23 +264,6 @@ def _is_in_step(
 
 
 @compiled
-def _probability(lead: float) -> float:
-    """Probability of what is likelier by such a logarithm of odds."""
-    return 1.0 / (1.0 + math.exp(min(max(-lead, -LARGEST_LOG), LARGEST_LOG)))
-
-
-@compiled
-def _leave_open(place: Any, share: float) -> None:
-    """What is open of ln K, ln B, n and p if it may be another place with a probability."""
-    for i in range(POSITION):
-        off = place.outcome[i] - place.before[i]
-        for j in range(POSITION):
-            other = place.conditional[i, j] + place.doubt[i, j]
-            other += off * (place.outcome[j] - place.before[j])
-            place.open[i, j] = share * other
-
-
-@compiled
 def _evidence(
     settings: Any,
     place: Any,
@@ -296,54 +280,15 @@ def _evidence(
 
 
 @compiled
-def _join(place: Any, share: float) -> None:
-    """Take the likelier of both fits, at the old height and at another one.
-
-    What their heights leave open of the parameters is that of both (Bayesian model averaging).
-
-    Args:
-        place: `outcome` and `covariance` are those of the likelier fit, and `doubt` is set.
-        share: probability that the height is another one.
-    """
-    by_share = (1.0 - share, share)
-    outcomes = (place.outcome, place.outcome_elsewhere)
-    covariances = (place.covariance, place.covariance_elsewhere)
-    chosen = 1 if share > 0.5 else 0
-    clear_matrix(place.doubt)
-    for k in range(2):
-        outcome, covariance = outcomes[k], covariances[k]
-        variance = max(covariance[POSITION, POSITION], 1e-300)
-        for i in range(POSITION):
-            off = outcome[i] - outcomes[chosen][i]
-            for j in range(POSITION):
-                both = covariance[i, POSITION] * covariance[j, POSITION] / variance
-                both += off * (outcome[j] - outcomes[chosen][j])
-                place.doubt[i, j] += by_share[k] * both
-    for i in range(POSITION):
-        for j in range(POSITION):
-            covariance = covariances[chosen]
-            variance = max(covariance[POSITION, POSITION], 1e-300)
-            both = covariance[i, POSITION] * covariance[j, POSITION] / variance
-            place.conditional[i, j] = covariance[i, j] - both
-    position = outcomes[chosen][POSITION]
-    square = 0.0
-    for k in range(2):
-        off = outcomes[k][POSITION] - position
-        square += by_share[k] * (covariances[k][POSITION, POSITION] + off * off)
-    place.height_deviation = math.sqrt(square)
-    place.is_level = 1 - chosen
-    if chosen == 1:
-        copy_vector(place.outcome_elsewhere, place.outcome)
-        copy_matrix(place.covariance_elsewhere, place.covariance)
-
-
-@compiled
 def _set_same(place: Any) -> None:
     """It is the place before: what was known of it is the prior, and its height stays."""
     for i in range(UNKNOWNS):
         for j in range(UNKNOWNS):
             place.seen[i, j] = place.before_covariance[i, j]
         place.seen[i, i] += LEAST_VARIANCE
+    for i in range(2):
+        for j in range(2):
+            place.seen[i, j] += VARIES**2
     place.seen[POSITION, POSITION] = LEAST_VARIANCE
     copy_vector(place.before, place.guess)
     place_fit.invert(place.seen, place)
@@ -400,6 +345,6 @@ def _is_other_tissue(place: Any) -> bool:
     for i in range(POSITION):
         off = place.outcome[i] - place.before[i]
         variance = place.covariance[i, i] + place.before_covariance[i, i]
-        if off * off > DIFFERENT * DIFFERENT * variance:
+        if is_different(off, variance):
             return True
     return False

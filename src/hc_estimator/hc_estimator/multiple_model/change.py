@@ -142,6 +142,12 @@ def _others_are_beaten(change: Any, rows: Any, elapsed: float) -> bool:
 
 
 @compiled
+def is_different(distance: float, variance: float) -> bool:
+    """True if a parameter that is so far from another is clearly not that of the same tissue."""
+    return distance * distance > DIFFERENT * DIFFERENT * variance
+
+
+@compiled
 def _differs(change: Any, rows: Any) -> bool:
     """True if the parameters of the fresh row are others than those at the alarm.
 
@@ -152,7 +158,7 @@ def _differs(change: Any, rows: Any) -> bool:
     for i in range(LOG_STIFFNESS, ACCELERATION):
         distance = fresh.state[i] - change.before[i - LOG_STIFFNESS]
         variance = fresh.covariance[i, i] + change.before_variance[i - LOG_STIFFNESS]
-        if distance * distance > DIFFERENT * DIFFERENT * variance:
+        if is_different(distance, variance):
             return True
     return False
 

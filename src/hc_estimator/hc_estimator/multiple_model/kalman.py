@@ -61,6 +61,12 @@ def exp_limited(logarithm: float) -> float:
 
 
 @compiled
+def probability(log_odds: float) -> float:
+    """Probability of what is likelier by such a logarithm of odds."""
+    return 1.0 / (1.0 + exp_limited(-log_odds))
+
+
+@compiled
 def force_at(settings: Any, row: Any, depth: float, velocity: float) -> float:
     """Force [N] that a row's parameters give at a depth and a velocity."""
     state = row.state

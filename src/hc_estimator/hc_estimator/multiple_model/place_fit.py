@@ -81,7 +81,7 @@ def weigh(
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag = gradient[1] * gradient[1]
         weight = 1.0 / (variance + drag * history.velocity_noise[0])
-        place.weights[k % POINTS] = weight
+        point[3] = weight
         own = noise[2] * variance + drag * history.velocity_std[0] ** 2
         place.expected += weight * own
 
@@ -96,10 +96,9 @@ def _gather(settings: Any, place: Any, history: Any, values: Any) -> float:
     for k in range(place.first, place.last):
         point = history.points[k % POINTS]
         residual = point[2] - _law(settings, place, values, history, point)
-        weight = place.weights[k % POINTS]
-        total += weight * residual * residual
+        total += point[3] * residual * residual
         for i in range(UNKNOWNS):
-            share = weight * slopes[i]
+            share = point[3] * slopes[i]
             pull[i] += share * residual
             for j in range(i + 1):
                 seen[i, j] += share * slopes[j]

@@ -34,11 +34,6 @@ PLACE = record_type(
         # Within one fit:
         Field("first", np.int64, (), 0),  # number of its first point
         Field("last", np.int64, (), 0),  # and of the one after the last
-        Field("weights", np.float64, (512,), 0.0),  # of the points, as in the ring [1/N^2]
-        # Of the last: squares left over those of the noise, by the place before and by another one;
-        # and evidence of another one at the old height, at any height, and of the one before.
-        Field("left", np.float64, (2,), finite=False),
-        Field("evidence", np.float64, (3,), finite=False),
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
         Field("guess", np.float64, (SIX,)),
         Field("prior", np.float64, (SIX, SIX)),  # precision

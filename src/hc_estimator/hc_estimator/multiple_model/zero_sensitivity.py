@@ -6,13 +6,12 @@ delay in `delay_sensitivity`); `zero_doubt` gives it out.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import spline
-from hc_estimator.multiple_model.kalman import LARGEST_LOG
+from hc_estimator.multiple_model.kalman import probability
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.zero_records import BOTH, OF_FORCE, OF_POSITION
 
@@ -94,9 +93,7 @@ def average(zeros: Any, unknown: int, possible: int) -> None:
     Hoeting et al., Statistical Science 14, 1999. The chosen fit stays what is used; in
     zeros.change are the parameters of the fit with all.
     """
-    share = 1.0 / (
-        1.0 + math.exp(min(0.5 * (zeros.cost[possible] - zeros.cost[unknown]), LARGEST_LOG))
-    )
+    share = probability(0.5 * (zeros.cost[unknown] - zeros.cost[possible]))
     for i in range(4):
         zeros.change[i] -= zeros.fit[i]
     for i in range(4):

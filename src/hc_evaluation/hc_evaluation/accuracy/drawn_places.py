@@ -30,6 +30,7 @@ Draw = np.random.Generator
 
 DURATION_S = 40.0
 STIFFER, STEEPER, HIGHER_MM = 0.4, 0.1, 0.2  # deviations of ln K, n and height of a place
+CLEARANCE_MM = 0.5  # of the tool over the highest place, at least
 SLOPE_MM = 0.15  # by which each place is higher than the one before, at most
 KINDS: dict[str, tuple[bool, bool, bool]] = {
     "nothing": (False, False, False),
@@ -89,7 +90,8 @@ def drawn_places(kind: str, seed: int) -> DrawnPlaces:
     while now < DURATION_S - 2.0:
         here = time >= now if count else np.ones(time.size, np.bool_)
         height = count * slope + float(draw.normal(0.0, HIGHER_MM))
-        surface[here] = height if higher and count else 0.0
+        # The tool clears every place on its way to the next.
+        surface[here] = max(height, home + CLEARANCE_MM) if higher and count else 0.0
         log_factor[here] = float(draw.normal(0.0, STIFFER)) if stiffer else 0.0 * draw.normal()
         exponent[here] = usual + float(draw.normal(0.0, STEEPER)) * float(steeper)
         place[here] = count
