@@ -211,5 +211,5 @@ def test_what_can_be_done_about_a_bag_that_was_cut_off_is_said(
             read_recording(bag)
         assert "\n" not in str(caught.value)
     (tmp_path / "base" / "metadata.yaml").unlink()
-    with pytest.raises(BagError, match="ros2 bag reindex .*base writes it"):
+    with pytest.raises(BagError, match=r"ros2 bag reindex .*base writes it"):
         read_recording(tmp_path / "base")

@@ -43,7 +43,7 @@ _ADVICE = (
         "the compressed file was cut off: zstd -dc OLD > NEW.db3 saves a part",
     ),
 )
-"""By what rosbags and its libraries say: what the user can do; our own recovery reads no such bag."""
+"""By what rosbags and its libraries say: what helps; our recovery reads no such bag."""
 
 
 def open_bag(path: str | os.PathLike[str]) -> Bag:
