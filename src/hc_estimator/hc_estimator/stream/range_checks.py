@@ -99,8 +99,8 @@ def flattened(depth: Readings, force: Readings) -> Parts[tuple[str, float]]:
     return "", math.nan
 
 
-def saturated(force: Readings, depth: Readings) -> tuple[str, float]:
-    """A force that stays at its largest or smallest value and nowhere else, as the depth goes on.
+def saturated(force: Readings, depth: Readings) -> Parts[tuple[str, float]]:
+    """Find, in parts, a force that stays at its largest or smallest value as the depth goes on.
 
     Where readings come in steps, or are repeated, they stay elsewhere as well: then the end is
     crowded against the steps before it.
@@ -119,10 +119,14 @@ def saturated(force: Readings, depth: Readings) -> tuple[str, float]:
         elsewhere = lengths[~at_limit]
         repeats = int(np.sum(elsewhere - 1)) / max(int(np.sum(elsewhere)), 1)
         if limit == 0.0 or repeats >= _REPEATED or not _is_long(lengths[at_limit], len(values)):
+            if np.max(lengths) < _HELD:
+                continue
+            yield
             limit = _crowded_end(values, side)
             at_limit = values[starts] == limit
             if not _is_long(lengths[at_limit], len(values)):
                 continue
+        yield
         if not _goes_on(force, depth, limit, (starts[at_limit], lengths[at_limit])):
             continue
         share = float(np.sum(lengths[at_limit])) / len(values)

@@ -130,7 +130,9 @@ _ROUNDED = 1.001
 def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> Parts[None]:
     """Check what one channel shows, of which there is enough; add what is found."""
     is_force = readings.name == "force"
-    saturated, keep = range_checks.saturated(readings, other) if is_force else ("", math.nan)
+    saturated, keep = "", math.nan
+    if is_force:
+        saturated, keep = yield from range_checks.saturated(readings, other)
     _add(result, Check.SATURATION, readings, saturated, keep)
     short = ""
     if not is_force and len(other.values) >= LEAST_SAMPLES:
@@ -145,7 +147,7 @@ def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> 
     mistimed = "" if is_force else stamp_checks.mistimed(readings)
     _add(result, Check.TIMES, readings, mistimed)
     if not mistimed:
-        uneven, repeats = stamp_checks.irregular(readings), math.nan
+        uneven, repeats = (yield from stamp_checks.irregular(readings)), math.nan
         if not uneven:
             uneven, repeats = channel_checks.held(readings)
         _add(result, Check.RATE, readings, uneven, repeats)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from hc_estimator.stream.readings import FloatArray, Readings
+from hc_estimator.stream.readings import FloatArray, Parts, Readings
 
 
 def rate_of(time_s: FloatArray) -> float:
@@ -16,8 +16,8 @@ def rate_of(time_s: FloatArray) -> float:
     return 1.0 / float(np.median(steps)) if len(steps) else math.nan
 
 
-def irregular(readings: Readings) -> str:
-    """Stamps that are no times of measurement."""
+def irregular(readings: Readings) -> Parts[str]:
+    """Find stamps that are no times of measurement, in parts."""
     name, _unit, time_s, values = readings
     steps = np.diff(time_s)
     usual = float(np.median(steps))
@@ -44,6 +44,7 @@ def irregular(readings: Readings) -> str:
             f"the {name} comes at {1.0 / mean:.4g} Hz on average, though mostly every "
             f"{1e3 * usual:.3g} ms: readings are lost or late"
         )
+    yield
     share, off_s = _of_arrival(time_s, values, usual)
     if share > 0.0:
         return (
