@@ -43,7 +43,7 @@ SPOILT = (
     Check.QUANTISATION,
     Check.RATE,
 )
-"""What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
+"""What the law would be bent to fit, so that it invents delays and zeros, if no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05

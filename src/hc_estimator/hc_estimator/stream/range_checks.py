@@ -145,8 +145,9 @@ _REPEATED, _LEAST_SHARE, _BELOW = 0.02, 0.005, 0.99
 _BEYOND, _STEPS, _PILED = 0.002, 3, 6.0
 """Spikes beyond an end; the steps before it, and how many times as many readings it has as they: at
 a peak without noise the last step has two and a half times those of the one before."""
-_BAND, _CLEAR_STEPS, _CLEAR_NOISES = 0.3, 3.0, 8.0
-"""Share of the force's range in which its slope is taken; what is more than a step, than noise."""
+_BAND, _CLEAR_STEPS, _CLEAR_NOISES, _GOING = 0.3, 3.0, 8.0, 0.2
+"""Share of the force's range in which its slope is taken; what is more than a step, than noise; of
+the readings at an end those during which the depth goes on: a tool may also rest there."""
 
 
 def _is_long(lengths: NDArray[np.int64], count: int) -> bool:
@@ -202,4 +203,4 @@ def _goes_on(
     for start, length in zip(*held, strict=True):
         if np.ptp(at[start : start + length]) > clear:
             gone_on += length
-    return bool(gone_on > 0.5 * np.sum(held[1]))
+    return bool(gone_on > _GOING * np.sum(held[1]))

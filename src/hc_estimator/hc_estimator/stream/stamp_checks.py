@@ -25,8 +25,9 @@ def irregular(readings: Readings) -> Parts[str]:
         return f"the stamps of the {name} mostly go backward: sort the readings by time"
     if usual == 0.0:
         return (
-            f"most samples of the {name} repeat the stamp of the one before, and are left out: "
-            "write the times with more digits, or stamp each reading when it is measured"
+            f"{100 * np.mean(steps == 0.0):.0f} % of the samples of the {name} repeat the stamp of "
+            "the one before, and are left out: write the times with more digits, or stamp each "
+            "reading when it is measured"
         )
     typical = float(np.quantile(steps, 0.95))
     together = float(np.mean(steps < 0.1 * typical))
