@@ -49,6 +49,7 @@ def delay_that_grows(
     at_first, at_last = (1e3 * np.sign(growth_s) * delay for delay in (early.delay_s, delay_s))
     return (
         f"the {behind} falls behind the {before} by {1e6 * abs(growth_s) / apart_s:.0f} us a "
-        f"second ({at_first:.1f} ms late at first, {at_last:.1f} ms at last): their stamps are of two clocks, and no one offset serves; stamp both by one clock "
-        "(PTP, chrony), or where they arrive"
+        f"second ({at_first:.1f} ms late at first, {at_last:.1f} ms at last): their stamps are of "
+        "two clocks, and no one offset serves; stamp both by one clock (PTP, chrony), or where "
+        "they arrive"
     )
