@@ -268,3 +268,22 @@ def test_forces_beyond_the_limit_of_a_node_are_left_out_as_it_does():
     diagnosis = diagnose(time_s, depth, clipped, force_limit_n=2.97)
     assert diagnosis.findings == ()
     assert diagnosis.estimated.parameters == pytest.approx(TISSUE, rel=0.03)
+
+
+def test_a_delay_that_grows_is_of_two_clocks_and_no_offset_is_proposed():
+    """Regression: of clocks that drift apart the delay of the end was said, for the whole."""
+    generator = np.random.default_rng(3)
+    time_s = np.arange(24_000) / 200.0
+    phase = 2.0 * np.pi * (0.9 * time_s + 0.6 * np.sin(time_s / 3.0))
+    depth = -0.5 + 1.5 * (1.0 - np.cos(phase)) * (1.0 + 0.2 * np.sin(0.9 * time_s))
+    speed = np.gradient(depth, time_s)
+    inside = np.maximum(depth, 0.0) ** 1.5
+    force = np.maximum(inside * (0.5 + 0.01 * np.sign(speed) * np.abs(speed) ** 0.8), 0.0)
+    late_s = 3e-4 * time_s
+    seen = np.interp(time_s - late_s, time_s, force) + 0.01 * generator.standard_normal(24_000)
+    found = diagnose(time_s, depth + 0.003 * generator.standard_normal(24_000), seen)
+    (drifts,) = [f for f in found.findings if "two clocks" in f.what]
+    rate = float(drifts.what.split(" by ")[1].split(" us ")[0])
+    assert rate == pytest.approx(300.0, rel=0.1)
+    assert drifts.settings == {}
+    assert not any("time_offset" in f.settings for f in found.findings)

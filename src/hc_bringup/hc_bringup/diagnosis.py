@@ -16,6 +16,7 @@ import numpy as np
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
 from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
+from hc_bringup.two_clocks import delay_that_grows
 from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -232,6 +233,9 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
     findings = []
     faults = found.clear_faults
     if "delay" in faults and abs(found.delay_s) > CLEAR_DELAY_S:
+        drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
+        if drifts:
+            return [Finding(drifts)]
         late = "force" if found.delay_s > 0.0 else "position"
         what = Delay(found.delay_s, found.delay_std_s, 1).late
         settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
@@ -272,7 +276,7 @@ def _at_all_places(
     samples: Samples, before: Estimated | None, findings: list[Finding]
 ) -> list[Finding]:
     """Look for a delay where the law does not fit, for several places may have been pressed."""
-    known = any(name.endswith("time_offset") for f in findings for name in f.settings)
+    known = any("time_offset" in str(f.settings) or "two clocks" in f.what for f in findings)
     if before is None or before.mismatch <= DISTURBED_SHARE or known:
         return []
     delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
