@@ -220,7 +220,7 @@ def to_table(path, samples):
 
 
 def test_a_force_at_the_end_of_the_sensors_range_is_left_out_and_said(tmp_path, capsys):
-    """Regression: K was 22 % off, with no word of that, and the advice that was taken came again."""
+    """Regression: nobody said that K was 22 % off, and advice that was taken was given again."""
     time_s, depth, force = presses()
     samples = time_s, depth, np.round(np.minimum(force, 3.0), 3)
     diagnosis = diagnose(*samples)

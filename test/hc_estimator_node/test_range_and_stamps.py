@@ -2,8 +2,8 @@
 
 Regressions of 2026-11-26. A range that ends was seen only where no two readings in a row are equal
 elsewhere, so hardly of a 12-bit converter or in a table with few digits: K was up to 2.5 times the
-tissue's, and nobody said why. Bursts of more than twenty readings were not seen (K 40 % off), nor stamps
-that jitter about the times at which the sensor is read (B twice to four times the tissue's).
+tissue's, and nobody said why. Bursts of more than twenty readings were not seen (K 40 % off), nor
+stamps that jitter about the times at which the sensor is read (B up to four times the tissue's).
 """
 
 import numpy as np
