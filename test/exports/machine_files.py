@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
+from table_text import rows
 
 from hc_estimator.contact.arrays import hunt_crossley_force
 
@@ -21,12 +22,6 @@ INDEX = np.arange(len(TIME))
 
 Columns = tuple[Any, ...]
 ALL = (TIME, DEPTH, FORCE)
-
-
-def rows(form: str, *columns: Any, comma: bool = False) -> str:
-    """Return a line for each row; with a decimal comma if asked for."""
-    lines = "".join(form.format(*row) + "\n" for row in zip(*columns, strict=True))
-    return lines.replace(".", ",") if comma else lines
 
 
 def grouped(values: Iterable[float], form: str, thousands: str, decimal: str = ".") -> list[str]:
@@ -91,7 +86,7 @@ def mts_german() -> bytes:
         "MTS793|MPT|DEU|1|2|,|.|:|49|1|1|A\r\n\r\nDatenerfassung: Zyklisch\t\tZeit:\t10,0\tSec\r\n"
         "Laufzeit\tWeg\tKraft\r\ns\tmm\tkN\r\n"
     )
-    return (head + rows("{:.4f}\t{:.6f}\t{:.9f}", TIME, DEPTH, 1e-3 * FORCE, comma=True)).encode()
+    return (head + rows("{:.4f}\t{:.6f}\t{:.9f}", TIME, DEPTH, 1e-3 * FORCE, decimal=",")).encode()
 
 
 MACH_1 = "<Mach-1 File>\n<INFO>\nTime:\t10:12:00\nDate:\t3/4/2024\n<END INFO>\n\n"
@@ -172,7 +167,7 @@ def excel(separator: str = ";") -> bytes:
 
 def utf_16() -> bytes:
     head = "Zeit [ms]\tWeg [µm]\tKraft [mN]\r\n"
-    table = rows("{:.0f}\t{:.2f}\t{:.2f}", *(1e3 * column for column in ALL), comma=True)
+    table = rows("{:.0f}\t{:.2f}\t{:.2f}", *(1e3 * column for column in ALL), decimal=",")
     return (head + table).encode("utf-16")
 
 
@@ -182,12 +177,12 @@ def latin_1() -> bytes:
 
 
 def german_words() -> bytes:
-    return ("Zeit;Weg mm;Kraft in N\n" + rows(SEMICOLONS, *ALL, comma=True)).encode()
+    return ("Zeit;Weg mm;Kraft in N\n" + rows(SEMICOLONS, *ALL, decimal=",")).encode()
 
 
 def quotation_marks() -> bytes:
     head = '"Zeit [s]","Weg [mm]","Kraft [N]"\n'
-    return (head + rows('"{:.3f}","{:.5f}","{:.5f}"', *ALL, comma=True)).encode()
+    return (head + rows('"{:.3f}","{:.5f}","{:.5f}"', *ALL, decimal=",")).encode()
 
 
 PLAIN_HEAD = "Time (s),Extension (mm),Load (N)\n"
@@ -224,7 +219,7 @@ def clock_beside_a_time() -> bytes:
 
 def date_and_clock_german() -> bytes:
     head = "Datum;Uhrzeit;Weg [mm];Kraft [N]\n"
-    seconds = rows("10:11:{:06.3f};{:.5f};{:.5f}", *ALL, comma=True)
+    seconds = rows("10:11:{:06.3f};{:.5f};{:.5f}", *ALL, decimal=",")
     return (head + "".join(f"05.03.2024;{line}\n" for line in seconds.splitlines())).encode()
 
 

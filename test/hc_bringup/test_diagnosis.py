@@ -42,13 +42,9 @@ def coarse_position(time_s, depth, force):
     return time_s, np.round(depth / 0.5) * 0.5, force
 
 
-def saturated(time_s, depth, force):
-    return time_s, depth, np.minimum(force, 1.5)
-
-
 @pytest.mark.parametrize(
     ("spoil", "word"),
-    [(stuck_force, "stands at"), (coarse_position, "in steps of"), (saturated, "end of its range")],
+    [(stuck_force, "stands at"), (coarse_position, "in steps of")],
 )
 def test_of_spoilt_readings_no_delay_no_zero_and_no_forecast_is_told(spoil, word):
     diagnosis = diagnose(*spoil(*presses()))
@@ -209,3 +205,85 @@ def test_a_surface_that_the_whole_recording_shows_is_known_as_well_as_that():
     assert 0.0 < diagnosis.surface_std_mm < 0.02
     deviations = diagnosis.estimated.deviations
     assert deviations[0] < 0.03 * diagnosis.estimated.parameters[0]
+
+
+TISSUE = np.array([0.5, 0.05, 1.5, 1.0])
+
+
+def to_table(path, samples):
+    """Write a table with the digits that tables have; its path."""
+    rows = (
+        f"{t:.4f},{d:.4f},{f:.3f}" for t, d, f in zip(*map(np.ndarray.tolist, samples), strict=True)
+    )
+    path.write_text("time_s,displacement_mm,force_N\n" + "\n".join(rows) + "\n")
+    return path
+
+
+def test_a_force_at_the_end_of_the_sensors_range_is_left_out_and_said(tmp_path, capsys):
+    """Regression: nobody said that K was 22 % off, and advice that was taken was given again."""
+    time_s, depth, force = presses()
+    samples = time_s, depth, np.round(np.minimum(force, 3.0), 3)
+    diagnosis = diagnose(*samples)
+    (finding,) = diagnosis.findings
+    assert "the force stays at 3 N, its largest value, in " in finding.what
+    assert finding.settings == {"force_limit": 2.97}
+    assert "K was " in finding.cost
+    found = diagnosis.estimated
+    assert found.parameters == pytest.approx(TISSUE, rel=0.03)
+    assert (np.abs(found.parameters - TISSUE) < 4.0 * found.deviations).all()
+
+    table = to_table(tmp_path / "clipped.csv", samples)
+    assert main(["doctor", str(table)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    (command,) = [line.partition("hc ")[2] for line in lines if line.startswith("   type:")]
+    assert command.endswith("--param force_limit=2.97")
+    assert main([*shlex.split(command), "--json"]) == 0
+    typed = capsys.readouterr()
+    assert "end of its range" not in typed.err  # the advice was taken
+    summary = json.loads(typed.out)
+    assert summary["suspicions"] == []
+    assert summary["rejected"]["out_of_range"] == np.count_nonzero(samples[2] > 2.97)
+    assert summary["parameters"]["stiffness"] == pytest.approx(TISSUE[0], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("read", "settings"),
+    [
+        (lambda f: -f, {"force_limit": 2.97, "force.sign": -1}),
+        (lambda f: 1e3 * f, {"force_limit": 2.97, "force.scale": 0.001}),
+        (lambda f: f - 7.0, {"force_limit": 2.97, "force.zero": -7.0}),
+    ],
+)
+def test_the_end_of_the_range_is_told_in_the_force_as_it_is_read_in_the_end(read, settings):
+    """The limit that is typed is of forces whose sign, unit and zero are right."""
+    time_s, depth, force = presses()
+    findings = diagnose(time_s, depth, read(np.round(np.minimum(force, 3.0), 3))).findings
+    told = {name: value for finding in findings for name, value in finding.settings.items()}
+    assert told == pytest.approx(settings, rel=0.03)
+
+
+def test_forces_beyond_the_limit_of_a_node_are_left_out_as_it_does():
+    time_s, depth, force = presses()
+    clipped = np.round(np.minimum(force, 3.0), 3)
+    diagnosis = diagnose(time_s, depth, clipped, force_limit_n=2.97)
+    assert diagnosis.findings == ()
+    assert diagnosis.estimated.parameters == pytest.approx(TISSUE, rel=0.03)
+
+
+def test_a_delay_that_grows_is_of_two_clocks_and_no_offset_is_proposed():
+    """Regression: of clocks that drift apart the delay of the end was said, for the whole."""
+    generator = np.random.default_rng(3)
+    time_s = np.arange(24_000) / 200.0
+    phase = 2.0 * np.pi * (0.9 * time_s + 0.6 * np.sin(time_s / 3.0))
+    depth = -0.5 + 1.5 * (1.0 - np.cos(phase)) * (1.0 + 0.2 * np.sin(0.9 * time_s))
+    speed = np.gradient(depth, time_s)
+    inside = np.maximum(depth, 0.0) ** 1.5
+    force = np.maximum(inside * (0.5 + 0.01 * np.sign(speed) * np.abs(speed) ** 0.8), 0.0)
+    late_s = 3e-4 * time_s
+    seen = np.interp(time_s - late_s, time_s, force) + 0.01 * generator.standard_normal(24_000)
+    found = diagnose(time_s, depth + 0.003 * generator.standard_normal(24_000), seen)
+    (drifts,) = [f for f in found.findings if "two clocks" in f.what]
+    rate = float(drifts.what.split(" by ")[1].split(" us ")[0])
+    assert rate == pytest.approx(300.0, rel=0.1)
+    assert drifts.settings == {}
+    assert not any("time_offset" in f.settings for f in found.findings)

@@ -41,6 +41,16 @@ def test_numbers_are_numbers_whatever_their_size(tmp_path):
         assert isinstance(told["zero"], float)
 
 
+def test_a_range_that_was_reached_is_written_as_a_limit(tmp_path):
+    time_s = np.arange(100) * 1e-2
+    found = SetupProposal(FORCE, JOINT, time_s, np.zeros(100), np.ones(100), ())
+    streams = (Stream("/ft", "wrench", 1e3, "ft"), Stream("/joints", "joint", 100.0, ""))
+    for name, limit in (("open.yaml", np.nan), ("ends.yaml", 7.0)):
+        write_files(tmp_path / name, *streams, found._replace(force_limit=limit), {})
+        told = yaml.safe_load((tmp_path / name).read_text())["estimator"]["ros__parameters"]
+        assert told.get("force_limit", np.nan) == pytest.approx(limit, nan_ok=True)
+
+
 def test_a_delay_that_several_places_said_is_written_down(tmp_path):
     time_s = np.arange(100) * 1e-2
     found = SetupProposal(FORCE, JOINT, time_s, np.zeros(100), np.ones(100), ())

@@ -38,6 +38,21 @@ class Found:
         self.done.append((force, position))
         return self
 
+    def _replace(self, **changed):
+        self.done.append(changed)
+        return self
+
+
+def judged(monkeypatch, *findings):
+    """What was done with a proposal for the sake of findings, and the time offsets."""
+    found = Found()
+    monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: Diagnosis(findings, None, (), 1.0))
+    monkeypatch.setattr(sensor_setup, "propose", lambda *_, **__: found)
+    stream = SimpleNamespace(name="/x", kind="wrench")
+    recorded = SimpleNamespace(readings=(), rest_s=None, force=stream, position=stream)
+    _, offsets = setup._judge(recorded, (1.0, 1.0))
+    return found.done, offsets
+
 
 def test_corrections_of_one_setting_add_up(monkeypatch):
     """Regression: of two corrections of a zero only the second was written down."""
@@ -50,14 +65,16 @@ def test_corrections_of_one_setting_add_up(monkeypatch):
         Finding("and again", {"position.zero": -0.25}),
         Finding("at all places it is late", {"channel_delay": -0.006}),
     )
-    found = Found()
-    monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: Diagnosis(findings, None, (), 1.0))
-    monkeypatch.setattr(sensor_setup, "propose", lambda *_, **__: found)
-    stream = SimpleNamespace(name="/x", kind="wrench")
-    recorded = SimpleNamespace(readings=(), rest_s=None, force=stream, position=stream)
-    _, offsets = setup._judge(recorded, (1.0, 1.0))
+    done, offsets = judged(monkeypatch, *findings)
     assert offsets == {"force": -0.01, "channel_delay": -0.006}
-    given, scales, zeros = found.done
+    given, scales, zeros = done
     assert given == (1.0, 1.0)
     assert scales == (0.001, 1.0)
     assert zeros == pytest.approx((0.5 * 0.001 + 0.02, 1.75))
+
+
+def test_a_range_that_ends_is_allowed_for_by_a_limit_in_the_file(monkeypatch, capsys):
+    ends = Finding("the force stays at 3 N, its largest value", {"force_limit": 2.97})
+    (_given, _scales, _zeros, changed), _offsets = judged(monkeypatch, ends)
+    assert changed == {"force_limit": 2.97}
+    assert "its largest value (allowed for)" in capsys.readouterr().out

@@ -144,6 +144,10 @@ def test_of_a_robot_the_only_pose_says_where_the_tip_was(
     assert_true(sites)
     across = [(site["x_mm"], site["y_mm"]) for site in sites]
     np.testing.assert_allclose(across, [(0.0, 400.0), (0.0, 412.0), (0.0, 424.0)], atol=0.1)
+    # Regression: with other axes the rig's topic was asked for.
+    words[words.index("-o") + 1] = str(tmp_path / "d.csv")
+    turned = of([*words, "--tip-axes", "yx"], capsys)["sites"]
+    np.testing.assert_allclose([s["x_mm"] for s in turned], [400.0, 412.0, 424.0], atol=0.1)
 
 
 def test_presses_too_weak_for_one_approach_show_the_surface_together(tmp_path: Path) -> None:

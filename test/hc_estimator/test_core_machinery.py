@@ -21,6 +21,7 @@ from hc_estimator.adaptation import strong_tracking
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimator import MEMORY, SETTINGS
+from hc_estimator.kinds import parameter_specifications
 from hc_estimator.linear_algebra import cholesky
 
 
@@ -357,6 +358,18 @@ def test_numbers_of_other_types_are_taken():
         hc.create_estimator("ukf", noise_adaptation="often")
     with pytest.raises(ValueError, match="limit_parameters = 1 is not true or false"):
         hc.create_estimator("ukf", state_space="paper", limit_parameters=1)
+
+
+def test_the_documentation_says_which_settings_the_node_does_not_have():
+    """Regression: `find_places` stood there as any other, and the node has no such parameter."""
+    rows = [line for line in documentation.parameter_tables().splitlines() if line[:3] == "| `"]
+    known = {s.name for s in parameter_specifications("self_tuning_ukf", "kinematic")}
+    (places,) = [row for row in rows if "`find_places`" in row]
+    assert "find_places" not in known
+    assert places.endswith("No parameter of the node. |")
+    (zeros,) = [row for row in rows if "`find_zeros`" in row]
+    assert "find_zeros" in known
+    assert "No parameter of the node" not in zeros
 
 
 def test_parameter_tables_of_the_documentation_are_up_to_date():

@@ -342,3 +342,23 @@ def test_a_force_that_pulls_for_push_is_told_in_status_and_events(start_process,
     (event,) = [e for e in probe.events if e.kind == EstimatorEvent.INPUT_SUSPECT]
     assert "turn its sign (force.sign)" in event.reason
     assert any("turn its sign (force.sign)" in s.message for s in probe.statuses)
+
+
+@pytest.mark.slow
+def test_the_end_of_a_range_is_told_with_the_limit_until_that_is_set(start_process, probe, plant):
+    """Regression of 2026-11-26: a force in steps was not seen to end, and K was wrong unsaid."""
+    start_process(filter="ukf")
+    probe.wait_ready()
+    samples = [(t, d, round(min(f, 2.0), 3)) for t, d, f in plant.samples(6000)]
+    number = probe.stream(samples)
+    probe.wait(lambda: EstimatorEvent.INPUT_SUSPECT in probe.kinds(), what="the suspicion")
+    (event,) = [e for e in probe.events if e.kind == EstimatorEvent.INPUT_SUSPECT]
+    assert "the force stays at 2 N, its largest value, in " in event.reason
+    assert event.reason.endswith("set force_limit 1.98, just below")
+    assert "suspect: saturation of force" in counters(probe)
+    assert probe.set(force_limit=1.98)[0].successful
+    samples = [(t, d, round(min(f, 2.0), 3)) for t, d, f in plant.samples(8000, start=6000)]
+    probe.stream(samples, first=number)
+    probe.wait(lambda: "suspect: saturation of force" not in counters(probe), what="no doubt")
+    refused = sum(f > 1.98 for _t, _d, f in samples)
+    probe.wait(lambda: int(counters(probe)["rejected_out_of_range"]) >= refused, what="the count")

@@ -187,3 +187,29 @@ def test_a_broken_database_is_one_line(tmp_path: Path, sample_messages: Any) -> 
     (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information: 3")
     with pytest.raises(BagError, match="is damaged"):
         open_bag(tmp_path / "bag")
+
+
+def test_what_can_be_done_about_a_bag_that_was_cut_off_is_said(
+    tmp_path: Path, sample_messages: Any
+) -> None:
+    """Regression: of a folder without metadata.yaml it said that it holds no bag."""
+    stamps = np.arange(3000)
+    messages = sample_messages(stamps, stamps)
+    for name, storage, compression, size, advice in (
+        ("base", StoragePlugin.SQLITE3, CompressionMode.NONE, 50_000, r"sqlite3 OLD.db3 \.dump"),
+        ("file", StoragePlugin.SQLITE3, CompressionMode.FILE, 5_000, "zstd -dc OLD > NEW"),
+        ("mcap", StoragePlugin.MCAP, CompressionMode.MESSAGE, 50_000, "mcap recover OLD.mcap"),
+    ):
+        bag = tmp_path / name
+        write_with_rosbags(
+            bag, messages, stamps, storage=storage, version=8, compression=compression
+        )
+        (file,) = bag.glob(f"{name}.*")
+        with file.open("r+b") as cut:
+            cut.truncate(size)
+        with pytest.raises(BagError, match=advice) as caught:
+            read_recording(bag)
+        assert "\n" not in str(caught.value)
+    (tmp_path / "base" / "metadata.yaml").unlink()
+    with pytest.raises(BagError, match=r"ros2 bag reindex .*base writes it"):
+        read_recording(tmp_path / "base")

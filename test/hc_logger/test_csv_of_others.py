@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import codecs
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from table_text import DEPTH, FORCE, TIME, rows, write
 
 from hc_logger.csv_file import CsvReader
 from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
 from hc_logger.recording import read_recording
 
-TIME = np.arange(60) * 0.002
-DEPTH = np.round(1.0 + 0.5 * np.sin(9 * TIME), 4)
-FORCE = np.round(0.2 * DEPTH**1.8, 5)
 G = 9.80665e-3
-
-
-def write(path: Path, text: str, encoding: str = "utf-8", mark: bytes = b"") -> Path:
-    path.write_bytes(mark + text.encode(encoding))
-    return path
-
-
-def rows(form: str, *columns: Any, decimal: str = ".") -> str:
-    lines = [form.format(*row) for row in zip(*columns, strict=True)]
-    return "".join(line.replace(".", decimal) + "\n" for line in lines)
 
 
 def texture_analyser() -> bytes:
@@ -362,55 +349,3 @@ def test_any_way_of_writing_gives_the_same_numbers(
     path.write_bytes(drawn[0])
     table = np.concatenate(list(CsvReader(path).blocks()))
     np.testing.assert_allclose(table, np.column_stack([TIME, DEPTH, FORCE]), rtol=1e-9, atol=1e-12)
-
-
-NANO = [divmod(1_700_000_000_000_000_000 + 2_000_000 * k, 10**9) for k in range(60)]
-
-
-@pytest.mark.parametrize("join", [".", "_", "/"])
-def test_fields_of_messages_are_known_with_their_unit_and_both_parts_of_the_stamp(
-    tmp_path: Path, join: str
-) -> None:
-    """Regression: an export of a bag had no time that one could name."""
-    names = "index,header.stamp.sec,header.stamp.nanosec,wrench.force.x,wrench.force.z,"
-    names = (names + "pose.position.x,pose.position.z").replace(".", join)
-    table = rows(
-        "{},{},{},0.1,{:.5f},0.4,{:.8f}", range(60), *zip(*NANO, strict=True), FORCE, DEPTH * 1e-3
-    )
-    recording = read_recording(write(tmp_path / "bag.csv", f"{names}\n{table}"))
-    np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME, atol=1e-6)
-    np.testing.assert_allclose(recording.displacement_mm, DEPTH, atol=1e-4)
-    np.testing.assert_allclose(recording.force_n, FORCE, atol=1e-5)
-    assert f"header{join}stamp{join}nanosec together are the time" in str(recording.findings.notes)
-
-
-def test_both_parts_of_a_stamp_can_be_named_and_missing_readings_stay_missing(
-    tmp_path: Path,
-) -> None:
-    table = rows("{};{};{:.5f};{:.8f}", *zip(*NANO, strict=True), FORCE, DEPTH, decimal=",")
-    table = table.replace(f"{DEPTH[7]:.8f}".replace(".", ","), "NaN")  # read cell by cell
-    options = CsvOptions(
-        columns={"time": "1+2", "force": "3", "displacement": "4"},
-        units={"force": "N", "displacement": "mm"},
-    )
-    recording = read_recording(write(tmp_path / "bare.csv", table), csv_options=options)
-    np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME, atol=1e-6)
-    assert np.flatnonzero(np.isnan(recording.displacement_mm)).tolist() == [7]
-
-
-@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
-@pytest.mark.parametrize("name", ["timestamp", "t_unix", "__time", "ros_time"])
-def test_a_time_since_1970_says_its_unit_by_its_size(
-    tmp_path: Path, name: str, unit: str, factor: float
-) -> None:
-    stamps = [
-        f"{(1.7e9 + t):.6f}" if unit == "s" else f"{int(1.7e9 * factor) + round(t * factor)}"
-        for t in TIME
-    ]
-    path = write(
-        tmp_path / "epoch.csv",
-        f"{name},z_mm,fz_N\n" + rows("{},{:.4f},{:.5f}", stamps, DEPTH, FORCE),
-    )
-    recording = read_recording(path)
-    np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME, atol=1e-6)
-    assert f"has no unit: taken for the time since 1970 in {unit}" in str(recording.findings.notes)

@@ -129,3 +129,24 @@ def test_the_same_file_gives_the_same_bag(tmp_path: Path) -> None:
     assert (tmp_path / "one/bag/bag_0.mcap").read_bytes() == (
         tmp_path / "two/bag/bag_0.mcap"
     ).read_bytes()
+
+
+def test_readings_of_both_channels_at_one_time_in_rows_of_their_own_are_no_repeat(
+    tmp_path: Path,
+) -> None:
+    """Regression: that the estimator rejects them was said, and it uses them."""
+    path = tmp_path / "own_rows.csv"
+    rows = [
+        "0,1,",
+        "0,,2",
+        "0.001,1,2",
+        "0.001,,2",
+        "0.002,,2",
+        "0.002,1,",
+        "0.002,1,",
+        "0.003,1,2",
+    ]
+    path.write_text("time_s,displacement_mm,force_N\n" + "\n".join(rows) + "\n")
+    findings = read_recording(path).findings
+    assert findings.repeated == 2
+    assert (findings.force_alone, findings.displacement_alone) == (3, 3)

@@ -7,6 +7,7 @@ recording is estimated again: the difference is what the fault costs.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,18 +15,17 @@ import numpy as np
 
 from hc_bringup.place_delay import MOST_NOISES, Delay, delay_between_places
 from hc_bringup.terminal.numbers import rounded
-from hc_bringup.treated_samples import Estimated, FloatArray, Samples
-from hc_estimator import PARAMETER_NAMES
+from hc_bringup.treated_samples import FORCE_LIMIT, Estimated, FloatArray, Samples
+from hc_bringup.two_clocks import delay_that_grows
+from hc_estimator import PARAMETER_NAMES, Rejection
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
-    Suspicion,
     moves,
     noise,
     robust_range,
 )
 from hc_estimator.stream.sanity import check_samples
-from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 from hc_evaluation.channels import CLEAR, diagnose_channels, evenly_spaced, unbroken
 from hc_evaluation.forecast import Forecast, forecast
@@ -43,12 +43,13 @@ SPOILT = (
     Check.QUANTISATION,
     Check.RATE,
 )
-"""What the law would be bent to fit, so that it invents delays and zeros; no number mends it."""
+"""What the law would be bent to fit, so that it invents delays and zeros, if no number mends it."""
 _UNKNOWN = "cannot be said, and neither can delay and zeros, until it is put right"
 DISTURBED_SHARE = 0.05
 UNSURE_SHARE = 0.05
 """Of K: what the place of the surface may leave open without a word."""
 SYMBOLS = "KBnp"
+OUT_OF_RANGE = Rejection.OUT_OF_RANGE.name.lower()
 CONTACT_STD = "contact_position_std"
 """The estimator's setting that says how well the surface is known."""
 _LONGEST = 20_000
@@ -62,7 +63,7 @@ class Finding:
     Attributes:
         what: in a sentence.
         settings: input settings that put it right, by name below `input.`; empty if none does.
-            CONTACT_STD and CHANNEL_DELAY among them are the estimator's own.
+            CONTACT_STD, FORCE_LIMIT and CHANNEL_DELAY among them are the estimator's own.
         cost: what it changes in K, B, n, p, in words; empty where that is not known.
     """
 
@@ -96,6 +97,7 @@ def diagnose(
     displacement_mm: FloatArray,
     force_n: FloatArray,
     surface_std_mm: float = 0.0,
+    force_limit_n: float = math.inf,
 ) -> Diagnosis:
     """Judge readings of both channels.
 
@@ -104,6 +106,7 @@ def diagnose(
         displacement_mm: penetration [mm], shape (n,); NaN where there is no reading.
         force_n: contact force [N], shape (n,); NaN where there is no reading.
         surface_std_mm: standard deviation of the position that displacements count from [mm].
+        force_limit_n: the estimator's: forces beyond it are left out here as well [N].
     """
     samples = Samples(
         np.asarray(time_s, np.float64),
@@ -111,6 +114,8 @@ def diagnose(
         np.asarray(force_n, np.float64),
         surface_std_mm,
     )
+    if (np.abs(samples.force_n) > force_limit_n).any():
+        samples.force_end_n = force_limit_n
     untouched = _too_few(samples) or _touches_nothing(samples)
     if untouched is not None:
         return Diagnosis((untouched,), None, (), 0.0)
@@ -121,14 +126,16 @@ def diagnose(
     while len(treated) < MOST_REMEDIES:
         doubts = [
             s
-            for s in check_samples(samples.time_s, samples.displacement_mm, samples.force_n)
+            for s in check_samples(
+                samples.time_s, samples.displacement_mm, samples.force_n, force_limit_n
+            )
             if (s.check, s.channel, s.since_s, s.until_s) not in treated
         ]
         if not doubts:
             break
         doubt = doubts[0]
         treated.add((doubt.check, doubt.channel, doubt.since_s, doubt.until_s))
-        settings = _remedy(samples, doubt)
+        settings = samples.put_right(doubt)
         mended = bool(settings) or doubt.check is Check.ZERO_STEP
         after = samples.estimate() if mended else before
         spoilt = spoilt or (doubt.check in SPOILT and not settings)
@@ -136,14 +143,14 @@ def diagnose(
         findings.append(Finding(doubt.sentence, settings, cost or (_UNKNOWN if spoilt else "")))
         before = after
     after = before
-    if not spoilt:
+    if not (spoilt or samples.limits):  # a force that goes no further looks late
         findings += _between_channels(samples, before)
         after = samples.estimate()
         late = _at_all_places(samples, after, findings)
         if late:
             findings += late
             after = samples.estimate()
-    findings += _refusals(after, len(samples.time_s))
+    findings += _refusals(after, len(samples.time_s), but=OUT_OF_RANGE if samples.limits else "")
     if after is not None and after.mismatch > DISTURBED_SHARE:
         findings.append(
             Finding(
@@ -169,6 +176,9 @@ def diagnose(
             depth_mm=depth,
             rate_hz=1.0 / float(np.median(forward)) if len(forward) else 0.0,
         )
+    for finding in findings:
+        if FORCE_LIMIT in finding.settings:
+            finding.settings.update(samples.limits)  # as the forces count in the end
     if samples.surface_std_mm != surface_std_mm:
         _say_deviation(findings, samples.surface_std_mm)
     return Diagnosis(tuple(findings), after, tuple(plans), depth, samples.surface_std_mm)
@@ -211,44 +221,6 @@ def _touches_nothing(samples: Samples) -> Finding | None:
     )
 
 
-def _remedy(samples: Samples, doubt: Suspicion) -> dict[str, Any]:
-    """Put a fault right; return the settings that do so, none if no setting does."""
-    if np.isnan(doubt.remedy):
-        return {}
-    if doubt.check is Check.ZERO_STEP:
-        during = (samples.time_s >= doubt.since_s) & (samples.time_s < doubt.until_s)
-        shift = np.where(during, doubt.remedy, 0.0)
-        if doubt.channel == "force":
-            samples.force_n = samples.force_n - shift
-        else:
-            samples.displacement_mm = samples.displacement_mm - shift
-        return {}
-    settings: dict[str, Any] = {}
-    if doubt.check is Check.RATE:
-        samples.count_once(doubt.channel)
-        settings["force.held" if doubt.channel == "force" else "position.held"] = True
-    elif doubt.check in (Check.SIGN, Check.UNITS):
-        name = "sign" if doubt.check is Check.SIGN else "scale"
-        value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
-        if doubt.channel in ("displacement", "both"):
-            samples.displacement_mm = samples.displacement_mm * doubt.remedy
-            samples.surface_std_mm *= abs(doubt.remedy)
-            settings[f"position.{name}"] = value
-        if doubt.channel in ("force", "both"):
-            samples.force_n = samples.force_n * doubt.remedy
-            settings[f"force.{name}"] = value
-    elif doubt.check is Check.FORCE_ZERO:
-        samples.force_n = samples.force_n - doubt.remedy
-        settings["force.zero"] = rounded(doubt.remedy, 4)
-    elif doubt.check is Check.POSITION_ZERO:
-        samples.displacement_mm = samples.displacement_mm - doubt.remedy
-        low, high = robust_range(samples.displacement_mm[np.isfinite(samples.displacement_mm)])
-        # A glance at where the force begins: taken for exact, K would be wrong and sure.
-        samples.surface_std_mm = SURFACE_SHARE * (high - low)
-        settings["position.zero"] = rounded(doubt.remedy, 3)
-    return settings
-
-
 def _between_channels(samples: Samples, before: Estimated | None) -> list[Finding]:
     """Look for a delay, and for zeros that the checks cannot see."""
     try:
@@ -261,6 +233,9 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
     findings = []
     faults = found.clear_faults
     if "delay" in faults and abs(found.delay_s) > CLEAR_DELAY_S:
+        drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
+        if drifts:
+            return [Finding(drifts)]
         late = "force" if found.delay_s > 0.0 else "position"
         what = Delay(found.delay_s, found.delay_std_s, 1).late
         settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
@@ -301,7 +276,7 @@ def _at_all_places(
     samples: Samples, before: Estimated | None, findings: list[Finding]
 ) -> list[Finding]:
     """Look for a delay where the law does not fit, for several places may have been pressed."""
-    known = any(name.endswith("time_offset") for f in findings for name in f.settings)
+    known = any("time_offset" in str(f.settings) or "two clocks" in f.what for f in findings)
     if before is None or before.mismatch <= DISTURBED_SHARE or known:
         return []
     delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
@@ -337,10 +312,11 @@ def _surface(estimated: Estimated, sure: Estimated, surface_std_mm: float) -> li
     ]
 
 
-def _refusals(estimated: Estimated | None, count: int) -> list[Finding]:
+def _refusals(estimated: Estimated | None, count: int, but: str) -> list[Finding]:
     if estimated is None:
         return [Finding("the tool was never in contact: nothing is known of the tissue")]
-    refused = {k: n for k, n in estimated.rejected.items() if n > DISTURBED_SHARE * count}
+    most = DISTURBED_SHARE * count
+    refused = {k: n for k, n in estimated.rejected.items() if k != but and n > most}
     return [
         Finding(f"{n} of {count} samples are refused ({reason.replace('_', ' ')})")
         for reason, n in refused.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +19,7 @@ from hc_bringup.graph import Graph
 from hc_bringup.phrases import left_of
 from hc_bringup.reading_changes import change_lines
 from hc_bringup.service_calls import AGAIN_S, Client
+from hc_bringup.treated_samples import FORCE_LIMIT
 from hc_estimator.ros.node_settings import OWN_SENSORS
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
@@ -43,6 +45,7 @@ class Heard:
         findings: what is wrong with its topics and its input.
         settings: its present input settings, by name below `input.`.
         surface_std_mm: how well the node says that it knows where displacements count from.
+        force_limit_n: beyond which it refuses a force.
         rows: times [s], displacements [mm] and forces [N], zeros taken off; None without samples.
         notes: what else one should know of them, one line each.
     """
@@ -50,6 +53,7 @@ class Heard:
     findings: list[Finding] = field(default_factory=list)
     settings: dict[str, Any] = field(default_factory=dict)
     surface_std_mm: float = 0.0
+    force_limit_n: float = math.inf
     rows: Rows | None = None
     notes: tuple[str, ...] = ()
 
@@ -74,6 +78,7 @@ def listen(node: str, seconds: float) -> Heard:
         namespace = name.rpartition("/")[0]
         heard.settings = input_settings(graph, name)
         heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
+        heard.force_limit_n = settings_of(graph, name, FORCE_LIMIT).get("", math.inf)
         topic = SAMPLES if heard.settings.get("source") == "samples" else SAMPLE
         _subscribe_samples(graph, f"{namespace}/{topic}", samples)
         graph.node.create_subscription(

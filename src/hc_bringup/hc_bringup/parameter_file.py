@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_msgs_py.parameter_sections import PARAMETERS_KEY, section_names
 from hc_msgs_py.plain_yaml import PlainYamlError, read_plain_yaml
 
-PARAMETERS_KEY = "ros__parameters"
 WILDCARDS = ("*", "**")
 
 
@@ -37,7 +37,7 @@ def check_parameter_file(path: Path, node_name: str) -> None:
         UserError: if it has none; the message says what it has.
     """
     data = read_yaml(path)
-    names = list(_node_names(data)) if isinstance(data, dict) else []
+    names = [n.removeprefix("/") for n in section_names(data)] if isinstance(data, dict) else []
     if not names:
         raise UserError(
             f"{path} is no ROS parameter file: give {node_name}: {PARAMETERS_KEY}: with the "
@@ -48,13 +48,3 @@ def check_parameter_file(path: Path, node_name: str) -> None:
         raise UserError(
             f"{path} has no parameters for node {node_name}, only for {', '.join(names)}", WRONG_USE
         )
-
-
-def _node_names(data: dict[Any, Any], prefix: str = "") -> list[str]:
-    """Return the full names of the nodes that have parameters."""
-    found = []
-    for key, value in data.items():
-        name = f"{prefix}/{str(key).strip('/')}" if prefix else str(key).strip("/")
-        if isinstance(value, dict):
-            found += [name] if PARAMETERS_KEY in value else _node_names(value, name)
-    return found

@@ -109,7 +109,7 @@ def _parameters(
         "# docs/node.md explains every setting; hc doctor looks whether they still fit.",
         "estimator:",
         "  ros__parameters:",
-        "    # force_limit: 60.0        # N; set it just below your sensor's range",
+        _limit(found.force_limit),
         *_deviation(found.position.zero_std),
         *_delay(offsets),
         *(_ONE_MESSAGE if force.kind == "effort" else ()),
@@ -118,6 +118,13 @@ def _parameters(
     ]
     lines += [f"# {note}" for note in found.notes]
     return "\n".join(lines) + "\n"
+
+
+def _limit(force_n: float) -> str:
+    """Return the setting that leaves out what is at the end of the sensor's range [N]."""
+    if math.isnan(force_n):
+        return "    # force_limit: 60.0        # N; set it just below your sensor's range"
+    return f"    force_limit: {_number(force_n)}   # N; the sensor's range ends just above"
 
 
 def _of_sensors(

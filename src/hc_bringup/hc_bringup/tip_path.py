@@ -40,9 +40,14 @@ class TipPath(NamedTuple):
 
 
 class TipSource(NamedTuple):
-    """Where a bag has the tip's position: a topic, and its two sideways components."""
+    """Where a bag has the tip's position.
 
-    topic: str = f"/{TIP}"
+    Attributes:
+        topic: its topic; empty takes the rig's, or the bag's only pose.
+        axes: its two components that are sideways.
+    """
+
+    topic: str = ""
     axes: str = "xy"
 
 
@@ -59,23 +64,31 @@ def tip_of(bag: Bag, recording: Recording, source: TipSource | None) -> TipPath 
         UserError: if a topic was asked for that does not hold it.
         BagError: if it is damaged.
     """
-    topic = bag.topics.get(full_name((source or TipSource()).topic))
-    if source is None and topic is None:
-        source = _pose_with_depth(bag, recording)
+    name = source.topic if source is not None and source.topic else TIP
+    topic = bag.topics.get(full_name(name))
+    if topic is None and name == TIP:
+        if source is None:
+            source = _pose_with_depth(bag, recording)
+        elif len(poses := _poses(bag)) == 1:
+            source = source._replace(topic=poses[0])
         if source is None:
             return None
-        topic = bag.topics[source.topic]
+        topic = bag.topics.get(source.topic)
     if topic is None or topic.definition.name not in TIP_FIELDS:
         if source is not None:
             kinds = " or ".join(kind.split("/")[-1] for kind in TIP_FIELDS)
-            raise UserError(f"{bag.path} has no {kinds} on {source.topic}", WRONG_USE)
+            raise UserError(f"{bag.path} has no {kinds} on {full_name(name)}", WRONG_USE)
         return None
     return _path(bag, recording, topic.name, (source or TipSource()).axes)
 
 
+def _poses(bag: Bag) -> list[str]:
+    return [t.name for t in bag.topics.values() if t.definition.name == POSE_TYPE]
+
+
 def _pose_with_depth(bag: Bag, recording: Recording) -> TipSource | None:
     """Return the bag's only pose, if it has one, and which of its components are sideways."""
-    poses = [t.name for t in bag.topics.values() if t.definition.name == POSE_TYPE]
+    poses = _poses(bag)
     path = _path(bag, recording, poses[0], "xyz") if len(poses) == 1 else None
     if path is None:
         return None

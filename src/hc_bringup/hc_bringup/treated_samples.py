@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_bringup.terminal.numbers import rounded
 from hc_estimator import Rejection, create_estimator
 from hc_estimator.kinds import DEFAULT_FILTER
 from hc_estimator.stream.in_pieces import run_in_pieces
+from hc_estimator.stream.readings import Check, Suspicion, robust_range
 from hc_estimator.stream.repeats import new_readings
+from hc_estimator.stream.sensor_setup import SURFACE_SHARE
 from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
+FORCE_LIMIT = "force_limit"
+"""The estimator's setting beyond which a force is refused [N]."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +48,80 @@ class Estimated:
 
 @dataclass
 class Samples:
-    """A recording under treatment, and the settings that it has got so far."""
+    """A recording under treatment, and the settings that it has got so far.
+
+    Attributes:
+        time_s: stamps [s].
+        displacement_mm: penetration [mm], as far as it was put right.
+        force_n: contact force [N], as far as it was put right.
+        surface_std_mm: how well the position is known that displacements count from [mm].
+        channel_delay: as the default filter's setting [s].
+        force_end_n: force from which on readings are left out, for the sensor's range ends there
+            [N]; NaN where none are.
+    """
 
     time_s: FloatArray
     displacement_mm: FloatArray
     force_n: FloatArray
     surface_std_mm: float
     channel_delay: float | str = "auto"
-    """As the default filter's setting [s]."""
+    force_end_n: float = math.nan
+
+    def scale_force(self, factor: float) -> None:
+        """Multiply the forces, and what counts in them."""
+        self.force_n = self.force_n * factor
+        self.force_end_n *= factor
+
+    def take_force_zero(self, zero_n: float) -> None:
+        """Let the forces count from a zero [N]."""
+        self.force_n = self.force_n - zero_n
+        self.force_end_n -= zero_n
+
+    @property
+    def limits(self) -> dict[str, Any]:
+        """The estimator's setting that leaves out what is at the end of the sensor's range."""
+        end = abs(self.force_end_n)
+        return {} if math.isnan(end) else {FORCE_LIMIT: float(f"{end:.4g}")}
+
+    def put_right(self, doubt: Suspicion) -> dict[str, Any]:
+        """Put a fault right; return the settings that do so, none if no setting does."""
+        if np.isnan(doubt.remedy):
+            return {}
+        if doubt.check is Check.ZERO_STEP:
+            during = (self.time_s >= doubt.since_s) & (self.time_s < doubt.until_s)
+            shift = np.where(during, doubt.remedy, 0.0)
+            if doubt.channel == "force":
+                self.force_n = self.force_n - shift
+            else:
+                self.displacement_mm = self.displacement_mm - shift
+            return {}
+        settings: dict[str, Any] = {}
+        if doubt.check is Check.SATURATION:
+            self.force_end_n = doubt.remedy
+            settings |= self.limits
+        elif doubt.check is Check.RATE:
+            self.count_once(doubt.channel)
+            settings["force.held" if doubt.channel == "force" else "position.held"] = True
+        elif doubt.check in (Check.SIGN, Check.UNITS):
+            name = "sign" if doubt.check is Check.SIGN else "scale"
+            value: float = int(doubt.remedy) if doubt.check is Check.SIGN else doubt.remedy
+            if doubt.channel in ("displacement", "both"):
+                self.displacement_mm = self.displacement_mm * doubt.remedy
+                self.surface_std_mm *= abs(doubt.remedy)
+                settings[f"position.{name}"] = value
+            if doubt.channel in ("force", "both"):
+                self.scale_force(doubt.remedy)
+                settings[f"force.{name}"] = value
+        elif doubt.check is Check.FORCE_ZERO:
+            self.take_force_zero(doubt.remedy)
+            settings["force.zero"] = rounded(doubt.remedy, 4)
+        elif doubt.check is Check.POSITION_ZERO:
+            self.displacement_mm = self.displacement_mm - doubt.remedy
+            low, high = robust_range(self.displacement_mm[np.isfinite(self.displacement_mm)])
+            # A glance at where the force begins: taken for exact, K would be wrong and sure.
+            self.surface_std_mm = SURFACE_SHARE * (high - low)
+            settings["position.zero"] = rounded(doubt.remedy, 3)
+        return settings
 
     def count_once(self, channel: str) -> None:
         """Leave out the readings of a channel that only repeat the one before."""
@@ -81,6 +154,7 @@ class Samples:
             missing_readings=True,
             contact_position_std=self.surface_std_mm,
             channel_delay=self.channel_delay,
+            **self.limits,
         )
         series = run_in_pieces(estimator, self.time_s, self.displacement_mm, self.force_n)
         touched = series.contact & (series.rejected == 0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from hc_estimator import screening
@@ -37,7 +37,9 @@ def _range(specification: ParameterSpecification) -> str:
 
 
 def _table(
-    specifications: Iterable[ParameterSpecification], used_by: dict[str, list[str]] | None = None
+    specifications: Iterable[ParameterSpecification],
+    used_by: dict[str, list[str]] | None = None,
+    internal: Sequence[str] = (),
 ) -> list[str]:
     head = ["parameter", "unit", "default", "range", "effect"]
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
@@ -47,6 +49,8 @@ def _table(
             effect += f" *({', '.join(used_by[s.name])})*"
         if not s.runtime:
             effect += " Fixed while running."
+        if s.name in internal:
+            effect += " No parameter of the node."
         unit = "" if s.unit == "1" else s.unit
         cells = [f"`{s.name}`", unit, _value(s.default), _range(s), effect]
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
@@ -107,7 +111,7 @@ def parameter_tables() -> str:
         own = [s for s in shared.values() if used_by[s.name] == [name]]
         if own:
             lines += [f"### Filter `{name}`", ""]
-            lines += _table(own)
+            lines += _table(own, internal=FILTERS[name].internal)
     lines += ["### Where defaults differ", ""]
     lines += ["A filter's own defaults replace those of the tables above.", ""]
     lines += _differing_defaults()

@@ -289,6 +289,8 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
             self._silent = True
             self._diagnostics.publish()  # not up to a second later
         self._silent = self._session.watch.silent
+        limit_n = self._session.estimator.configuration["force_limit"]
+        self._suspicions.force_limit_n = float(limit_n)
         for suspicion in self._suspicions.look(time.monotonic()):
             self._session.report(EventKind.INPUT_SUSPECT, suspicion.sentence)
         if failure := self._suspicions.failure:

@@ -31,6 +31,19 @@ from hc_logger.metadata import (
 from hc_logger.reader import BagReader
 
 BLOCK_MESSAGES = 16_384
+_ADVICE = (
+    (
+        "disk image is malformed",
+        "the file was cut off or damaged: sqlite3 OLD.db3 .dump | sed 's/^ROLLBACK.*/COMMIT;/' | "
+        "sqlite3 NEW.db3 copies what is left",
+    ),
+    ("end magic is invalid", "the file was cut off: mcap recover OLD.mcap -o NEW.mcap copies it"),
+    (
+        "before the end-of-stream",
+        "the compressed file was cut off: zstd -dc OLD > NEW.db3 saves a part",
+    ),
+)
+"""By what rosbags and its libraries say: what helps; our recovery reads no such bag."""
 
 
 def open_bag(path: str | os.PathLike[str]) -> Bag:
@@ -49,6 +62,11 @@ def open_bag(path: str | os.PathLike[str]) -> Bag:
             information["storage_identifier"] != "mcap" or is_compressed(information)
         ):
             return ForeignBag(path)
+        if information is None and any(path.glob("*.db3*")) and not any(path.glob("*.mcap")):
+            raise BagError(
+                f"{path} has .db3 files and no metadata.yaml, as a recorder leaves it that was "
+                f"killed; ros2 bag reindex {path} writes it"
+            )
     elif path.suffix == ".db3":
         raise BagError(f"{path}: give the folder of the bag, with its metadata.yaml")
     return BagReader(path)
@@ -165,7 +183,8 @@ def _errors(path: Path) -> Iterator[None]:
         raise BagError(f"{path}: not enough memory to unpack it") from error
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise BagError(f"{path} cannot be read: {reason[:200]}") from error
+        advice = next((f"; {what}" for sign, what in _ADVICE if sign in reason), "")
+        raise BagError(f"{path} cannot be read: {reason[:200]}{advice}") from error
 
 
 def _check_unpacked_size(path: Path) -> None:

@@ -79,7 +79,7 @@ class Findings(NamedTuple):
         not_finite: rows with infinity, or with NaN for the time or for both readings.
         force_alone: rows with a force and NaN for the displacement.
         displacement_alone: rows with a displacement and NaN for the force.
-        repeated: rows with the same time as the row before.
+        repeated: rows with a reading of a channel that has one at the same time before.
         backward: rows with a time before that of the row before.
         problems: what of a bag could not be read, one line each.
         notes: what else one should know, one line each.
@@ -270,12 +270,29 @@ def findings_of(
     usable = np.isfinite(filled).all(axis=1) & ~missing.all(axis=1)
     return Findings(
         int(np.count_nonzero(~usable)),
-        int(np.count_nonzero(steps == 0)),
+        _repeated(missing, steps),
         int(np.count_nonzero(steps < 0)),
         problems,
         force_alone=int(np.count_nonzero(usable & missing[:, 0])),
         displacement_alone=int(np.count_nonzero(usable & missing[:, 1])),
     )
+
+
+def _repeated(missing: NDArray[np.bool_], steps: NDArray[Any]) -> int:
+    """Count the rows with a reading of a channel that has one with the same time already.
+
+    Readings of the two channels may stand at one time in rows of their own.
+
+    Args:
+        missing: (n, 2) where a row has no reading.
+        steps: (n - 1,) steps of time from row to row.
+    """
+    instant = np.concatenate(([0], np.cumsum(steps != 0)))
+    again = np.zeros(len(missing), bool)
+    for absent in missing.T:
+        there = np.flatnonzero(~absent)
+        again[there[1:][instant[there[1:]] == instant[there[:-1]]]] = True
+    return int(np.count_nonzero(again))
 
 
 def _configuration(message: Any) -> RecordedConfiguration:

@@ -31,6 +31,7 @@ from hc_msgs_py.clock_watch import ClockWatch
 from hc_msgs_py.entry_points import FaultOfAnotherError
 from hc_msgs_py.middleware import NoSecurityError, set_defaults
 from hc_msgs_py.parameter_requests import answer_impossible_parameters
+from hc_msgs_py.parameter_sections import files_for_others
 from hc_msgs_py.realtime import RealtimeError
 
 SPIN_TIMEOUT_S = 1.0
@@ -83,6 +84,12 @@ class ManagedNode(Protocol):
 
     def close(self) -> None:
         """Finish threads, publish what is left and close files, while the graph still works."""
+
+    def get_fully_qualified_name(self) -> str:
+        """Return namespace and name (rclpy.node.Node has it)."""
+
+    def get_logger(self) -> Any:
+        """Return where it logs (rclpy.node.Node has it)."""
 
     def destroy_node(self) -> None:
         """Destroy the node (rclpy.node.Node has it)."""
@@ -152,6 +159,8 @@ def run_node(
             print(_failure(error), file=sys.stderr)  # noqa: T201
             return 1
         answer_impossible_parameters(node)
+        for line in files_for_others(arguments, node.get_fully_qualified_name()):
+            node.get_logger().warning(line)
         executor = EventsExecutor()
         executor.add_node(node)
         # At a process's first line rclpy looks for the place that logs among all modules, 60 ms of

@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hc_bringup.dashboard.columns import COLUMNS, HYPOTHESES
+from hc_bringup.dashboard.digest import Digest
 from hc_bringup.dashboard.latency import EDGES_S
 from hc_bringup.dashboard.nis import nis_bands
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
@@ -216,3 +217,30 @@ def recorded_bag(tmp_path: Path) -> Path:
             for stamp, row in zip(stamps.tolist(), rows, strict=True):
                 writer.write(number, stamp, row.tobytes())
     return path
+
+
+@pytest.fixture
+def feed() -> Callable[..., Any]:
+    """Shows estimates; returns the rows that the page gets."""
+
+    def show(served: Any, table: Any, stamps: Any, digest: Digest | None = None) -> Any:
+        digest = digest or Digest()
+        rows = np.concatenate([digest.add(table, stamps, estimates=True), digest.flush()])
+        served.server.publish_rows(digest.epoch, rows)
+        return rows
+
+    return show
+
+
+@pytest.fixture
+def opened() -> Callable[..., None]:
+    """Opens the page and waits until it is connected."""
+
+    def show(
+        page: Any, served: Any, make_status: Callable[..., dict[str, Any]], **fields: Any
+    ) -> None:
+        page.open(served.address)
+        page.wait_for("HC.app && HC.app.state === 'connected'")
+        served.server.publish_text("status", make_status(**fields))
+
+    return show

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Callable
 from typing import Any
@@ -12,7 +11,6 @@ import pytest
 
 from hc_bringup.dashboard.columns import INDEX
 from hc_bringup.dashboard.digest import Digest
-from hc_bringup.dashboard.palpation import MAP_COLUMNS
 from hc_bringup.zero_effect import ZeroEffect
 
 Make = Callable[..., Any]
@@ -20,23 +18,14 @@ Make = Callable[..., Any]
 pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
 
 
-def feed(served: Any, table: Any, stamps: Any, digest: Digest | None = None) -> Any:
-    """Show estimates; returns the rows that the page gets."""
-    digest = digest or Digest()
-    rows = np.concatenate([digest.add(table, stamps, estimates=True), digest.flush()])
-    served.server.publish_rows(digest.epoch, rows)
-    return rows
-
-
-def opened(page: Any, served: Any, make_status: Make, **fields: Any) -> None:
-    """Open the page and wait until it is connected."""
-    page.open(served.address)
-    page.wait_for("HC.app && HC.app.state === 'connected'")
-    served.server.publish_text("status", make_status(**fields))
-
-
 def test_values_are_those_of_the_estimates(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     served = serve()
     table = make_estimates(3000)
@@ -63,63 +52,14 @@ def test_values_are_those_of_the_estimates(
     assert page.complaints() == []
 
 
-def test_the_lump_is_found_and_said(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
-) -> None:
-    served = serve()
-    table = make_estimates(100)
-    table["model_mismatch"] = False
-    feed(served, table, make_stamps(table))
-    cells = np.zeros((80, len(MAP_COLUMNS)))
-    place = {name: index for index, name in enumerate(MAP_COLUMNS)}
-    cells[:, place["x"]] = np.arange(80) * 0.5 + 0.25
-    cells[:, place["count"]] = 5.0
-    stiffness = 0.2 + 0.4 * np.exp(-(((cells[:, 0] - 20.0) / 4.0) ** 2))
-    cells[:, place["ln_K"]] = np.log(stiffness)
-    cells[:, place["n"]] = 1.6
-    cells[:, place["var_ln_K"]] = 1e-4
-    cells[:, place["deepest"]] = 4.0
-    served.server.publish_map(0, 0.5, cells)
-    opened(page, served, make_status)
-    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
-    lump = page.run("return HC.app.map.lump")
-    assert lump["x"] == pytest.approx(20.0, abs=0.5)
-    assert lump["factor"] == pytest.approx(3.0, abs=0.1)
-    # Where it is, how hard, how sure: in the first sentence.
-    said = page.wait(
-        lambda: (text := page.text("#headline")).startswith("A hard spot at ") and text, "the words"
-    )
-    assert re.match(r"A hard spot at (19|20)\.\d mm: [23]\.\d ± 0\.\d times as stiff as", said)
-    shown = page.run("return HC.app.map.spots[40].value")
-    assert shown == pytest.approx(stiffness[40] * 1.6 * 2.0**0.6, rel=1e-9)
-    assert page.complaints() == []
-
-
-def test_a_lump_that_was_not_passed_has_no_place_yet(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
-) -> None:
-    """Regression: half way up the flank, "a hard spot at 21.0 mm" of a lump at 15 mm."""
-    served = serve()
-    table = make_estimates(100)
-    table["model_mismatch"] = False
-    feed(served, table, make_stamps(table))
-    place = {name: index for index, name in enumerate(MAP_COLUMNS)}
-    cells = np.zeros((40, len(MAP_COLUMNS)))
-    cells[:, place["x"]] = np.arange(40) * 0.5 + 0.25
-    cells[:, place["count"]] = 5.0
-    cells[:, place["ln_K"]] = np.log(0.2 + 0.4 * np.exp(-(((cells[:, 0] - 22.0) / 4.0) ** 2)))
-    cells[:, place["n"]] = 1.6
-    cells[:, place["var_ln_K"]] = 1e-4
-    cells[:, place["deepest"]] = 4.0
-    served.server.publish_map(0, 0.5, cells)
-    opened(page, served, make_status)
-    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
-    page.wait(lambda: page.text("#headline").startswith("Harder up to 19.8 mm"), "the words")
-    assert page.complaints() == []
-
-
 def test_says_when_data_stop_and_comes_back(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     served = serve()
     table = make_estimates(500)
@@ -144,7 +84,7 @@ def test_says_when_data_stop_and_comes_back(
 
 
 def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make, feed: Make
 ) -> None:
     served = serve()
     page.resize(1300, 640)  # the time line is far below
@@ -161,7 +101,13 @@ def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
 
 
 def test_a_robot_that_was_not_tared_is_told_so_on_top(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     """Regression: 199 mm off and with a sign that is wrong, "in the air ... press and move"."""
     served = serve()
@@ -182,94 +128,14 @@ def test_a_robot_that_was_not_tared_is_told_so_on_top(
     assert "in the air" not in headline
 
 
-def publish_contact(served: Any, parameters: list[float], peak_depth: float) -> None:
-    """The first contact has ended, with K, B, n, p and its largest depth [mm]."""
-    contact = {
-        "number": 1,
-        "start": 0.0,
-        "end": 1.0,
-        "parameters": parameters,
-        "std": [0.01, 0.001, 0.02, 0.02],
-        "stiffness_exponent_covariance": 0.0,
-        "peak_depth": peak_depth,
-    }
-    served.server.publish_text("contacts", {"items": [contact]})
-
-
-def test_without_a_position_the_map_gives_its_room_away(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
-) -> None:
-    """A robot that tells no position, in its first contact: no empty chart on top of the page."""
-    served = serve()
-    table = make_estimates(500)
-    feed(served, table, make_stamps(table), Digest())
-    opened(page, served, make_status, tip=False)
-    page.wait_for("document.getElementById('map').hidden")
-    publish_contact(served, [0.2, 0.01, 1.6, 1.0], peak_depth=3.0)
-    page.wait_for("!document.getElementById('map').hidden")
-    assert "over the contacts" in page.text("#map .note")
-
-
-def test_presses_at_one_place_are_no_map(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
-) -> None:
-    """Regression: a robot that presses at x = 400 mm saw one block in an empty chart, as a map."""
-    served = serve()
-    table = make_estimates(500)
-    feed(served, table, make_stamps(table), Digest())
-    place = {name: i for i, name in enumerate(MAP_COLUMNS)}
-    cells = np.zeros((2, len(MAP_COLUMNS)))
-    cells[:, place["x"]] = [400.0, 400.5]
-    cells[:, place["ln_K"]] = np.log(0.7)
-    cells[:, place["n"]] = 1.4
-    cells[:, place["var_ln_K"]] = 1e-4
-    cells[:, place["deepest"]] = 4.0
-    served.server.publish_map(0, 0.5, cells[:1])
-    opened(page, served, make_status)
-    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")  # no contact has ended yet
-    publish_contact(served, [0.7, 0.01, 1.4, 1.0], peak_depth=4.0)
-    page.wait_for("HC.app.map.kind === 'contacts'")
-    assert "at one place" in page.text("#map .note")
-    served.server.publish_map(0, 0.5, cells)  # the neighbour is the same place
-    page.wait_for("HC.app.map.cells.length === 2 && HC.app.map.kind === 'contacts'")
-    cells[1, place["x"]] = 402.0
-    served.server.publish_map(0, 0.5, cells)
-    page.wait_for("HC.app.map.kind === 'line'")
-    assert page.complaints() == []
-
-
-def test_places_far_apart_show_their_value_and_neighbours_a_line(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
-) -> None:
-    """Regression: of three places pressed one after another only pale boxes were to be seen."""
-    served = serve()
-    table = make_estimates(500)
-    feed(served, table, make_stamps(table), Digest())
-    place = {name: i for i, name in enumerate(MAP_COLUMNS)}
-    cells = np.zeros((5, len(MAP_COLUMNS)))
-    cells[:, place["x"]] = [450.0, 462.0, 474.0, 486.0, 486.5]
-    cells[:, place["ln_K"]] = np.log([0.3, 0.9, 0.15, 0.5, 0.5])
-    cells[:, place["n"]] = 1.5
-    cells[:, place["var_ln_K"]] = 1e-2
-    cells[:, place["deepest"]] = 4.0
-    served.server.publish_map(0, 0.5, cells)
-    opened(page, served, make_status)
-    page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
-    dots = page.run(
-        """const { plot } = HC.app.map.chart, seen = [];
-        const arc = plot.ctx.arc;
-        plot.ctx.arc = (x, y, ...rest) => { seen.push([x, y]); arc.call(plot.ctx, x, y, ...rest); };
-        HC.app.map.draw(plot);
-        delete plot.ctx.arc;
-        return [seen, HC.app.map.spots.map((spot) =>
-          [plot.valToPos(spot.x, "x", true), plot.valToPos(spot.value, "y", true)])];"""
-    )
-    np.testing.assert_allclose(dots[0], dots[1][:3], atol=0.5)
-    assert page.complaints() == []
-
-
 def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     """Regression: of two robots on one topic only a line at the foot of the page knew."""
     served = serve()
@@ -288,7 +154,13 @@ def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
 
 
 def test_what_zeros_that_are_off_would_do_stands_below_the_parameters(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     served = serve()
     table = make_estimates(100)
@@ -304,7 +176,13 @@ def test_what_zeros_that_are_off_would_do_stands_below_the_parameters(
 
 
 def test_reconnects_and_fills_the_gap(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     served = serve()
     digest = Digest()
@@ -323,7 +201,7 @@ def test_reconnects_and_fills_the_gap(
 
 
 def test_a_dashboard_that_stalls_and_goes_on_is_connected(
-    page: Any, serve: Make, make_status: Make
+    page: Any, serve: Make, make_status: Make, opened: Make
 ) -> None:
     """Regression: after a stall of two to six seconds the page said "Not connected" for good."""
     served = serve()
@@ -335,7 +213,13 @@ def test_a_dashboard_that_stalls_and_goes_on_is_connected(
 
 
 def test_another_epoch_clears_the_page(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     served = serve()
     digest = Digest()
@@ -349,7 +233,9 @@ def test_another_epoch_clears_the_page(
     page.wait_for(f"HC.app.store.count === {len(rows)}")
 
 
-def test_names_from_outside_stay_text(page: Any, serve: Make, make_status: Make) -> None:
+def test_names_from_outside_stay_text(
+    page: Any, serve: Make, make_status: Make, opened: Make
+) -> None:
     """What comes from topics is shown as text, whatever it contains."""
     served = serve()
     evil = "<img src=x onerror=document.title='caught'>"
@@ -364,7 +250,13 @@ def test_names_from_outside_stay_text(page: Any, serve: Make, make_status: Make)
 
 
 def test_narrow_page_has_no_sideways_scroll(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
 ) -> None:
     served = serve()
     table = make_estimates(1000)
@@ -386,7 +278,7 @@ def test_narrow_page_has_no_sideways_scroll(
 
 @pytest.mark.slow
 def test_memory_is_flat_over_an_hour(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make
+    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make, opened: Make
 ) -> None:
     """An hour of rows in a few seconds: what the page keeps does not grow after the first part."""
     served = serve()

@@ -12,14 +12,9 @@ Make = Callable[..., Any]
 pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
 
 
-def opened(page: Any, served: Any, make_status: Make, **fields: Any) -> None:
-    """Open the page and wait until it is connected."""
-    page.open(served.address)
-    page.wait_for("HC.app && HC.app.state === 'connected'")
-    served.server.publish_text("status", make_status(**fields))
-
-
-def test_controls_ask_and_say_the_answer(page: Any, serve: Make, make_status: Make) -> None:
+def test_controls_ask_and_say_the_answer(
+    page: Any, serve: Make, make_status: Make, opened: Make
+) -> None:
     served = serve()
     opened(page, served, make_status)
     page.press("c")
@@ -34,7 +29,9 @@ def test_controls_ask_and_say_the_answer(page: Any, serve: Make, make_status: Ma
     page.wait(lambda: any(r.get("text") == "here" for r in served.backend.requests), "the mark")
 
 
-def test_scenarios_of_the_rig_are_offered(page: Any, serve: Make, make_status: Make) -> None:
+def test_scenarios_of_the_rig_are_offered(
+    page: Any, serve: Make, make_status: Make, opened: Make
+) -> None:
     served = serve()
     scenario = {
         "name": "scenario",
@@ -69,7 +66,9 @@ def test_scenarios_of_the_rig_are_offered(page: Any, serve: Make, make_status: M
     )
 
 
-def test_read_only_switches_the_controls_off(page: Any, serve: Make, make_status: Make) -> None:
+def test_read_only_switches_the_controls_off(
+    page: Any, serve: Make, make_status: Make, opened: Make
+) -> None:
     served = serve()
     served.backend.control = False
     opened(page, served, make_status)
@@ -78,7 +77,7 @@ def test_read_only_switches_the_controls_off(page: Any, serve: Make, make_status
     assert page.run("return !document.querySelector('.read-only').hidden")
 
 
-def test_keys(page: Any, serve: Make, make_status: Make) -> None:
+def test_keys(page: Any, serve: Make, make_status: Make, opened: Make) -> None:
     served = serve()
     opened(page, served, make_status)
     page.press(" ")

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from hc_bringup.cli import main
 from hc_bringup.report.contact_file import columns, encode
 from hc_bringup.report.contacts import ContactRules, find_contacts
+from hc_bringup.report.run_page import _contact_table
 from hc_bringup.tip_path import TipPath
 from hc_estimator import create_estimator
 from hc_estimator.stream.contacts import ContactTracker
@@ -173,3 +174,22 @@ def test_command(
         assert says in told
         assert told.count("\n") == 1
     assert not (tmp_path / "m.png").exists()
+
+
+def test_the_surface_of_each_contact_stands_beside_what_counts_from_it(make_run: MakeRun) -> None:
+    """Regression: of places that differ in height nobody could say from where their K counts."""
+    data = make_run(seconds=3.0)
+    contacts = find_contacts(data)
+    assert "surface [mm]" not in _contact_table(contacts)  # of ukf, which takes it for exact
+    half = contacts[0].last + 1
+    data.estimates["contact_position"][:half] = 1.3e-3
+    data.estimates["contact_position"][half:] = -0.8e-3
+    data.estimates["contact_position_std"] = 2e-5
+    contacts = find_contacts(data)
+    table = columns(contacts)
+    assert table["surface [mm]"][:2] == pytest.approx([1.3, -0.8])
+    assert table["surface_std [mm]"][0] == pytest.approx(0.02)
+    page = _contact_table(contacts)
+    assert "surface [mm]" in page
+    assert "1.300 ± 0.040" in page
+    assert "count from its surface" in page

@@ -272,7 +272,8 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
     series = run_in_pieces(estimator, times, displacements, forces)
     summary = summarise(estimator, recording, series, math.nan)
-    suspicions = check_samples(times, displacements, forces)
+    limit_n = estimator.configuration["force_limit"]
+    suspicions = check_samples(times, displacements, forces, limit_n)
     # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
     reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)
     contacts = []

@@ -104,7 +104,7 @@ def tip_source(arguments: argparse.Namespace) -> Any:
 
     if arguments.tip is None and arguments.tip_axes == "xy":
         return None
-    return TipSource(arguments.tip or TipSource().topic, arguments.tip_axes)
+    return TipSource(arguments.tip or "", arguments.tip_axes)
 
 
 def run(arguments: argparse.Namespace) -> int:

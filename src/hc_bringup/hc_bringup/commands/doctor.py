@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 import shlex
 from typing import Any
 
@@ -53,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         heard = listen(node, seconds)
         findings, notes = list(heard.findings), heard.notes
         rows, settings, type_it = heard.rows, heard.settings, _for_node(node)
-        surface_std_mm = heard.surface_std_mm
+        surface_std_mm, force_limit_n = heard.surface_std_mm, heard.force_limit_n
         where = f"node {node}, {seconds:g} s"
     else:
         for name in ("node", "seconds"):
@@ -67,7 +68,7 @@ def run(arguments: argparse.Namespace) -> int:
         wrong = reading._replace(force_alone=0, displacement_alone=0, notes=())
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
-        surface_std_mm = recording.surface_std_mm
+        surface_std_mm, force_limit_n = recording.surface_std_mm, math.inf
         changes = recording.reading_changes
         if changes:
             stretch = longest_stretch(recording.stamps, recording.time_s, changes)
@@ -88,7 +89,7 @@ def run(arguments: argparse.Namespace) -> int:
         table = arguments.input not in (None, "live") and not recording.is_bag
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         heartbeat.doing("estimating, and looking for what is wrong")
-        diagnosis = diagnose(*rows, surface_std_mm)
+        diagnosis = diagnose(*rows, surface_std_mm, force_limit_n)
         of_effort = settings.get("source") == "effort"
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
         if arguments.input in (None, "live"):
@@ -144,13 +145,14 @@ def _for_recording(arguments: argparse.Namespace, recording: Any) -> Any:
             words += [f"--{option.replace('_', '-')}", str(value)]
 
     from hc_bringup.diagnosis import CONTACT_STD
+    from hc_bringup.treated_samples import FORCE_LIMIT
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
+
+    of_a_table = (*recording_input.OF_A_TABLE, CONTACT_STD, CHANNEL_DELAY, FORCE_LIMIT)
 
     def type_it(changed: dict[str, Any], present: dict[str, Any]) -> list[str]:
         usable = {
-            name: value
-            for name, value in present.items()
-            if recording.is_bag or name in (*recording_input.OF_A_TABLE, CONTACT_STD, CHANNEL_DELAY)
+            name: value for name, value in present.items() if recording.is_bag or name in of_a_table
         }
         lines = []
         if usable.keys() & changed.keys():

@@ -65,7 +65,12 @@ def run(arguments: argparse.Namespace) -> int:
     changes = recording.reading_changes
     origin_ns = int(recording.stamps[0]) if len(recording.stamps) else 0
     suspicions = unexplained(
-        check_samples(recording.time_s, recording.displacement_mm, recording.force_n),
+        check_samples(
+            recording.time_s,
+            recording.displacement_mm,
+            recording.force_n,
+            estimator.configuration["force_limit"],
+        ),
         changes,
         origin_ns,
     )

@@ -146,6 +146,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_bringup.diagnosis import diagnose, estimate_lines
     from hc_bringup.guided_setup import FINDING
     from hc_bringup.recording_input import assumed_line
+    from hc_bringup.treated_samples import FORCE_LIMIT
     from hc_estimator.stream.sensor_setup import SetupError, propose
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 
@@ -170,6 +171,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     ).corrected(corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0))
     if diagnosis.surface_std_mm > 0.0:
         found = found.with_surface_known_to(diagnosis.surface_std_mm)
+    if FORCE_LIMIT in corrections:
+        found = found._replace(force_limit=corrections[FORCE_LIMIT])
     effort = recorded.force.kind == "effort"
     _tell(recorded.force, found.force, "N")
     _tell(recorded.position, found.position, "mm")

@@ -40,6 +40,8 @@ def columns(contacts: Sequence[Contact]) -> dict[str, list[Any]]:
         "changes [1]": [c.changes for c in contacts],
         "mismatch_share [1]": [c.mismatch_share for c in contacts],
     }
+    table["surface [mm]"] = [c.surface_mm for c in contacts]
+    table["surface_std [mm]"] = [c.surface_std_mm for c in contacts]
     for i, (name, unit) in enumerate(zip(PARAMETER_NAMES, PARAMETER_UNITS, strict=True)):
         table[f"{name} [{unit}]"] = [float(c.parameters[i]) for c in contacts]
         table[f"{name}_std [{unit}]"] = [float(c.parameters_std[i]) for c in contacts]

@@ -65,6 +65,8 @@ class Contact:
         force_rmse_n: root mean square of measured minus predicted force.
         changes: changes of the tissue detected.
         mismatch_share: of the samples in which the contact law did not fit.
+        surface_mm: displacement reading from which K, B, n and p count, as known at its end.
+        surface_std_mm: its standard deviation; NaN where it is not estimated.
         position_mm: where the tip was at the middle of the contact, (2,), NaN where not known.
         travel_mm: how far it went sideways while in contact; 0 where not known.
     """
@@ -87,6 +89,8 @@ class Contact:
     force_rmse_n: float
     changes: int
     mismatch_share: float
+    surface_mm: float
+    surface_std_mm: float
     position_mm: Array
     travel_mm: float
 
@@ -172,6 +176,8 @@ def _contact(data: RunData, rows: NDArray[np.intp], number: int) -> Contact:
         force_rmse_n=float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else np.nan,
         changes=int(np.count_nonzero(data.change_detected[rows])),
         mismatch_share=float(np.mean(data.model_mismatch[rows])),
+        surface_mm=float(estimates["contact_position"][last]) * METRE_IN_MM,
+        surface_std_mm=float(estimates["contact_position_std"][last]) * METRE_IN_MM,
         position_mm=position,
         travel_mm=travel,
     )

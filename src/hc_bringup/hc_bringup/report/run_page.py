@@ -256,13 +256,17 @@ def _contact_table(contacts: Sequence[Contact]) -> str:
     if not contacts:
         return "<p>None.</p>"
     place = any(np.isfinite(c.position_mm).all() for c in contacts)
+    surfaces = any(np.isfinite(c.surface_mm) and c.surface_mm != 0.0 for c in contacts)
     head = ["", "from [s]", "to [s]", *(["x [mm]", "y [mm]"] if place else [])]
+    head += ["surface [mm]"] if surfaces else []
     head += ["depth [mm]", "force [N]", "K", "B", "n", "p", "loss [mJ]", "misfit"]
     rows = []
     for contact in contacts[:MOST_CONTACT_ROWS]:
         row = [str(contact.number), f"{contact.start_s:.2f}", f"{contact.end_s:.2f}"]
         if place:
             row += [f"{v:.1f}" if np.isfinite(v) else "–" for v in contact.position_mm]
+        if surfaces:
+            row.append(with_spread(contact.surface_mm, 2.0 * contact.surface_std_mm))
         row += [f"{contact.peak_depth_mm:.2f}", f"{contact.peak_force_n:.2f}"]
         row += [
             with_spread(float(value), 2.0 * float(spread))
@@ -271,7 +275,10 @@ def _contact_table(contacts: Sequence[Contact]) -> str:
         row += [f"{contact.energy_loss_mj:.3g}", f"{100 * contact.mismatch_share:.0f} %"]
         rows.append(row)
     more = len(contacts) - MOST_CONTACT_ROWS
-    note = f"<p>and {more} more: hc contacts writes all of them</p>" if more > 0 else ""
+    note = '<p class="under">± 2 standard deviations, at the end of each contact.'
+    if surfaces:
+        note += " K, B, n and p count from its surface, depths from the zero of the position."
+    note += f" {more} more: hc contacts writes all of them.</p>" if more > 0 else "</p>"
     return table(head, rows, "numbers") + note
 
 

@@ -54,8 +54,8 @@ class Suspicion(NamedTuple):
         channel: displacement, force, or samples for both.
         sentence: what is seen, and what to do about it.
         remedy: what would put it right: the factor of a sign or a unit, the zero to take off [N] or
-            [mm], in how many samples a reading stands that is to count once; NaN where no number
-            would.
+            [mm], in how many samples a reading stands that is to count once, the force from which
+            on readings are to be left out [N]; NaN where no number would.
         since_s: time of the first reading that the remedy is for [s]; -inf for all.
         until_s: time of the first one that it is no longer for [s]; inf for all.
     """

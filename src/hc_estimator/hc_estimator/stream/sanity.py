@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from hc_estimator.stream import channel_checks
+from hc_estimator.stream import channel_checks, range_checks, stamp_checks
 from hc_estimator.stream.free_motion import RISE_SHARE, free_motion
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -46,7 +46,10 @@ _FAR = 10.0
 
 
 def check_samples(
-    time_s: FloatArray, displacement_mm: FloatArray, force_n: FloatArray
+    time_s: FloatArray,
+    displacement_mm: FloatArray,
+    force_n: FloatArray,
+    force_limit_n: float = math.inf,
 ) -> list[Suspicion]:
     """Check a recording of both channels at common times.
 
@@ -54,6 +57,7 @@ def check_samples(
         time_s: stamps [s], shape (samples,).
         displacement_mm: penetration [mm], shape (samples,); NaN where there is no reading.
         force_n: contact force [N], shape (samples,); NaN where there is no reading.
+        force_limit_n: the estimator's; a range of the sensor that ends beyond it does no harm.
 
     Returns:
         What is suspicious, the most fundamental first; empty for readings that may be right.
@@ -61,24 +65,30 @@ def check_samples(
     return check_channels(
         usable("displacement", "mm", time_s, displacement_mm),
         usable("force", "N", time_s, force_n),
+        force_limit_n,
     )
 
 
-def check_channels(displacement: Readings, force: Readings) -> list[Suspicion]:
+def check_channels(
+    displacement: Readings, force: Readings, force_limit_n: float = math.inf
+) -> list[Suspicion]:
     """Check two channels, each at times of its own.
 
     Args:
         displacement: penetration [mm].
         force: contact force [N].
+        force_limit_n: as `check_samples`.
 
     Returns:
         As `check_samples`.
     """
     with np.errstate(all="ignore"):  # steps of 1e-300 beside steps of 1e12
-        return whole(check_in_parts(displacement, force))
+        return whole(check_in_parts(displacement, force, force_limit_n))
 
 
-def check_in_parts(displacement: Readings, force: Readings) -> Parts[list[Suspicion]]:
+def check_in_parts(
+    displacement: Readings, force: Readings, force_limit_n: float = math.inf
+) -> Parts[list[Suspicion]]:
     """Check as `check_channels`, in parts; whoever runs them ignores numpy's warnings meanwhile."""
     result: list[Suspicion] = []
     for readings, other in ((displacement, force), (force, displacement)):
@@ -94,8 +104,8 @@ def check_in_parts(displacement: Readings, force: Readings) -> Parts[list[Suspic
         seen = {(s.check, s.channel) for s in result}
         turned = seen & {(Check.SIGN, "displacement"), (Check.SIGN, "both")}
         if not (turned or (Check.SATURATION, "force") in seen):
-            flattened = yield from channel_checks.flattened(displacement, force)
-            _add(result, Check.SATURATION, force, flattened)
+            flattened, keep = yield from range_checks.flattened(displacement, force)
+            _add(result, Check.SATURATION, force, flattened, keep)
     yield
     if len(displacement.values) >= LEAST_SAMPLES:
         doubted = {s.check for s in result if s.channel == "displacement"}
@@ -103,17 +113,30 @@ def check_in_parts(displacement: Readings, force: Readings) -> Parts[list[Suspic
         if doubted.isdisjoint((Check.UNITS, Check.TIMES, Check.RATE, Check.ZERO_STEP)):
             _add(result, Check.JUMP, displacement, channel_checks.jumping(displacement))
     order = list(Check)
-    return sorted(result, key=lambda s: order.index(s.check))
+    doubted_of = [s for s in result if not _is_refused(s, force_limit_n)]
+    return sorted(doubted_of, key=lambda s: order.index(s.check))
+
+
+def _is_refused(suspicion: Suspicion, force_limit_n: float) -> bool:
+    """Whether a limit refuses the forces at the end of a range: one did as was said, and knows."""
+    ends = suspicion.check is Check.SATURATION and suspicion.channel == "force"
+    return ends and force_limit_n <= _ROUNDED * abs(suspicion.remedy)
+
+
+_ROUNDED = 1.001
+"""What is said with four digits."""
 
 
 def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> Parts[None]:
     """Check what one channel shows, of which there is enough; add what is found."""
     is_force = readings.name == "force"
-    saturated = channel_checks.saturated(readings) if is_force else ""
-    _add(result, Check.SATURATION, readings, saturated)
+    saturated, keep = "", math.nan
+    if is_force:
+        saturated, keep = yield from range_checks.saturated(readings, other)
+    _add(result, Check.SATURATION, readings, saturated, keep)
     short = ""
     if not is_force and len(other.values) >= LEAST_SAMPLES:
-        short = channel_checks.stopped_short(readings, other)
+        short = range_checks.stopped_short(readings, other)
         _add(result, Check.SATURATION, readings, short)
     yield
     if not (saturated or short):
@@ -121,10 +144,10 @@ def _check_one(readings: Readings, other: Readings, result: list[Suspicion]) -> 
         stands, is_lost = channel_checks.standing(readings, other)
         _add(result, Check.STUCK if is_lost else Check.PAUSE, readings, stands)
     yield
-    mistimed = "" if is_force else channel_checks.mistimed(readings)
+    mistimed = "" if is_force else stamp_checks.mistimed(readings)
     _add(result, Check.TIMES, readings, mistimed)
     if not mistimed:
-        uneven, repeats = channel_checks.irregular(readings), math.nan
+        uneven, repeats = (yield from stamp_checks.irregular(readings)), math.nan
         if not uneven:
             uneven, repeats = channel_checks.held(readings)
         _add(result, Check.RATE, readings, uneven, repeats)

@@ -107,6 +107,8 @@ class SetupProposal(NamedTuple):
         displacement_mm: zero taken off if it is known, shape (n,); NaN at a stamp of the force.
         force_n: zero taken off, shape (n,); NaN at a stamp of the position alone.
         notes: what a user should know, one line each.
+        force_limit: force from which on readings are to be left out, for the sensor's range ends
+            there [N]; NaN if it was not reached.
     """
 
     force: SensorProposal
@@ -115,6 +117,7 @@ class SetupProposal(NamedTuple):
     displacement_mm: FloatArray
     force_n: FloatArray
     notes: tuple[str, ...]
+    force_limit: float = math.nan
 
     def rescaled(self, force: float, position: float) -> SetupProposal:
         """Return the proposal for readings that stand for so many times as much."""

@@ -8,6 +8,7 @@ that one runs; samples then waited for 2 to 5 ms, in every look.
 
 from __future__ import annotations
 
+import math
 from array import array
 
 import numpy as np
@@ -54,12 +55,14 @@ class SuspicionWatch:
 
     Attributes:
         suspicions: what is suspicious now.
+        force_limit_n: the estimator's, see `check_samples`.
         failure: why the last look came to nothing, empty if it did not: estimates do not depend on
             looking, so it ends nothing.
     """
 
     def __init__(self) -> None:
         self.suspicions: list[Suspicion] = []
+        self.force_limit_n = math.inf
         self.failure = ""
         self._parts: Parts[list[Suspicion]] | None = None
         self._found: list[Suspicion] | None = None
@@ -108,7 +111,8 @@ class SuspicionWatch:
         if not self.looking and now_s >= self._next_s and count > self._looked_at:
             self._looked_at = count
             self._next_s, self._began_s = now_s + PERIOD_S, now_s
-            self._parts = check_in_parts(self._displacement.readings(), self._force.readings())
+            channels = self._displacement.readings(), self._force.readings()
+            self._parts = check_in_parts(*channels, self.force_limit_n)
         return new
 
     @property
