@@ -83,8 +83,9 @@ def test_a_delay_that_the_user_gave_stays():
     np.testing.assert_array_equal(series.channel_delay, 0.010)
 
 
-def test_it_goes_on_to_the_bit_from_a_state_before_the_delay_is_found():
-    time, displacement, force, _number, _depth = press_each_once(0.006, 1)
+@pytest.mark.parametrize("delay", [0.006, -0.010])
+def test_it_goes_on_to_the_bit_from_a_state_before_the_delay_is_found(delay):
+    time, displacement, force, _number, _depth = press_each_once(delay, 1)
     whole = hc.create_estimator(FILTER).run(time, displacement, force)
     found = int(np.flatnonzero(whole.channel_delay != 0.0)[0])
     for k in (found - 300, found - 1, found + 1):

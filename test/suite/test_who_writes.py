@@ -105,6 +105,8 @@ OWNERS = {
         "multiple_model/another_place",
         "multiple_model/place_fit",
         "multiple_model/place_average",
+        "multiple_model/place_prior",
+        "multiple_model/place_delay",
     ),
     # The flat memory of the plain filters: who predicts, corrects, and begins anew.
     "memory": ("prediction", "correction", "recovery"),
@@ -118,6 +120,8 @@ GUESTS = {
         "row": "active",
     },
     "multiple_model/another_place": {"history": "contact"},
+    # A delay that the contacts show is the one in use.
+    "multiple_model/place_delay": {"delay": "delay deviation doubt fit"},
     "multiple_model/air_zero": {"onset": "force_deviation in_air shift"},
     "multiple_model/beginning": {
         "change": "detected",

@@ -26,7 +26,7 @@ PLACE = record_type(
         Field("ended", np.int64, (), 0),  # contacts so far
         Field("fitting", np.int64, (), 0),  # of which the law fitted so many at their end
         Field("late", np.int64, (), 0, 1),  # 1 while the delay is an unknown
-        Field("delay", np.float64, (), 0.0),  # by the contacts that are over [s]
+        Field("delay", np.float64),  # by the contacts that are over [s]
         Field("delay_precision", np.float64, (), 0.0),  # [1/s^2]
         Field("delay_contacts", np.int64, (), 0),  # so many
         Field("delay_learnt", np.int64, (), 0, 1),  # 1 if the newest point ended such a contact
