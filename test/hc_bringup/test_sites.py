@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from hc_bringup.cli import main
+from hc_bringup.diagnosis import Diagnosis, diagnose
+from hc_bringup.place_delay import told_delay
 from hc_bringup.sites import find_sites
 from hc_bringup.tip_path import TipPath
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
@@ -218,3 +220,16 @@ def test_doctor_says_the_delay_where_places_differ(
     assert "at 3 places that were pressed one after another" in late["what"]
     assert late["settings"]["channel_delay"] == pytest.approx(-0.008, abs=3e-4)
     assert "--param channel_delay=-0.00" in late["type"][0]
+
+
+def test_doctor_does_not_say_again_what_the_estimator_was_told(late_table: Path) -> None:
+    """Regression: who had typed what it says was told to type it again."""
+    recording = read_recording(late_table)
+    rows = (recording.time_s, recording.displacement_mm, recording.force_n)
+    assert not delays(diagnose(*rows, channel_delay=-0.008))
+    assert delays(diagnose(*rows, channel_delay=-0.003))
+    assert (told_delay("auto"), told_delay("-0.006"), told_delay(0.002)) == ("auto", -0.006, 0.002)
+
+
+def delays(diagnosis: Diagnosis) -> list[str]:
+    return [f.what for f in diagnosis.findings if " late against " in f.what]
