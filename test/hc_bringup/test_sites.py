@@ -12,7 +12,7 @@ import pytest
 
 from hc_bringup.cli import main
 from hc_bringup.diagnosis import Diagnosis, diagnose
-from hc_bringup.place_delay import told_delay
+from hc_bringup.place_delay import delay_setting
 from hc_bringup.sites import find_sites
 from hc_bringup.tip_path import TipPath
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
@@ -228,7 +228,8 @@ def test_doctor_does_not_say_again_what_the_estimator_was_told(late_table: Path)
     rows = (recording.time_s, recording.displacement_mm, recording.force_n)
     assert not delays(diagnose(*rows, channel_delay=-0.008))
     assert delays(diagnose(*rows, channel_delay=-0.003))
-    assert (told_delay("auto"), told_delay("-0.006"), told_delay(0.002)) == ("auto", -0.006, 0.002)
+    settings = ["auto", "-0.006", 0.002]
+    assert [delay_setting(value) for value in settings] == ["auto", -0.006, 0.002]
 
 
 def delays(diagnosis: Diagnosis) -> list[str]:

@@ -17,7 +17,7 @@ from hc_bringup.diagnosis import Finding
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
 from hc_bringup.phrases import left_of
-from hc_bringup.place_delay import told_delay
+from hc_bringup.place_delay import delay_setting
 from hc_bringup.reading_changes import change_lines
 from hc_bringup.service_calls import AGAIN_S, Client
 from hc_bringup.treated_samples import FORCE_LIMIT
@@ -82,7 +82,7 @@ def listen(node: str, seconds: float) -> Heard:
         heard.settings = input_settings(graph, name)
         heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
         heard.force_limit_n = settings_of(graph, name, FORCE_LIMIT).get("", math.inf)
-        heard.channel_delay = told_delay(settings_of(graph, name, CHANNEL_DELAY).get("", "auto"))
+        heard.channel_delay = delay_setting(settings_of(graph, name, CHANNEL_DELAY).get("", "auto"))
         topic = SAMPLES if heard.settings.get("source") == "samples" else SAMPLE
         _subscribe_samples(graph, f"{namespace}/{topic}", samples)
         graph.node.create_subscription(

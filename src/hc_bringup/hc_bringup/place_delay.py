@@ -56,7 +56,7 @@ class Delay(NamedTuple):
         )
 
 
-def told_delay(setting: Any) -> float | str:
+def delay_setting(setting: Any) -> float | str:
     """Return a setting `channel_delay` as a number [s], which clients also write as a text."""
     try:
         return float(setting)

@@ -224,8 +224,8 @@ class Recording:
         """
         if not self.is_bag or not self.configurations:
             return "auto"
-        told = self.configurations[-1].parameters.get(CHANNEL_DELAY, "auto")
-        return told if told == "auto" else float(told)
+        value = self.configurations[-1].parameters.get(CHANNEL_DELAY, "auto")
+        return value if value == "auto" else float(value)
 
     def _bag(self) -> Bag:
         if not self.is_bag:
