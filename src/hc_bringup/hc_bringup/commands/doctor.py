@@ -70,8 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         surface_std_mm, force_limit_n = recording.surface_std_mm, math.inf
-        stamped = any("time_offset" in name for name, _value in arguments.sensors)
-        channel_delay = "auto" if stamped else recording.channel_delay
+        channel_delay = recording_input.known_delay(arguments, recording)
         changes = recording.reading_changes
         if changes:
             stretch = longest_stretch(recording.stamps, recording.time_s, changes)
