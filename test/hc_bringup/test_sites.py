@@ -234,3 +234,32 @@ def test_doctor_does_not_say_again_what_the_estimator_was_told(late_table: Path)
 
 def delays(diagnosis: Diagnosis) -> list[str]:
     return [f.what for f in diagnosis.findings if " late against " in f.what]
+
+
+def test_that_the_channels_are_in_step_is_worth_a_word_where_places_are_found_with_it() -> None:
+    """Regression: of taps on six places, in step, the misfit was told and no more."""
+    generator = np.random.default_rng(1)
+    rate_hz = 250.0
+    pieces, forces = [np.full(500, -3.0)], [np.zeros(500)]
+    for _ in range(6):
+        surface, stiffness = generator.uniform(-0.8, 0.8), np.exp(generator.uniform(-1.9, -0.1))
+        exponent = generator.uniform(1.4, 1.8)
+        for seconds, deep in ((1.0, 2.8), (0.6, 4.0), (1.25, 3.4)):
+            share = np.arange(round(seconds * rate_hz)) / round(seconds * rate_hz)
+            depth = -3.0 + (surface + deep + 3.0) * 0.5 * (1.0 - np.cos(2.0 * np.pi * share))
+            speed = np.gradient(depth, 1.0 / rate_hz)
+            inside = stiffness * np.maximum(depth - surface, 0.0) ** exponent
+            damped = 1.0 + 0.012 * np.sign(speed) * np.abs(speed) ** 0.8
+            pieces.append(depth)
+            forces.append(np.maximum(inside * damped, 0.0))
+        pieces.append(np.full(375, -3.0))
+        forces.append(np.zeros(375))
+    depth, force = np.concatenate(pieces), np.concatenate(forces)
+    noise = generator.standard_normal((2, len(depth)))
+    time_s = np.arange(len(depth)) / rate_hz
+    found = diagnose(time_s, depth + 0.005 * noise[0], force + 0.02 * noise[1])
+    (in_step,) = [f for f in found.findings if "channel_delay" in f.settings]
+    assert "are in step to 0." in in_step.what
+    assert abs(in_step.settings["channel_delay"]) < 5e-4
+    assert found.estimated is not None
+    assert found.estimated.mismatch < 0.1
