@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from hc_bringup.cli import main
+from hc_bringup.diagnosis import Diagnosis, diagnose
+from hc_bringup.place_delay import delay_setting
 from hc_bringup.sites import find_sites
 from hc_bringup.tip_path import TipPath
 from hc_estimator.contact.hunt_crossley import hunt_crossley_force
@@ -218,3 +220,46 @@ def test_doctor_says_the_delay_where_places_differ(
     assert "at 3 places that were pressed one after another" in late["what"]
     assert late["settings"]["channel_delay"] == pytest.approx(-0.008, abs=3e-4)
     assert "--param channel_delay=-0.00" in late["type"][0]
+
+
+def test_doctor_does_not_say_again_what_the_estimator_was_told(late_table: Path) -> None:
+    """Regression: who had typed what it says was told to type it again."""
+    recording = read_recording(late_table)
+    rows = (recording.time_s, recording.displacement_mm, recording.force_n)
+    assert not delays(diagnose(*rows, channel_delay=-0.008))
+    assert delays(diagnose(*rows, channel_delay=-0.003))
+    settings = ["auto", "-0.006", 0.002]
+    assert [delay_setting(value) for value in settings] == ["auto", -0.006, 0.002]
+
+
+def delays(diagnosis: Diagnosis) -> list[str]:
+    return [f.what for f in diagnosis.findings if " late against " in f.what]
+
+
+def test_that_the_channels_are_in_step_is_worth_a_word_where_places_are_found_with_it() -> None:
+    """Regression: of taps on six places, in step, the misfit was told and no more."""
+    generator = np.random.default_rng(1)
+    rate_hz = 250.0
+    pieces, forces = [np.full(500, -3.0)], [np.zeros(500)]
+    for _ in range(6):
+        surface, stiffness = generator.uniform(-0.8, 0.8), np.exp(generator.uniform(-1.9, -0.1))
+        exponent = generator.uniform(1.4, 1.8)
+        for seconds, deep in ((1.0, 2.8), (0.6, 4.0), (1.25, 3.4)):
+            share = np.arange(round(seconds * rate_hz)) / round(seconds * rate_hz)
+            depth = -3.0 + (surface + deep + 3.0) * 0.5 * (1.0 - np.cos(2.0 * np.pi * share))
+            speed = np.gradient(depth, 1.0 / rate_hz)
+            inside = stiffness * np.maximum(depth - surface, 0.0) ** exponent
+            damped = 1.0 + 0.012 * np.sign(speed) * np.abs(speed) ** 0.8
+            pieces.append(depth)
+            forces.append(np.maximum(inside * damped, 0.0))
+        pieces.append(np.full(375, -3.0))
+        forces.append(np.zeros(375))
+    depth, force = np.concatenate(pieces), np.concatenate(forces)
+    noise = generator.standard_normal((2, len(depth)))
+    time_s = np.arange(len(depth)) / rate_hz
+    found = diagnose(time_s, depth + 0.005 * noise[0], force + 0.02 * noise[1])
+    (in_step,) = [f for f in found.findings if "channel_delay" in f.settings]
+    assert "are in step to 0." in in_step.what
+    assert abs(in_step.settings["channel_delay"]) < 5e-4
+    assert found.estimated is not None
+    assert found.estimated.mismatch < 0.1

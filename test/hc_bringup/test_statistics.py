@@ -197,6 +197,13 @@ def test_the_delay_of_the_last_estimate_is_told_in_seconds_and_in_words() -> Non
     state.statistics.add(estimate(3, channel_delay=0.0, channel_delay_std=0.0217))
     said = run_text(run_summary(state, None))
     assert "whether force and displacement are out of step is open: 0.00 ± 21.70 ms" in said
+    # Regression: of a delay that was given "± 0.00 ms" was said, as of one that was found.
+    state.statistics.add(estimate(3, channel_delay=-0.006, channel_delay_std=0.0))
+    said = run_text(run_summary(state, None))
+    assert "the displacement is taken for 6.00 ms late, as was set (channel_delay)" in said
+    state.statistics.add(estimate(3, channel_delay=0.0, channel_delay_std=0.0))
+    said = run_text(run_summary(state, None))
+    assert "the channels are taken to be in step, as was set (channel_delay)" in said
     state.statistics.add(estimate(4, channel_delay=0.0, channel_delay_std=math.nan))
     summary = json.loads(to_json(run_summary(state, None)))
     assert (summary["channel_delay"], summary["channel_delay_std"]) == (0.0, None)

@@ -98,6 +98,7 @@ def diagnose(
     force_n: FloatArray,
     surface_std_mm: float = 0.0,
     force_limit_n: float = math.inf,
+    channel_delay: float | str = "auto",
 ) -> Diagnosis:
     """Judge readings of both channels.
 
@@ -107,12 +108,14 @@ def diagnose(
         force_n: contact force [N], shape (n,); NaN where there is no reading.
         surface_std_mm: standard deviation of the position that displacements count from [mm].
         force_limit_n: the estimator's: forces beyond it are left out here as well [N].
+        channel_delay: the estimator's: by how much the force is late [s], if it was told that.
     """
     samples = Samples(
         np.asarray(time_s, np.float64),
         np.asarray(displacement_mm, np.float64),
         np.asarray(force_n, np.float64),
         surface_std_mm,
+        channel_delay=channel_delay,
     )
     if (np.abs(samples.force_n) > force_limit_n).any():
         samples.force_end_n = force_limit_n
@@ -232,14 +235,15 @@ def _between_channels(samples: Samples, before: Estimated | None) -> list[Findin
         return []  # too little to compare, which the estimate says as well
     findings = []
     faults = found.clear_faults
-    if "delay" in faults and abs(found.delay_s) > CLEAR_DELAY_S:
+    left_s = found.delay_s - samples.known_delay_s
+    if "delay" in faults and abs(left_s) > max(CLEAR_DELAY_S, CLEAR * found.delay_std_s):
         drifts = delay_that_grows(even, _LONGEST, found.delay_s, found.delay_std_s)
         if drifts:
             return [Finding(drifts)]
-        late = "force" if found.delay_s > 0.0 else "position"
-        what = Delay(found.delay_s, found.delay_std_s, 1).late
-        settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(found.delay_s), 4)}
-        samples.shift_force(-found.delay_s)
+        late = "force" if left_s > 0.0 else "position"
+        what = Delay(left_s, found.delay_std_s, 1).late
+        settings: dict[str, Any] = {f"{late}.time_offset": -round(abs(left_s), 4)}
+        samples.shift_force(-left_s)
         after = samples.estimate()
         findings.append(Finding(what, settings, _cost(before, after, True)))
         before = after
@@ -280,14 +284,24 @@ def _at_all_places(
     if before is None or before.mismatch <= DISTURBED_SHARE or known:
         return []
     delay = delay_between_places(samples.time_s, samples.displacement_mm, samples.force_n)
-    if delay is None or abs(delay.seconds) < max(CLEAR_DELAY_S, CLEAR * delay.deviation_s):
+    if delay is None:
         return []
-    aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4))
+    off_s = abs(delay.seconds - samples.known_delay_s)
+    is_late = off_s > max(CLEAR_DELAY_S, CLEAR * delay.deviation_s)
+    looks_for_it = samples.channel_delay == "auto" and delay.deviation_s < 0.25 * CLEAR_DELAY_S
+    if not (is_late or looks_for_it):
+        return []
+    aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4) + 0.0)
     after = aligned.estimate()
-    if _fits_worse(before, after):
-        return []
+    if _fits_worse(before, after) or not (is_late or _fits_worse(after, before)):
+        return []  # known well and small, it is worth a word where the places are found with it
     samples.channel_delay = aligned.channel_delay
-    what = f"{delay.late}, at {delay.places} places that were pressed one after another"
+    in_step = (
+        f"force and position are in step to {1e3 * delay.deviation_s:.2g} ms, which each place "
+        "alone leaves open"
+    )
+    what = f"{delay.late if is_late else in_step}, at {delay.places} places that were pressed "
+    what += "one after another"
     settings = {CHANNEL_DELAY: aligned.channel_delay}
     return [Finding(what, settings, _cost(before, after, True))]
 

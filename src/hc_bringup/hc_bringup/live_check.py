@@ -17,12 +17,13 @@ from hc_bringup.diagnosis import Finding
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.graph import Graph
 from hc_bringup.phrases import left_of
+from hc_bringup.place_delay import delay_setting
 from hc_bringup.reading_changes import change_lines
 from hc_bringup.service_calls import AGAIN_S, Client
 from hc_bringup.treated_samples import FORCE_LIMIT
 from hc_estimator.ros.node_settings import OWN_SENSORS
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
-from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
 from hc_msgs_py.background import STARTING
 from hc_msgs_py.conversion import Sample, sample_from_message
@@ -46,6 +47,7 @@ class Heard:
         settings: its present input settings, by name below `input.`.
         surface_std_mm: how well the node says that it knows where displacements count from.
         force_limit_n: beyond which it refuses a force.
+        channel_delay: by how much the force is late, as it was told [s], or "auto".
         rows: times [s], displacements [mm] and forces [N], zeros taken off; None without samples.
         notes: what else one should know of them, one line each.
     """
@@ -54,6 +56,7 @@ class Heard:
     settings: dict[str, Any] = field(default_factory=dict)
     surface_std_mm: float = 0.0
     force_limit_n: float = math.inf
+    channel_delay: float | str = "auto"
     rows: Rows | None = None
     notes: tuple[str, ...] = ()
 
@@ -79,6 +82,7 @@ def listen(node: str, seconds: float) -> Heard:
         heard.settings = input_settings(graph, name)
         heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
         heard.force_limit_n = settings_of(graph, name, FORCE_LIMIT).get("", math.inf)
+        heard.channel_delay = delay_setting(settings_of(graph, name, CHANNEL_DELAY).get("", "auto"))
         topic = SAMPLES if heard.settings.get("source") == "samples" else SAMPLE
         _subscribe_samples(graph, f"{namespace}/{topic}", samples)
         graph.node.create_subscription(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,14 @@ class Delay(NamedTuple):
             f"the {late} is {1e3 * abs(self.seconds):.1f} ± {1e3 * self.deviation_s:.2g} ms late "
             f"against the {early}"
         )
+
+
+def delay_setting(setting: Any) -> float | str:
+    """Return a setting `channel_delay` as a number [s], which clients also write as a text."""
+    try:
+        return float(setting)
+    except ValueError:
+        return "auto"
 
 
 def between_places(time_s: Array, pressed: NDArray[np.intp], tip: TipPath | None) -> list[int]:

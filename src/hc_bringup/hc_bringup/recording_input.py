@@ -269,6 +269,14 @@ def _check_as_read(sensors: Mapping[str, Any]) -> None:
             )
 
 
+def known_delay(arguments: argparse.Namespace, recording: Any) -> float | str:
+    """Return by how much the force is late, as the estimator of a bag was told [s], or "auto"."""
+    if any(name.endswith("time_offset") for name, _value in arguments.sensors):
+        return "auto"  # with other stamps it is another delay
+    found: float | str = recording.channel_delay
+    return found
+
+
 def is_given(arguments: argparse.Namespace) -> bool:
     """Whether the recording is to be read otherwise than as it stands."""
     return bool(arguments.sensors or arguments.find_surface or arguments.preset)

@@ -151,6 +151,14 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
     delay, deviation = summary["channel_delay"], summary["channel_delay_std"]
     if not (math.isfinite(delay) and math.isfinite(deviation)):
         return []
+    late = "force" if delay >= 0.0 else "displacement"
+    if deviation == 0.0:  # a number that the estimator was given
+        how = (
+            f"the {late} is taken for {1e3 * abs(delay):.2f} ms late"
+            if delay
+            else "the channels are taken to be in step"
+        )
+        return [f"{how}, as was set (channel_delay)"]
     size = f"{1e3 * abs(delay):.2f} ± {1e3 * deviation:.2f} ms"
     if abs(delay) <= 2.0 * deviation and deviation > OPEN_DELAY_S:
         return [
@@ -159,7 +167,6 @@ def delay_lines(summary: dict[str, Any]) -> list[str]:
         ]
     if abs(delay) <= 2.0 * deviation:
         return [f"no delay between force and displacement is to be seen: {size}"]
-    late = "force" if delay >= 0.0 else "displacement"
     return [f"the {late} is late by {size}"]
 
 

@@ -67,6 +67,11 @@ class Samples:
     channel_delay: float | str = "auto"
     force_end_n: float = math.nan
 
+    @property
+    def known_delay_s(self) -> float:
+        """By how much the force is late, as the estimator was told [s]; 0 where it looks for it."""
+        return 0.0 if isinstance(self.channel_delay, str) else self.channel_delay
+
     def scale_force(self, factor: float) -> None:
         """Multiply the forces, and what counts in them."""
         self.force_n = self.force_n * factor

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hc_estimator.stream.vocabulary import CONTACT_POSITION_STD
+from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
 from hc_logger.definitions import damaged_definition
@@ -214,6 +214,18 @@ class Recording:
         if self.contact_position_std_mm or not self.is_bag or not self.configurations:
             return self.contact_position_std_mm
         return float(self.configurations[-1].parameters.get(CONTACT_POSITION_STD, 0.0))
+
+    @cached_property
+    def channel_delay(self) -> float | str:
+        """By how much the force is late, as the estimator of the bag was told last [s], or "auto".
+
+        Raises:
+            BagError: if the bag has several topics of configurations.
+        """
+        if not self.is_bag or not self.configurations:
+            return "auto"
+        value = self.configurations[-1].parameters.get(CHANNEL_DELAY, "auto")
+        return value if value == "auto" else float(value)
 
     def _bag(self) -> Bag:
         if not self.is_bag:

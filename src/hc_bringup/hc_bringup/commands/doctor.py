@@ -55,6 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         findings, notes = list(heard.findings), heard.notes
         rows, settings, type_it = heard.rows, heard.settings, _for_node(node)
         surface_std_mm, force_limit_n = heard.surface_std_mm, heard.force_limit_n
+        channel_delay = heard.channel_delay
         where = f"node {node}, {seconds:g} s"
     else:
         for name in ("node", "seconds"):
@@ -69,6 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         findings = [Finding(line) for line in wrong.lines()]
         rows = (recording.time_s, recording.displacement_mm, recording.force_n)
         surface_std_mm, force_limit_n = recording.surface_std_mm, math.inf
+        channel_delay = recording_input.known_delay(arguments, recording)
         changes = recording.reading_changes
         if changes:
             stretch = longest_stretch(recording.stamps, recording.time_s, changes)
@@ -89,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
         table = arguments.input not in (None, "live") and not recording.is_bag
         notes = (*notes, recording_input.assumed_line(rows[1], rows[2], table=table))
         heartbeat.doing("estimating, and looking for what is wrong")
-        diagnosis = diagnose(*rows, surface_std_mm, force_limit_n)
+        diagnosis = diagnose(*rows, surface_std_mm, force_limit_n, channel_delay)
         of_effort = settings.get("source") == "effort"
         findings += [_of_one_message(f) if of_effort else f for f in diagnosis.findings]
         if arguments.input in (None, "live"):
