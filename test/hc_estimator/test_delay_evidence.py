@@ -10,6 +10,7 @@ import pytest
 import hc_estimator as hc
 from hc_estimator.multiple_model import delay_evidence, levels, rows
 from hc_estimator.multiple_model.hypotheses import (
+    ACCELERATION,
     EXPONENT,
     LOG_DAMPING,
     LOG_STIFFNESS,
@@ -199,4 +200,5 @@ def test_the_derivatives_stay_small_where_little_is_known(recording, records_of)
         bank = records_of(estimator)[1]
         for row in bank.rows:
             if row.active:
-                assert np.abs(row.by_delay[LOG_STIFFNESS:OWN]).max() < 1e3
+                assert np.abs(row.by_delay[LOG_STIFFNESS:ACCELERATION]).max() < 200.0
+                assert abs(row.by_delay[ACCELERATION]) < 1e4  # the motion's own jerk is as much

@@ -26,8 +26,11 @@ PLACES = (
 )
 
 
-def press_each_once(delay, seed):
-    """One press of each place, the force late by `delay` [s]: stamps, readings, place and depth."""
+def press_each_once(delay, seed, lower=0.0):
+    """One press of each place, the force late by `delay` [s]: stamps, readings, place and depth.
+
+    Every place lies `lower` [mm] than `PLACES` says.
+    """
     draw = np.random.default_rng(seed)
     one = 1.8
     time = np.arange(0.0, one * len(PLACES), 1.0 / RATE)
@@ -35,6 +38,7 @@ def press_each_once(delay, seed):
     def at(time):
         number = np.clip((time / one).astype(int), 0, len(PLACES) - 1)
         stiffness, damping, n, p, height = np.array(PLACES)[number].T
+        height = height + lower
         phase = time % one / one
         share = np.clip(np.where(phase < 0.5, (phase - 0.1) / 0.4, (0.9 - phase) / 0.4), 0.0, 1.0)
         way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
@@ -75,6 +79,24 @@ def test_no_delay_is_invented_and_the_places_are_found(seed):
         assert abs(series.parameters[end, 0] - truth) < 4.0 * deviation + 0.01 * truth
         assert deviation < 0.15 * truth
         assert abs(series.contact_position[end] - PLACES[place][4]) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_first_place_that_lies_elsewhere_spoils_no_other(seed):
+    """Regression: taps of an arm whose zero was half a millimetre off; K was 2.5 times too large.
+
+    The law fitted no contact, so that no place was taken for another, nor the zero found.
+    """
+    time, displacement, force, number, depth = press_each_once(0.0, seed, lower=0.6)
+    series = hc.create_estimator(FILTER).run(time, displacement, force)
+    for place in range(2, len(PLACES)):
+        end = np.flatnonzero((number == place) & (depth > 0.0))[-1]
+        truth, deviation = np.array(PLACES[place][:4]), series.parameters_std[end]
+        assert np.all(np.abs(series.parameters[end] - truth) < 4.0 * deviation + 0.01 * truth)
+        assert deviation[0] < 0.2 * truth[0]
+        off = abs(series.contact_position[end] - PLACES[place][4] - 0.6)
+        assert off < 4.0 * series.contact_position_std[end] + 0.01
+    assert np.mean(series.model_mismatch[number >= 2]) < 0.1
 
 
 def test_a_delay_that_the_user_gave_stays():

@@ -232,6 +232,7 @@ def _take_point(settings: Any, bank: Any) -> None:
         moving_fit.look(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
+    place_delay.note_none(finder, bank.place)
 
 
 @compiled

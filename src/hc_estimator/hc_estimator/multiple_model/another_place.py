@@ -47,6 +47,7 @@ UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 5.0  # the same once there was one
+UNKNOWN_DEVIATIONS = (3.0, 3.0, 1.0, 0.3)  # of ln K, ln B, n and p where nothing is known of them
 
 
 @compiled
@@ -88,7 +89,7 @@ def begin_in_step(place: Any) -> None:
 
 @compiled
 def forget_fits(place: Any) -> None:
-    """Whether the law fitted the contacts before says nothing: the channels were out of step."""
+    """Whether the law fitted the contacts before says nothing: delay or height were not known."""
     place.ended = 0
     place.fitting = 0
 
@@ -114,7 +115,7 @@ def look(settings: Any, bank: Any) -> bool:
         if not (before <= OUT_TIME and place.away > OUT_TIME):
             return False
         last = place.is_other != 0 and history.count > place.last
-        last = last and _ask(settings, bank)
+        last = (last or _is_whole(bank)) and _ask(settings, bank)
         end(place)
         _note_end(bank)
         if not last:
@@ -136,7 +137,7 @@ def look(settings: Any, bank: Any) -> bool:
     if finder.delay != 0.0 or (finder.doubt == 0.0 and not math.isnan(finder.deviation)):
         place.in_step = 1
     count = history.count - history.contact
-    if place.doubted == 0 or count < place.due:
+    if place.doubted == 0 or place.unknown != 0 or count < place.due:
         return False
     place.due = math.ceil(MORE * count)
     if count * history.every * finder.grid_step > LONGEST or history.contact < history.begun:
@@ -144,6 +145,16 @@ def look(settings: Any, bank: Any) -> bool:
         clear_matrix(place.open)  # by now the rows have learnt what the contact says
         return False
     return _ask(settings, bank)
+
+
+@compiled
+def _is_whole(bank: Any) -> bool:
+    """True if the contact that is over is to be asked about as a whole."""
+    place, history = bank.place, bank.history
+    count = history.count - history.contact
+    asked = place.testing != 0 and place.unknown != 0
+    longest = LONGEST / (history.every * bank.delay.grid_step)
+    return bool(asked and FEWEST <= count <= longest and history.contact >= history.begun)
 
 
 @compiled
@@ -167,10 +178,14 @@ def _note_end(bank: Any) -> None:
 
 @compiled
 def _note_before(settings: Any, bank: Any) -> None:
-    """What is known of the place that the tool was at, or nothing."""
+    """What is known of the place that the tool was at.
+
+    Where the law did not fit most contacts that is nothing, for the first points of a contact are
+    fitted by any law: of a whole contact it is asked then whether another height explains it.
+    """
     place, row = bank.place, bank.rows[bank.judge.chosen]
-    fits = 2 * place.fitting > place.ended
-    place.known = 1 if fits and not SURFACE[row.index] and bank.change.testing == 0 else 0
+    place.unknown = 1 if place.ended > 0 and 2 * place.fitting <= place.ended else 0
+    place.known = 1 if not SURFACE[row.index] and bank.change.testing == 0 else 0
     place.row = row.index
     clear_matrix(place.before_covariance)
     for i in range(4):
@@ -178,6 +193,8 @@ def _note_before(settings: Any, bank: Any) -> None:
         for j in range(4):
             element = row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j]
             place.before_covariance[i, j] = element
+        if place.unknown != 0:
+            place.before_covariance[i, i] += UNKNOWN_DEVIATIONS[i] ** 2
     place.before[POSITION] = 0.0
     deviation = max(bank.onset.position_deviation, settings.contact_position_std)
     place.before_covariance[POSITION, POSITION] = deviation * deviation
@@ -279,6 +296,8 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     is_called = place.called == 0 and _is_other_tissue(place)
     if is_called:
         place.called = 1
+    if place.unknown != 0:
+        forget_fits(place)
     if place.testing == 0:  # the contact is over
         _note_before(settings, bank)
     return bool(is_called)

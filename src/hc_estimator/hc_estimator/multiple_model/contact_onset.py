@@ -21,7 +21,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
-from hc_estimator.multiple_model import air_window, plausible, zero_fit
+from hc_estimator.multiple_model import air_window, place_delay, plausible, zero_fit
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.delay_records import RAW
@@ -177,7 +177,7 @@ def _take(
     onset.force_seen = 1
     near = LEAST_DISTANCE + SURE * deviation
     distance = near
-    if math.isnan(settings.channel_delay) and math.isnan(bank.delay.deviation):
+    if place_delay.may_be_late(settings, bank.place) and math.isnan(bank.delay.deviation):
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
         surely = displacement < -distance or onset.rise.count >= IN_A_ROW

@@ -90,8 +90,18 @@ def is_in_step(settings: Any, bank: Any, noise: tuple[float, float, float], weig
     What is late looks like another place, as long as nobody knows that it is late.
     """
     delay, variance, _ = _fit(settings, bank, noise, weight, 1)
+    return _is_shown(bank.place, delay, variance)
+
+
+@compiled
+def _is_shown(place: Any, delay: float, variance: float) -> bool:
+    """True if such a delay is none for certain, which is noted."""
     deviation = math.sqrt(variance)
-    return bool(deviation < SMALL and abs(delay) < IN_STEP * deviation + LEAST)
+    if not (deviation < SMALL and abs(delay) < IN_STEP * deviation + LEAST):
+        return False
+    place.in_step = 1
+    place.delay, place.delay_precision = delay, 1.0 / max(variance, 1e-300)
+    return True
 
 
 @compiled
@@ -122,6 +132,7 @@ def learn(settings: Any, bank: Any) -> None:
     place.delay_learnt = 1
     copy_vector(place.values, place.outcome)
     place_fit.note_covariance(settings, place)
+    _is_shown(place, delay, variance)
 
 
 @compiled
@@ -149,3 +160,16 @@ def is_found(finder: Any, place: Any) -> bool:
         finder.fit[i] = exp_limited(place.outcome[i])
     finder.fit[2] = place.outcome[2]
     return True
+
+
+@compiled
+def note_none(finder: Any, place: Any) -> None:
+    """Deviation of no delay by the contacts, where the finder says none.
+
+    Args:
+        finder: record of `delay`; its deviation is set.
+        place: what the contacts said.
+    """
+    known = place.in_step != 0 and place.delay_precision * SMALL**2 > 1.0
+    if known and finder.delay == 0.0 and math.isnan(finder.deviation):
+        finder.deviation = math.hypot(place.delay, 1.0 / math.sqrt(place.delay_precision))

@@ -13,6 +13,7 @@ PLACE = record_type(
     (
         Field("away", np.float64, (), 0.0),  # time since a force was felt [s]
         Field("known", np.int64, (), 0, 1),  # 1 if `before` is what was known in the air
+        Field("unknown", np.int64, (), 0, 1),  # 1 if nothing that was known can be believed
         Field("before", np.float64, (SIX,)),
         Field("before_covariance", np.float64, (SIX, SIX)),
         Field("testing", np.int64, (), 0, 1),  # 1 while it is asked of the present contact

@@ -30,7 +30,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline, zero_average, zero_sensitivity
+from hc_estimator.multiple_model import place_delay, spline, zero_average, zero_sensitivity
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
@@ -133,7 +133,7 @@ def look(settings: Any, bank: Any) -> bool:
     if settings.find_zeros == 0 or bank.onset.doubted != 0 or not is_tried(settings, SURFACE_ROW):
         return False
     # A delay of many milliseconds must have been found before, or ruled out.
-    if math.isnan(settings.channel_delay) and bank.delay.windows < FEWEST_WINDOWS:
+    if place_delay.may_be_late(settings, bank.place) and bank.delay.windows < FEWEST_WINDOWS:
         return False
     # A press in one direction leaves too much to K, B and n alone; and the fits all look for K.
     if bank.tool.retreated == 0 or is_held(settings, 0):
