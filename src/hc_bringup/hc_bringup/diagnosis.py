@@ -300,8 +300,8 @@ def _at_all_places(
         f"force and position are in step to {1e3 * delay.deviation_s:.2g} ms, which each place "
         "alone leaves open"
     )
-    what = f"{delay.late if is_late else in_step}, at {delay.places} places that were pressed "
-    what += "one after another"
+    said = delay.late if is_late else in_step
+    what = f"{said}, at {delay.places} places that were pressed one after another"
     settings = {CHANNEL_DELAY: aligned.channel_delay}
     return [Finding(what, settings, _cost(before, after, True))]
 

@@ -81,6 +81,7 @@ def forget(place: Any) -> None:
 @compiled
 def begin_in_step(place: Any) -> None:
     """Begin with what the last contact said beside the delay that it showed, its height as well."""
+    forget_fits(place)
     place.known = 1
     place.row = 0
     copy_vector(place.outcome, place.before)
@@ -293,7 +294,8 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     place = bank.place
     place.before[POSITION] -= place.outcome[POSITION]
     place.outcome[POSITION] = 0.0
-    is_called = place.called == 0 and _is_other_tissue(place)
+    # Where the law has fitted no contact so far, nobody knows what the other tissue was.
+    is_called = place.called == 0 and place.fitting > 0 and _is_other_tissue(place)
     if is_called:
         place.called = 1
     if place.unknown != 0:
@@ -305,8 +307,8 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
 
 @compiled
 def _is_other_tissue(place: Any) -> bool:
-    """True if K, B, n or p of the last fit is clearly another than before the contact."""
-    for i in range(POSITION):
+    """True if K or n of the last fit is clearly another than before the contact."""
+    for i in (0, 2):
         off = place.outcome[i] - place.before[i]
         variance = place.covariance[i, i] + place.before_covariance[i, i]
         if is_different(off, variance):

@@ -169,7 +169,6 @@ def begin_aligned(settings: Any, bank: Any) -> None:
     _begin_rows(settings, bank.rows, (math.log(stiffness), math.log(damping), fit[2], p))
     bank.motion_anew = 1
     another_place.forget(bank.place)
-    another_place.forget_fits(bank.place)
     _choose_anew(bank)
     histories.reset(bank.history)
 

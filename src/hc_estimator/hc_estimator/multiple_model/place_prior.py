@@ -26,7 +26,10 @@ NARROW = 0.03  # width of a parabola that misses nothing [s]
 
 @compiled
 def set_same(place: Any) -> None:
-    """It is the place before: what was known of it is the prior, and its height stays."""
+    """It is the place before: what was known of K and n is the prior, and its height stays.
+
+    B and p are as free as another one's: what parabolas miss of a quick motion looks like damping.
+    """
     for i in range(UNKNOWNS):
         for j in range(UNKNOWNS):
             place.seen[i, j] = place.before_covariance[i, j]
@@ -34,6 +37,8 @@ def set_same(place: Any) -> None:
     for i in range(2):
         for j in range(2):
             place.seen[i, j] += VARIES**2
+    for i in (1, 3):
+        place.seen[i, i] += DEVIATIONS[i] ** 2
     place.seen[POSITION, POSITION] = LEAST_VARIANCE
     copy_vector(place.before, place.guess)
     place_fit.invert(place.seen, place)
