@@ -236,8 +236,8 @@ def delays(diagnosis: Diagnosis) -> list[str]:
     return [f.what for f in diagnosis.findings if " late against " in f.what]
 
 
-def test_that_the_channels_are_in_step_is_worth_a_word_where_places_are_found_with_it() -> None:
-    """Regression: of taps on six places, in step, the misfit was told and no more."""
+def test_places_are_found_where_nobody_said_that_the_channels_are_in_step() -> None:
+    """Regression: of taps on six places, in step, the misfit was told in 12 to 23 % and no more."""
     generator = np.random.default_rng(1)
     rate_hz = 250.0
     pieces, forces = [np.full(500, -3.0)], [np.zeros(500)]
@@ -258,8 +258,6 @@ def test_that_the_channels_are_in_step_is_worth_a_word_where_places_are_found_wi
     noise = generator.standard_normal((2, len(depth)))
     time_s = np.arange(len(depth)) / rate_hz
     found = diagnose(time_s, depth + 0.005 * noise[0], force + 0.02 * noise[1])
-    (in_step,) = [f for f in found.findings if "channel_delay" in f.settings]
-    assert "are in step to 0." in in_step.what
-    assert abs(in_step.settings["channel_delay"]) < 5e-4
+    assert not [f for f in found.findings if "channel_delay" in f.settings]
     assert found.estimated is not None
-    assert found.estimated.mismatch < 0.1
+    assert found.estimated.mismatch < 0.05

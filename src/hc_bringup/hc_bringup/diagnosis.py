@@ -288,20 +288,14 @@ def _at_all_places(
         return []
     off_s = abs(delay.seconds - samples.known_delay_s)
     is_late = off_s > max(CLEAR_DELAY_S, CLEAR * delay.deviation_s)
-    looks_for_it = samples.channel_delay == "auto" and delay.deviation_s < 0.25 * CLEAR_DELAY_S
-    if not (is_late or looks_for_it):
+    if not is_late:
         return []
     aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4) + 0.0)
     after = aligned.estimate()
-    if _fits_worse(before, after) or not (is_late or _fits_worse(after, before)):
-        return []  # known well and small, it is worth a word where the places are found with it
+    if _fits_worse(before, after):
+        return []
     samples.channel_delay = aligned.channel_delay
-    in_step = (
-        f"force and position are in step to {1e3 * delay.deviation_s:.2g} ms, which each place "
-        "alone leaves open"
-    )
-    said = delay.late if is_late else in_step
-    what = f"{said}, at {delay.places} places that were pressed one after another"
+    what = f"{delay.late}, at {delay.places} places that were pressed one after another"
     settings = {CHANNEL_DELAY: aligned.channel_delay}
     return [Finding(what, settings, _cost(before, after, True))]
 
