@@ -71,4 +71,4 @@ def weight_of(bank: Any, left: float) -> float:
     What the law misses is no reason for another place, nor what wide parabolas miss of a press.
     """
     wider = max(bank.delay.grid_width / NARROW, 1.0)
-    return 1.0 / (max(left, 1.0) * wider * wider)
+    return 1.0 / (max(left, 1.0) * wider * wider)  # type: ignore[no-any-return]
