@@ -1,6 +1,7 @@
 """What the tests of hc_estimator share."""
 
 import fcntl
+import json
 import tempfile
 from pathlib import Path
 
@@ -99,6 +100,19 @@ class Plant:
         """Readings of the two sensors."""
         noise = np.random.default_rng(seed).standard_normal((2, d.size))
         return d + displacement_noise * noise[0], force + force_noise * noise[1]
+
+
+@pytest.fixture(scope="session")
+def restored_at():
+    """The default filter from sample k on, in an estimator restored from a saved state."""
+
+    def run(k, *columns):
+        first, other = (hc.create_estimator("self_tuning_ukf") for _ in range(2))
+        first.run(*(column[:k] for column in columns))
+        other.restore(json.loads(json.dumps(first.state())))
+        return other.run(*(column[k:] for column in columns))
+
+    return run
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,6 @@ the median where a contact was over, 13 % of them were told wrong and a quarter 
 as misfit (`hc bench accuracy places`).
 """
 
-import json
-
 import numpy as np
 import pytest
 
@@ -95,17 +93,13 @@ def test_a_place_that_only_lies_higher_is_no_other_tissue():
         assert abs(series.parameters[end, 0] - 0.3) < 4.0 * series.parameters_std[end, 0]
 
 
-def test_it_goes_on_to_the_bit_from_a_state_within_a_new_contact():
+def test_it_goes_on_to_the_bit_from_a_state_within_a_new_contact(restored_at):
     time, place, force, number, depth = palpate(OTHERS[:3])
     whole = hc.create_estimator(FILTER).run(time, place, force)
     touched = np.flatnonzero((number == 1) & (depth > 0.0))[0]
     for after in (10, 60, 150, 400):
         k = int(touched) + after
-        first = hc.create_estimator(FILTER)
-        first.run(time[:k], place[:k], force[:k])
-        other = hc.create_estimator(FILTER)
-        other.restore(json.loads(json.dumps(first.state())))
-        rest = other.run(time[k:], place[k:], force[k:])
+        rest = restored_at(k, time, place, force)
         np.testing.assert_array_equal(rest.parameters, whole.parameters[k:])
         np.testing.assert_array_equal(rest.parameters_std, whole.parameters_std[k:])
 

@@ -5,8 +5,6 @@ tissues palpated place by place half never knew that their channels were in step
 for another; and of eight whose force was 6 ms late four found the delay.
 """
 
-import json
-
 import numpy as np
 import pytest
 
@@ -106,15 +104,11 @@ def test_a_delay_that_the_user_gave_stays():
 
 
 @pytest.mark.parametrize("delay", [0.006, -0.010])
-def test_it_goes_on_to_the_bit_from_a_state_before_the_delay_is_found(delay):
+def test_it_goes_on_to_the_bit_from_a_state_before_the_delay_is_found(delay, restored_at):
     time, displacement, force, _number, _depth = press_each_once(delay, 1)
     whole = hc.create_estimator(FILTER).run(time, displacement, force)
     found = int(np.flatnonzero(whole.channel_delay != 0.0)[0])
     for k in (found - 300, found - 1, found + 1):
-        first = hc.create_estimator(FILTER)
-        first.run(time[:k], displacement[:k], force[:k])
-        other = hc.create_estimator(FILTER)
-        other.restore(json.loads(json.dumps(first.state())))
-        rest = other.run(time[k:], displacement[k:], force[k:])
+        rest = restored_at(k, time, displacement, force)
         np.testing.assert_array_equal(rest.parameters, whole.parameters[k:])
         np.testing.assert_array_equal(rest.channel_delay, whole.channel_delay[k:])

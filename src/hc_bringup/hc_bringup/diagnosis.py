@@ -287,8 +287,7 @@ def _at_all_places(
     if delay is None:
         return []
     off_s = abs(delay.seconds - samples.known_delay_s)
-    is_late = off_s > max(CLEAR_DELAY_S, CLEAR * delay.deviation_s)
-    if not is_late:
+    if off_s <= max(CLEAR_DELAY_S, CLEAR * delay.deviation_s):
         return []
     aligned = dataclasses.replace(samples, channel_delay=round(delay.seconds, 4) + 0.0)
     after = aligned.estimate()

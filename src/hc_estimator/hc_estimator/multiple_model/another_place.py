@@ -7,9 +7,9 @@ the same, once with one that lets everything go; their evidence decides (`place_
 another place, every row begins anew with that fit, what was felt before the contact no longer
 counts, and the fit is made anew as the contact goes on, for as long as it explains the force.
 
-Not where a surface that moves is in charge, which knows of another height, too; nor where the law
-did not fit before, for the first points of a contact are fitted by any law. (Ours; `hc bench
-accuracy places`.)
+Not where a surface that moves is in charge, which knows of another height, too. Where the law did
+not fit before, only of whole contacts, for the first points of one are fitted by any law. (Ours;
+`hc bench accuracy places`.)
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
 from hc_estimator.multiple_model.kalman import probability
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import POSITION
-from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION, LONGEST
+from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.specification import ParameterSpecification
 
@@ -141,7 +141,7 @@ def look(settings: Any, bank: Any) -> bool:
     if place.doubted == 0 or place.unknown != 0 or count < place.due:
         return False
     place.due = math.ceil(MORE * count)
-    if count * history.every * finder.grid_step > LONGEST or history.contact < history.begun:
+    if count > place_prior.most_points(bank) or history.contact < history.begun:
         place.testing = 0
         clear_matrix(place.open)  # by now the rows have learnt what the contact says
         return False
@@ -154,8 +154,8 @@ def _is_whole(bank: Any) -> bool:
     place, history = bank.place, bank.history
     count = history.count - history.contact
     asked = place.testing != 0 and place.unknown != 0
-    longest = LONGEST / (history.every * bank.delay.grid_step)
-    return bool(asked and FEWEST <= count <= longest and history.contact >= history.begun)
+    some = FEWEST <= count <= place_prior.most_points(bank)
+    return bool(asked and some and history.contact >= history.begun)
 
 
 @compiled

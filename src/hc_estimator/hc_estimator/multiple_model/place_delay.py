@@ -20,7 +20,7 @@ from hc_estimator.multiple_model.delay import BEGINS, LARGEST
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.place_fit import DELAY, UNKNOWNS
-from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION, LONGEST
+from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
 
 FIRST_DEVIATION = 0.02  # of a delay of which nothing is known [s]
 SMALL = 0.0015  # deviation of a delay from which on it is known [s]
@@ -108,16 +108,15 @@ def _is_shown(place: Any, delay: float, variance: float) -> bool:
 def learn(settings: Any, bank: Any) -> None:
     """Take what the contact that is over says of the delay, whatever its place is like."""
     place, history = bank.place, bank.history
-    longest = int(LONGEST / (history.every * bank.delay.grid_step))
     place.first = max(history.contact, histories.oldest(history))
-    place.last = min(history.count, place.first + longest)
+    place.last = min(history.count, place.first + int(place_prior.most_points(bank)))
     if not may_be_late(settings, place) or place.last - place.first < FEWEST:
         return
     noise = histories.noise_of_points(bank)
     place_prior.set_other(place, HEIGHT_DEVIATION**2)
     place_fit.begin(settings, place, history)
     copy_vector(place.values, place.outcome)
-    delay, variance, left = _fit(settings, bank, noise, 1.0, 2)
+    _, _, left = _fit(settings, bank, noise, 1.0, 2)
     if not left < CONSISTENT:
         return
     weight = place_prior.weight_of(bank, left)
@@ -146,9 +145,9 @@ def is_found(finder: Any, place: Any) -> bool:
         place: what the contacts said.
     """
     delay, variance = place.delay, 1.0 / place.delay_precision
-    few = place.delay_learnt == 0 or place.delay_contacts < FEWEST_CONTACTS
-    known = few or finder.clear != 0 or finder.delay != 0.0 or place.in_step != 0
-    if known or not (SMALL < abs(delay) < LARGEST and variance < SMALL**2):
+    enough = place.delay_learnt != 0 and place.delay_contacts >= FEWEST_CONTACTS
+    unknown = finder.clear == 0 and finder.delay == 0.0 and place.in_step == 0
+    if not (enough and unknown and SMALL < abs(delay) < LARGEST and variance < SMALL**2):
         return False
     differ = place.delay_squares > ALIKE * place.delay_contacts
     if differ or delay * delay < BEGINS**2 * variance:

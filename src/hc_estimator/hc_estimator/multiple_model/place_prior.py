@@ -72,3 +72,9 @@ def weight_of(bank: Any, left: float) -> float:
     """
     wider = max(bank.delay.grid_width / NARROW, 1.0)
     return 1.0 / (max(left, 1.0) * wider * wider)  # type: ignore[no-any-return]
+
+
+@compiled
+def most_points(bank: Any) -> float:
+    """Points of the longest contact that is used."""
+    return LONGEST / (bank.history.every * bank.delay.grid_step)  # type: ignore[no-any-return]
