@@ -135,6 +135,46 @@ def test_a_zero_that_moves_twice_before_the_first_touch_is_read_twice(zero, seed
     assert series.contact_position[-1] == 0.0
 
 
+@pytest.mark.parametrize("when", [1.0, 2.5])  # at rest; on the way down, 2 mm above the tissue
+@pytest.mark.parametrize("step", [-1.0, -0.2, -0.06, 0.06, 0.2, 1.0])
+@pytest.mark.parametrize("zero", [-1.0, 0.0, 1.0])
+def test_a_zero_that_steps_before_the_first_touch_is_no_contact(zero, step, when, plant):
+    """Regression of 2026-11-27: a step was the first touch, or the rest of the way down was no air.
+
+    K was 0.001 or 0.03 of 0.4 and the contact four millimetres too high, in 26 of 96 such runs.
+    """
+    time, travel = approach(seconds=6.5, start=-4.0, speed=2.0)
+    d = np.concatenate([np.full(750, -4.0), travel])
+    time = np.arange(d.size) / 500.0
+    level = zero + step * (time > when)
+    d_read, force = felt(plant, time, d, 2)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force + level)
+    assert series.force_zero[-1] == pytest.approx(level[-1], abs=0.005)
+    assert series.contact_position[-1] == 0.0
+    error = abs(series.parameters[-1, 0] - TISSUE[0])
+    assert error < 4.0 * series.parameters_std[-1, 0] + 0.002
+    assert series.parameters_std[-1, 0] < 0.02
+    assert series.model_mismatch[-200:].mean() < 0.1
+
+
+@pytest.mark.parametrize("step", [-0.6, -0.03, 0.012, 0.03, 0.6])
+def test_a_zero_that_steps_where_the_tissue_was_said_to_be(step, plant):
+    """Regression of 2026-11-27: the search for zeros was given up with nothing found.
+
+    The tool waits, and comes down, below the given position and above the tissue: a law explains
+    nothing there, and the zeros that were found, none, were taken back for good.
+    """
+    time, travel = approach(seconds=6.5, start=-3.0, speed=2.0)
+    d = np.concatenate([np.full(750, -3.0), travel])
+    time = np.arange(d.size) / 500.0
+    level = step * (time > 1.0)
+    d_read, force = felt(plant, time, d, 2, position=2.5)
+    series = hc.create_estimator("self_tuning_ukf").run(time, d_read, force + level)
+    assert series.force_zero[-1] == pytest.approx(level[-1], abs=0.005)
+    assert series.contact_position[-1] == pytest.approx(2.5, abs=0.1)
+    assert series.parameters[-1, 0] == pytest.approx(TISSUE[0], rel=0.05)
+
+
 @pytest.mark.parametrize("force_zero", [-2.0, 0.0, 0.4, 2.0])
 def test_no_reading_stays_in_a_zero_that_moved(force_zero, plant):
     """Regression of 2026-11-26: the reading with which a zero moved was still in the old one.

@@ -70,10 +70,10 @@ def scatter_of(window: Any) -> float:
 
 
 @compiled
-def is_calm(window: Any, noise: Any, wildest: float) -> bool:
-    """True if the force scatters as a sensor does that works, at most so many times its noise."""
+def is_calm(window: Any, variance: float, wildest: float) -> bool:
+    """True if the force scatters as a sensor does that works, at most so many times its variance."""
     scatter = scatter_of(window)
-    return bool(scatter >= CALMEST * noise[1] and scatter <= wildest * noise[1])
+    return bool(scatter >= CALMEST * variance and scatter <= wildest * variance)
 
 
 @compiled

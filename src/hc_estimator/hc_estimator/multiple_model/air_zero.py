@@ -104,7 +104,7 @@ def _conclude(bank: Any, time: float) -> None:
     if count < FEWEST:
         return
     scatter = air_window.scatter_of(window)
-    calm = air_window.is_calm(window, noise, WILDEST)
+    calm = air_window.is_calm(window, noise[1], WILDEST)
     if air_window.travels(window, noise):
         air.travelled = 1 if calm and air_window.stays_the_same(window) else 0
     if calm and air.travelled != 0:

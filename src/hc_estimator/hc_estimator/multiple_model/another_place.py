@@ -47,6 +47,7 @@ UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
 LIKELIER = 20.0  # logarithm of the evidence by which it is another place
 LIKELIER_AGAIN = 5.0  # the same once there was one
+CALLED_AFTER = 2  # contacts in a row that the law has to have fitted before a change is called
 UNKNOWN_DEVIATIONS = (3.0, 3.0, 1.0, 0.3)  # of ln K, ln B, n and p where nothing is known of them
 
 
@@ -93,6 +94,7 @@ def forget_fits(place: Any) -> None:
     """Whether the law fitted the contacts before says nothing: delay or height were not known."""
     place.ended = 0
     place.fitting = 0
+    place.fitting_in_a_row = 0
 
 
 @compiled
@@ -173,8 +175,10 @@ def _note_end(bank: Any) -> None:
     """Take note of whether the law fitted at the end of a contact."""
     place, row = bank.place, bank.rows[bank.judge.chosen]
     if bank.tool.contact_clock > 0.0:
+        fits = row.model_error == 0.0
         place.ended += 1
-        place.fitting += 1 if row.model_error == 0.0 else 0
+        place.fitting += 1 if fits else 0
+        place.fitting_in_a_row = place.fitting_in_a_row + 1 if fits else 0
 
 
 @compiled
@@ -294,8 +298,9 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     place = bank.place
     place.before[POSITION] -= place.outcome[POSITION]
     place.outcome[POSITION] = 0.0
-    # Where the law has fitted no contact so far, nobody knows what the other tissue was.
-    is_called = place.called == 0 and place.fitting > 0 and _is_other_tissue(place)
+    # Where the law did not fit the contacts before, nobody knows what the other tissue was.
+    fits = place.fitting_in_a_row >= CALLED_AFTER
+    is_called = place.called == 0 and fits and _is_other_tissue(place)
     if is_called:
         place.called = 1
     if place.unknown != 0:

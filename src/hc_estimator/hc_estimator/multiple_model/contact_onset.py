@@ -12,6 +12,9 @@ can be seen without any parameter of the tissue (ours; `hc bench accuracy delay`
 
 Both are looked for until the first contact that agrees with them; what moves later on is for the
 hypothesis of a moving surface. What was remembered in the old zeros is moved to the new ones.
+
+A force that steps and then stays the same while the tool goes deeper is no contact, and one that
+steps while the tool rests is none either: a sensor was tared, or its cable moved. A contact grows.
 """
 
 from __future__ import annotations
@@ -33,6 +36,8 @@ DRIFT = 0.5  # deviations
 THRESHOLD = 12.0
 LARGEST_TERM = 4.0  # one spike is no onset
 IN_A_ROW = 3  # readings that must say so
+GROWTH = 1.5  # of the force since it was first sure
+RESTING = 8.0  # deviations of the displacement sensor within which a tool is that rests
 SETTLING = 5  # readings in the mean before one can leave it
 DOWN = 0.8  # share of its travel in the air below which the tool was when the force came
 WILDEST = 4.0  # scatter of a working sensor in the air over its noise variance
@@ -78,6 +83,7 @@ def restart(onset: Any) -> None:
     onset.force_seen = 0
     onset.touched = 0
     onset.contradictions = 0
+    onset.first_force = 0.0
     air_window.clear(onset.window)
     air_window.clear(onset.rise)
     onset.highest_level = -NOWHERE
@@ -147,11 +153,13 @@ def _take(
     sure = SURE * math.sqrt(noise[1])
     side = _leaves_window(onset, displacement, velocity, force, time, noise[1])
     if side != 0:
-        is_air = side > 0 and _is_air(onset, noise, sure)
-        if not is_air:
+        is_air = _is_air(onset, noise, sure)
+        if is_air or _is_step(onset, noise, side, displacement):
+            air_window.clear(onset.rise)
+        else:
             onset.highest_level = max(onset.highest_level, onset.window.mean[1])
         air_window.clear(onset.window)
-        if is_air:
+        if is_air and side > 0:
             onset.in_air = 1
             onset.free = 1
             onset.free_at = onset.inside_at
@@ -165,6 +173,7 @@ def _take(
                 return True
     if force < sure:
         onset.contradictions = 0
+        onset.first_force = 0.0
         if onset.force_seen != 0:
             onset.touched = 1
         if onset.in_air == 0:  # else the place where the force left its mean is closer
@@ -172,6 +181,8 @@ def _take(
             onset.free_at = displacement
             onset.free_time = time
         return False
+    if onset.first_force == 0.0:
+        onset.first_force = force
     if force < SURELY * sure or not is_tried(settings, SURFACE_ROW):
         return False
     onset.force_seen = 1
@@ -196,7 +207,7 @@ def _take(
         # Elsewhere it may have begun anywhere in between, or the delay is not known yet.
         if abs(onset.free_at) < near and displacement > distance:
             onset.decided = 1
-    if onset.contradictions < IN_A_ROW:
+    if onset.contradictions < IN_A_ROW or force < GROWTH * onset.first_force:
         return False
     onset.decided = 1
     if abs(onset.free_at) > LARGEST_SHIFT:
@@ -280,9 +291,20 @@ def _leaves_window(
         onset.air_fastest = onset.fastest
         onset.inside_at = displacement
         onset.inside_time = time
+        onset.inside_variance = variance  # a step makes the sensor seem noisier
     if onset.upward > THRESHOLD:
         return 1
     return -1 if onset.downward > THRESHOLD else 0
+
+
+@compiled
+def _is_step(onset: Any, noise: Any, side: int, displacement: float) -> bool:
+    """True if the force left the window as no tissue lets it: at rest, or down on the way down."""
+    window = onset.window
+    way = window.highest - window.lowest
+    if window.count >= FEWEST and way <= RESTING * math.sqrt(noise[0]):
+        return True
+    return bool(side < 0 and displacement >= window.lowest + DOWN * way)
 
 
 @compiled
@@ -300,7 +322,7 @@ def _is_air(onset: Any, noise: Any, sure: float) -> bool:
         return False
     if onset.inside_at < onset.window.lowest + DOWN * way:
         return False
-    if not air_window.is_calm(inside, noise, WILDEST):
+    if not air_window.is_calm(inside, onset.inside_variance, WILDEST):
         return False
     scatter = air_window.scatter_of(inside)
     onset.level_deviation = math.sqrt(scatter / inside.count)
@@ -317,8 +339,13 @@ def _is_air(onset: Any, noise: Any, sure: float) -> bool:
 
 @compiled
 def take_back(bank: Any) -> None:
-    """A law that explains nothing: the zeros that were found are doubted, and given up for good."""
+    """A law that explains nothing: the zeros that were found are doubted, and given up for good.
+
+    Where none was found yet the search goes on: a zero may be what the law does not explain.
+    """
     onset = bank.onset
+    if onset.decided == 0 and onset.zero[0] == 0.0 and onset.zero[1] == 0.0:
+        return
     for i in range(2):
         onset.shift[i] = -onset.zero[i]
     move_zeros(bank)
@@ -367,6 +394,8 @@ def move_readings(bank: Any) -> None:
     bank.motion.states[:, 0] -= displacement
     onset.free_at -= displacement
     onset.highest_level -= force
+    if force != 0.0:
+        onset.first_force = 0.0
     if displacement != 0.0:
         for m in range(bank.rows.shape[0]):
             bank.rows[m].position_deviation = onset.position_deviation

@@ -26,6 +26,7 @@ PLACE = record_type(
         Field("due", np.int64, (), 0),  # points of the contact at which it is asked next
         Field("ended", np.int64, (), 0),  # contacts so far
         Field("fitting", np.int64, (), 0),  # of which the law fitted so many at their end
+        Field("fitting_in_a_row", np.int64, (), 0),  # the latest of them
         Field("late", np.int64, (), 0, 1),  # 1 while the delay is an unknown
         Field("delay", np.float64),  # by the contacts that are over [s]
         Field("delay_precision", np.float64, (), 0.0),  # [1/s^2]

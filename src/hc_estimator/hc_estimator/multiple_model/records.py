@@ -253,6 +253,7 @@ ONSET = record_type(
         Field("force_seen", np.int64, (), 0, 1),  # 1 once there was a force
         Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
+        Field("first_force", np.float64),  # that was sure, since the last that was not; 0: none [N]
         # The window in which the force stays the same:
         Field("window", WINDOW),
         Field("highest_level", np.float64),  # largest mean of a window that was not in the air [N]
@@ -265,6 +266,7 @@ ONSET = record_type(
         Field("air_fastest", np.float64),
         Field("inside_at", np.float64),  # displacement there [mm]
         Field("inside_time", np.float64),  # [s]
+        Field("inside_variance", np.float64, (), 0.0),  # of the force sensor there [N^2]
         Field("level_deviation", np.float64, (), 0.0),  # of the mean force [N]
         # Forces before the zero, as long as the tool was never seen free:
         Field("rise", WINDOW),
