@@ -52,6 +52,20 @@ def test_values_are_those_of_the_estimates(
     assert page.complaints() == []
 
 
+def test_a_page_that_is_opened_after_the_samples_have_stopped_says_so(
+    page: Any, serve: Make, make_status: Make, opened: Make
+) -> None:
+    """Regression: it asked whether a rig was running, beside an estimator that knew better."""
+    said = "no usable sample for 19 s: nobody publishes indenter/sample"
+    node = {"level": 2, "age_s": 0.1, "message": said, "values": {}}
+    opened(page, serve(), make_status, silent_s=None, estimates=0, nodes={"estimator": node})
+    page.wait_for("document.querySelector('#state').textContent === 'no samples'")
+    assert page.text("#banner") == (
+        f"No samples since this page was opened. The estimator says: {said}."
+    )
+    assert page.text("#headline") == "Waiting for samples."
+
+
 def test_says_when_data_stop_and_comes_back(
     page: Any,
     serve: Make,

@@ -189,7 +189,9 @@ HC.App = class {
     }
     const status = this.status;
     if (!status) return ["waiting", "idle", ""];
-    if (status.silent_s === null) {
+    if (status.silent_s === null) { // of a stream that has stopped before somebody looked, too
+      const reason = HC.reasonOf(status.nodes);
+      if (reason) return ["no samples", "warn", `No samples since this page was opened. ${reason}`, "bad"];
       return ["no samples yet", "idle", "No samples yet: is a rig or a robot running?"];
     }
     const silent = status.silent_s + (performance.now() - this.statusAt) / 1000;

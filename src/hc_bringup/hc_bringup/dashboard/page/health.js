@@ -83,7 +83,9 @@ HC.BEYOND_REASON_MM = 50;
 
 /* Words for what is felt: one or two sentences that need no knowledge of filters. */
 HC.sentences = function (store, map, status) {
-  if (store.empty) return ["Waiting for the first samples."];
+  if (store.empty) {
+    return [HC.reasonOf(status && status.nodes) ? "Waiting for samples." : "Waiting for the first samples."];
+  }
   if (!isFinite(store.last("K"))) {
     return ["Samples come, but nobody estimates: start the estimator node."];
   }
