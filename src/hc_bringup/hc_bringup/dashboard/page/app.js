@@ -197,8 +197,9 @@ HC.App = class {
     const silent = status.silent_s + (performance.now() - this.statusAt) / 1000;
     if (silent > 1) {
       const what = status.estimating ? "estimates" : "samples";
+      const why = HC.reasonOf(status.nodes) || HC.silenceOf(status.nodes);
       return ["stopped", "bad",
-        `Stopped: no ${what} for ${silent.toFixed(0)} s. ${HC.reasonOf(status.nodes)}`.trim()];
+        `Stopped: no ${what} for ${silent.toFixed(0)} s. ${why}`.trim()];
     }
     if (this.frozen) return ["frozen", "idle", ""];
     if (!this.store || this.store.empty) return ["waiting", "idle", ""];

@@ -78,6 +78,13 @@ HC.reasonOf = function (nodes, least = HC.WARNING) {
   return `The estimator says: ${estimator.message}.`;
 };
 
+/* That the estimator says nothing at all, where it once did. */
+HC.silenceOf = function (nodes) {
+  const estimator = (nodes || {}).estimator;
+  if (!estimator || estimator.age_s <= 2.5) return "";
+  return `The estimator has said nothing for ${estimator.age_s.toFixed(0)} s: it was stopped, or has ended.`;
+};
+
 /* A tool is never so deep in soft tissue: the contact position was never set. */
 HC.BEYOND_REASON_MM = 50;
 
