@@ -1,6 +1,7 @@
 """A run that fails says where its bag is, and what to do with one that was not closed."""
 
 import pytest
+import yaml
 
 from hc_bringup.conclusion import naming_bag
 from hc_bringup.errors import FAILURE, UserError
@@ -31,3 +32,46 @@ def test_nobody_is_told_to_delete_what_can_be_recovered(tmp_path):
 
 def test_without_a_bag_nothing_is_added(tmp_path):
     assert said_of(None) == said_of(tmp_path / "none") == ""
+
+
+def bag_with(folder, counts):
+    """A closed bag that says how many messages of each topic it holds."""
+    folder.mkdir()
+    (folder / f"{folder.name}_0.mcap").touch()
+    topics = [
+        {"topic_metadata": {"name": name}, "message_count": count} for name, count in counts.items()
+    ]
+    information = {
+        "rosbag2_bagfile_information": {
+            "version": 9,
+            "storage_identifier": "mcap",
+            "relative_file_paths": [f"{folder.name}_0.mcap"],
+            "topics_with_message_count": topics,
+        }
+    }
+    (folder / "metadata.yaml").write_text(yaml.safe_dump(information))
+    return folder
+
+
+OF_NODES = {"/diagnostics": 12, "/parameter_events": 15, "/rosout": 3, "/hc/configuration": 1}
+
+
+def test_a_bag_without_a_sample_is_not_left_by_a_start_that_failed(tmp_path):
+    """Regression: the next try with the same --bag was told that the folder was taken."""
+    bag = bag_with(tmp_path / "rec", OF_NODES | {"/indenter/sample": 0, "/hc/estimate": 0})
+    assert said_of(bag, "rec") == ""
+    assert not bag.exists()
+
+
+@pytest.mark.parametrize("topic", ["/indenter/sample", "/wrench", "/hc/events"])
+def test_one_message_of_a_sensor_or_an_estimate_is_kept(tmp_path, topic):
+    bag = bag_with(tmp_path / "rec", OF_NODES | {topic: 1})
+    assert said_of(bag) == f"; what was recorded is in {bag}"
+    assert bag.exists()
+
+
+def test_what_somebody_put_beside_the_bag_is_kept(tmp_path):
+    bag = bag_with(tmp_path / "rec", OF_NODES)
+    (bag / "notes.txt").write_text("of the user")
+    assert said_of(bag) == f"; what was recorded is in {bag}"
+    assert (bag / "notes.txt").exists()

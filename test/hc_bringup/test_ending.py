@@ -2,14 +2,17 @@
 
 import math
 import os
+import pty
 import signal
+import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from hc_bringup import heartbeat, last_resort
+from hc_bringup import cli, heartbeat, last_resort
 from hc_bringup.compilation_notice import NOTICE
+from hc_evaluation.workers import prepare_worker
 from hc_msgs_py.node_processes import Processes
 
 COMMAND = """
@@ -76,6 +79,58 @@ def after_signal(command, number):
 def test_a_command_that_hears_the_signal_ends_with_its_status(start, work, number):
     """Regression: llvmlite's callbacks lost it, with a traceback, and the compiler went on."""
     assert ended(start(WORK[work]), number) == (128 + number, "", "")
+
+
+HALF = """
+        from hc_logger.new_file import new_file
+        with new_file(os.environ["HALF"]) as file:
+            file.write(b"half of it")
+            print("works", flush=True)
+            try:
+                time.sleep(3600.0)
+            finally:
+                time.sleep(0.3)  # the second SIGHUP comes into what is put away
+"""
+
+
+def test_a_closed_terminal_leaves_no_half_file(tmp_path):
+    """Regression: a hidden file, or a bag without an index, stayed of what was converted."""
+    command, terminal = pty.fork()
+    if command == 0:
+        os.environ["HALF"] = str(tmp_path / "whole.csv")
+        code = COMMAND.format(work=HALF.strip(), patience_s=last_resort.PATIENCE_S)
+        os.execv(sys.executable, [sys.executable, "-c", code])
+    assert b"works" in os.read(terminal, 100)
+    assert len(list(tmp_path.iterdir())) == 1
+    os.kill(command, signal.SIGHUP)  # as the shell does before the kernel
+    time.sleep(0.1)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(command, 0)[1]) == 128 + signal.SIGHUP
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_who_reads_the_errors_elsewhere_hears_that_the_terminal_was_closed(start):
+    assert ended(start(WORK["a sleep"]), signal.SIGHUP) == (129, "", f"hc: {cli.HUNG_UP}\n")
+
+
+def test_under_nohup_a_command_goes_on(start):
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        command = start("print('works', flush=True); time.sleep(0.5); print('done'); return 0")
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert ended(command, signal.SIGHUP) == (0, "done\n", "")
+
+
+def test_workers_leave_the_end_of_the_terminal_to_the_main_process():
+    """Regression: a batch whose terminal was closed lost its workers, and did not gather."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
+    try:
+        prepare_worker(os.getppid())
+        assert {signal.getsignal(number) for number in before} == {signal.SIG_IGN}
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def test_one_that_is_in_a_long_call_ends_with_the_status_of_the_signal(start):

@@ -62,6 +62,18 @@ def test_patterns_are_names_of_topics() -> None:
     assert topic_name("/a?") == "/a?"
 
 
+def test_two_nodes_with_one_name_are_told(monkeypatch, capsys):
+    """Regression: a parameter was set, or a tare made, and nobody knew of which of the two."""
+    graph = Graph()
+    names = ["/estimator", "/recorder"]
+    monkeypatch.setattr(graph, "node_names", lambda **_: names)
+    assert graph.require_node("estimator") == "/estimator"
+    assert capsys.readouterr().err == ""
+    names.append("/estimator")
+    assert graph.require_node("estimator") == "/estimator"
+    assert capsys.readouterr().err.startswith("2 nodes are called /estimator, and any of them")
+
+
 class Publishers:
     """A graph with so many publishers of any topic."""
 

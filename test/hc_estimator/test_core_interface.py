@@ -112,7 +112,7 @@ def test_rejections_keep_the_estimate(estimator, recording):
         ((0.3, 1.0, 1.0), Rejection.TIME_REPEATED),
         ((0.2, 1.0, 1.0), Rejection.TIME_BACKWARD),
         ((0.301, 1e9, 1.0), Rejection.OUT_OF_RANGE),
-        ((0.301, 1.0, 1e9), Rejection.OUT_OF_RANGE),
+        ((0.301, -1e9, 1e9), Rejection.OUT_OF_RANGE),
     ]
     for sample, reason in hostile:
         estimate = estimator.step(*sample)

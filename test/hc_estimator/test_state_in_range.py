@@ -146,3 +146,49 @@ def test_a_rate_that_falls_lets_no_motion_run_away(before_hz, after_hz, seed):
     hc.create_estimator(FILTER).restore(estimator.state())
     assert np.mean(series.nis[-2 * after_hz :]) < 3.0
     assert estimator.state()["memory"]["motion"]["density"] > 6e4
+
+
+def pieces_of(seed):
+    """Streams that no contact is like: of six rates, depths and laws, with nonsense in between.
+
+    Yields:
+        Whether readings may be missing, and the samples of a piece.
+    """
+    rng = np.random.default_rng(seed)
+    missing, begin = bool(rng.integers(2)), 0.0
+    for _ in range(6):
+        count, rate = int(rng.integers(50, 600)), float(rng.choice([50, 200, 1000, 4000]))
+        time = begin + np.arange(count) / rate
+        swing = np.sin(2 * np.pi * rng.uniform(0.1, 5.0) * time + rng.uniform(0.0, 6.0))
+        d = 10 ** rng.uniform(-2.0, 1.0) * (rng.uniform(-1.0, 1.0) + swing)
+        force = 10 ** rng.uniform(-3.0, 1.5) * np.maximum(d, 0.0) ** rng.uniform(0.8, 2.5)
+        force *= 1.0 + 10 ** rng.uniform(-4.0, -1.0) * np.gradient(d, time)
+        if rng.random() < 0.7:
+            force = np.maximum(force, 0.0)
+        d += rng.normal(0.0, 10 ** rng.uniform(-5.0, -1.0), count)
+        force += rng.normal(0.0, 10 ** rng.uniform(-4.0, 0.0), count)
+        nonsense = ((force, [np.nan, np.inf, 1e9, -1e3, 50.0]), (d, [np.nan, 1e3, -1e9, 7.0]))
+        for channel, values in nonsense:
+            where = rng.random(count) < 0.02 * rng.integers(0, 2)
+            channel[where] = rng.choice(values, where.sum())
+        if missing and rng.random() < 0.5:
+            d[np.arange(count) % 3 != 0] = np.nan
+        if rng.random() < 0.2:
+            time -= rng.uniform(0.0, 3.0)
+        yield missing, (time, d, force)
+        begin = time[-1] + rng.choice([1e-3, 0.05, 0.7, 10.0])
+
+
+@pytest.mark.parametrize(
+    ("model", "seed"), [("adhesive", 61), ("adhesive", 73), ("hunt_crossley", 96)]
+)
+def test_every_state_of_a_stream_of_nonsense_can_be_restored(model, seed):
+    """Regressions of 2026-11-27: rows that foretold 1e130 N, and a damping that nothing shows."""
+    estimator = None
+    for missing, channels in pieces_of(seed):
+        if estimator is None:
+            kind = {"contact_model": model, "missing_readings": missing}
+            estimator = hc.create_estimator(FILTER, **kind)
+        for sample in zip(*channels, strict=True):
+            estimator.step(*sample)
+            assert out_of_range(estimator._memory, estimator._fields, {}) == []

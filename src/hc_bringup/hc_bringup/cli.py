@@ -59,6 +59,7 @@ HEARTBEAT = True names its steps (heartbeat.py), and each is told that lasts. Bo
 also where Python does not come to answer it (last_resort.py).
 """
 
+HUNG_UP: Final = "ended because the terminal was closed; under nohup or tmux it would have gone on"
 
 ENTRY_POINTS: Final = "hc.commands"
 
@@ -170,25 +171,34 @@ _interrupts: list[int] = []
 
 
 def on_interrupt(number: int, _frame: FrameType | None) -> None:
-    """Answer SIGINT and SIGTERM with a KeyboardInterrupt, and remember the signal.
+    """Answer SIGINT, SIGTERM and SIGHUP with a KeyboardInterrupt, and remember the signal.
 
     Extension modules make other errors of the exception. A second SIGTERM ends the process at once.
+    A second SIGHUP means no more than the first: the shell and the kernel send one each when a
+    terminal is closed, and what has been written by halves is taken away meanwhile.
     """
     _interrupts.append(number)
     last_resort.heard()
     if number == signal.SIGTERM:
         signal.signal(number, signal.SIG_DFL)
+    elif number == signal.SIGHUP:
+        signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 def was_interrupted() -> bool:
-    """Whether SIGINT or SIGTERM has come, whatever error was made of it."""
+    """Whether SIGINT, SIGTERM or SIGHUP has come, whatever error was made of it."""
     return bool(_interrupts)
 
 
 def interrupted_status() -> int:
     """Return the exit status of a command that a signal ended, as shells tell it."""
     return 128 + (_interrupts[-1] if _interrupts else signal.SIGINT)
+
+
+def hung_up() -> bool:
+    """Whether the command was ended because its terminal was closed."""
+    return bool(_interrupts) and _interrupts[-1] == signal.SIGHUP
 
 
 def main(arguments: Sequence[str] | None = None, *, tell_waiting: bool = False) -> int:

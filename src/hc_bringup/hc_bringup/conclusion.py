@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,11 +11,14 @@ from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.run_state import RunState
 from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
 from hc_bringup.wrapping import say
-from hc_logger.metadata import FILE_NAME
+from hc_logger.errors import BagError
+from hc_logger.metadata import FILE_NAME, read_information
 from hc_logger.writer import numbered_bags
 from hc_msgs_py.topics import NODE_ESTIMATOR
 
 LONGEST_WITHOUT_ESTIMATE_S = 1.0
+_OF_NODES = ("diagnostics", "rosout", "parameter_events", "configuration")
+"""Ends of the topics that nodes publish without a sample."""
 
 
 def conclude(
@@ -57,7 +61,9 @@ def conclude(
 
 @contextmanager
 def naming_bag(bag: Path | None, given: str | None) -> Iterator[None]:
-    """Say of a run that fails in here where the bag is that it leaves; an empty one is removed.
+    """Say of a run that fails in here where the bag is that it leaves.
+
+    One that holds nothing but what the nodes said of themselves at their start is removed.
 
     Args:
         bag: folder that the recorder was given, or None.
@@ -72,11 +78,29 @@ def naming_bag(bag: Path | None, given: str | None) -> Iterator[None]:
         bags = [] if bag is None else numbered_bags(bag)
         if bags:
             left = bags[-1]
+            if _holds_no_data(left):
+                shutil.rmtree(left)
+                raise
             closed = (left / FILE_NAME).exists()
             whole = "" if closed else f" (not closed: hc bag recover {left} NEW makes it whole)"
             again = "; take another --bag to try again" if given else ""
             error.args = (f"{error}; what was recorded is in {left}{whole}{again}",)
         raise
+
+
+def _holds_no_data(bag: Path) -> bool:
+    """Whether a bag was closed, and no message in it is of a sensor or of an estimate."""
+    try:
+        information = read_information(bag)
+    except BagError:
+        return False
+    if information is None or set(bag.glob("*")) - {bag / FILE_NAME, *bag.glob("*.mcap")}:
+        return False
+    return all(
+        topic["topic_metadata"]["name"].rpartition("/")[2] in _OF_NODES
+        for topic in information["topics_with_message_count"]
+        if topic["message_count"]
+    )
 
 
 def _why_no_estimate(state: RunState) -> str:

@@ -39,7 +39,9 @@ def main() -> int:
     _open_what_is_closed()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
-    signals = (signal.SIGINT, signal.SIGTERM)
+    signals = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as it is under nohup
+        signals.append(signal.SIGHUP)
     for number in signals:
         signal.signal(number, cli.on_interrupt)
     sys.unraisablehook = last_resort.again
@@ -50,6 +52,9 @@ def main() -> int:
         for number in signals:
             signal.signal(number, signal.SIG_DFL)
     if cli.was_interrupted():
+        if cli.hung_up():
+            with contextlib.suppress(OSError, ValueError):  # the terminal; 2> leads elsewhere
+                sys.stderr.write(f"hc: {cli.HUNG_UP}\n")
         for stream in (sys.stdout, sys.stderr):
             with contextlib.suppress(OSError, ValueError):  # closed, or nobody reads it any more
                 stream.flush()

@@ -9,6 +9,7 @@ take longer.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable
 from typing import Any, Final
@@ -115,6 +116,8 @@ class Graph:
     def require_node(self, name: str) -> str:
         """Return the full name of a node once it is discovered.
 
+        Of two nodes with one name either may answer: standard error then says so.
+
         Raises:
             UserError: if it does not appear; the message lists the nodes that do.
         """
@@ -122,6 +125,12 @@ class Graph:
         if not self.wait_for(lambda: full in self.node_names(hidden=True)):
             known = hint(full, self.node_names(), "running nodes")
             raise UserError(f"there is no node {full}; {known}{stopped_hint()}", FAILURE)
+        count = self.node_names(hidden=True).count(full)
+        if count > 1:
+            sys.stderr.write(
+                f"{count} nodes are called {full}, and any of them may answer: end one, or give it "
+                "a namespace (one that was killed counts for some seconds more)\n"
+            )
         return full
 
     def require_topic(self, name: str) -> tuple[str, str]:

@@ -33,7 +33,7 @@ _THREAD_S: Final = 1.0
 """And so long its thread, before the command is killed."""
 _AGAIN_S: Final = 0.01
 _HEARD: Final = b"\0"  # no signal has this number
-_ASKS: Final = frozenset((signal.SIGINT, signal.SIGTERM))
+_ASKS: Final = frozenset((signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
 
 _pipe = -1
 _child = 0
@@ -106,8 +106,8 @@ def _end_when_answered(answer: int, line: bytes) -> None:
 
 def _watch(reading: int, telling: int, command: int, line: bytes) -> NoReturn:
     """Wait for a signal's byte, and end the command if that does not; the child's whole life."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, signal.SIG_IGN)  # a terminal sends Ctrl-C to both
+    for number in _ASKS:
+        signal.signal(number, signal.SIG_IGN)  # a terminal sends Ctrl-C and its end to both
     asked, asked_at, patience_s = 0, 0.0, PATIENCE_S
     while True:
         left = max(0.0, asked_at + patience_s - time.monotonic()) if asked else None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hc_estimator import estimate as columns
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.registry import fixed_value
-from hc_estimator.screening import ACCEPTED, OUTLIER
+from hc_estimator.screening import ACCEPTED, NOT_FINITE, OUT_OF_RANGE, OUTLIER
 from hc_estimator.state_space import registry as state_space
 
 # Globals of a module are constants to the compiler.
@@ -47,6 +47,19 @@ def clear_row(row: NDArray[np.float64]) -> None:
     row[CONTACT_POSITION] = 0.0
     row[FORCE_ZERO] = 0.0
     row[HYPOTHESIS] = 0.0
+
+
+@compiled
+def say_range(settings: Any, force: float, row: NDArray[np.float64]) -> None:
+    """Report a sample as out of range whose force is, though the displacement was used.
+
+    Args:
+        settings: settings record.
+        force: reading of the sample [N].
+        row: as written of that sample.
+    """
+    if row[REJECTED] != NOT_FINITE and abs(force) > settings.force_limit:
+        row[REJECTED] = OUT_OF_RANGE
 
 
 @compiled

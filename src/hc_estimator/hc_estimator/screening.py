@@ -4,6 +4,11 @@ Refused are readings that are not finite, stamps that repeat or run backward, an
 what the sensor can deliver. After a gap in time, or when a clock was set back, the motion starts
 anew, and the parameters stay.
 
+Where only the force is beyond its range, only the force is refused, and the displacement goes on
+being used: a filter that knows nothing of the tool for as long as a sensor is saturated learns from
+the forces afterwards at a depth that it guesses. Such a sample is reported as out of range all the
+same (`report.say_range`).
+
 A gap is short: where the tool is after a third of a second is known to millimetres at best, and
 over those the contact law is no straight line. A filter that foretells the motion so far and takes
 a force there goes astray (`ukf`: four times the stiffness); one that begins with the depth as it is
@@ -48,7 +53,8 @@ SPECIFICATIONS = (
         "force_limit",
         "float",
         1e3,
-        "A force beyond this, either way, is refused as out of range.",
+        "A force beyond this, either way, is refused, and its sample reported as out of range; the "
+        "displacement beside it is used.",
         minimum=1e-3,
         maximum=1e6,
         unit="N",
@@ -152,7 +158,8 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
     With the setting `missing_readings` a NaN is a reading that is missing; the sample then holds
     the other one alone. A force alone needs to know where the tool is: before the first
     displacement, and after a gap, its NaN is refused like any other, and the motion starts anew
-    with the next displacement.
+    with the next displacement. A force beyond `force_limit` is missing as well, whatever that
+    setting says.
 
     Args:
         settings: settings record.
@@ -176,8 +183,13 @@ def screen(settings: Any, clock: Any, time: float, displacement: float, force: f
             force = 0.0
     if not (math.isfinite(time) and math.isfinite(displacement) and math.isfinite(force)):
         return NOT_FINITE
-    if abs(displacement) > settings.displacement_limit or abs(force) > settings.force_limit:
+    if abs(displacement) > settings.displacement_limit:
         return OUT_OF_RANGE
+    if abs(force) > settings.force_limit:
+        if clock.present[0] == 0:
+            return OUT_OF_RANGE
+        clock.present[1] = 0
+        force = 0.0
     clock.restart = 0
     clock.elapsed = 0.0
     clock.measurement[0] = displacement

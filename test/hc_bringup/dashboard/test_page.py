@@ -52,6 +52,67 @@ def test_values_are_those_of_the_estimates(
     assert page.complaints() == []
 
 
+def test_a_page_that_is_opened_after_the_samples_have_stopped_says_so(
+    page: Any, serve: Make, make_status: Make, opened: Make
+) -> None:
+    """Regression: it asked whether a rig was running, beside an estimator that knew better."""
+    said = "no usable sample for 19 s: nobody publishes indenter/sample"
+    node = {"level": 2, "age_s": 0.1, "message": said, "values": {}}
+    opened(page, serve(), make_status, silent_s=None, estimates=0, nodes={"estimator": node})
+    page.wait_for("document.querySelector('#state').textContent === 'no samples'")
+    assert page.text("#banner") == (
+        f"No samples since this page was opened. The estimator says: {said}."
+    )
+    assert page.text("#headline") == "Waiting for samples."
+
+
+def test_an_estimator_that_was_stopped_is_named_where_estimates_stop(
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
+) -> None:
+    """Regression: "Stopped: no estimates for 5 s." and no word of why."""
+    served = serve()
+    table = make_estimates(500)
+    feed(served, table, make_stamps(table))
+    node = {"level": 0, "age_s": 5.2, "message": "estimating", "values": {}}
+    opened(page, served, make_status, silent_s=5.0, nodes={"estimator": node})
+    page.wait_for("document.querySelector('#state').textContent === 'stopped'")
+    assert page.text("#banner").endswith(
+        "The estimator has said nothing for 5 s: it was stopped, or has ended."
+    )
+
+
+def test_labels_with_many_digits_are_not_cut_off(
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
+) -> None:
+    """Regression: of 0.01204 beside B the first digit lay outside of the picture."""
+    served = serve()
+    table = make_estimates(3000)
+    table["damping"] = 0.012 + 2e-5 * np.sin(np.arange(3000) / 300)
+    table["damping_std"] = 1e-5
+    feed(served, table, make_stamps(table))
+    opened(page, served, make_status)
+    page.wait_for("HC.app.parameters[1].chart.plot.axes[1]._values?.some((v) => v.length > 6)")
+    room = page.run(
+        "const a = HC.app.parameters[1].chart.plot.axes[1];"
+        "const c = document.createElement('canvas').getContext('2d');"
+        "c.font = '11px system-ui, sans-serif';"
+        "return a._size - 7 - Math.max(...a._values.map((v) => c.measureText(v).width))"
+    )
+    assert room >= 0
+
+
 def test_says_when_data_stop_and_comes_back(
     page: Any,
     serve: Make,

@@ -176,3 +176,30 @@ def test_places_far_apart_show_their_value_and_neighbours_a_line(
     )
     np.testing.assert_allclose(dots[0], dots[1][:3], atol=0.5)
     assert page.complaints() == []
+
+
+def test_tissue_that_is_the_same_everywhere_has_one_colour(
+    page: Any,
+    serve: Make,
+    make_estimates: Make,
+    make_stamps: Make,
+    make_status: Make,
+    feed: Make,
+    opened: Make,
+) -> None:
+    """Regression: 0.7400 to 0.7403 N/mm went from the softest colour to the hardest."""
+    served = serve()
+    table = make_estimates(100)
+    feed(served, table, make_stamps(table))
+    x_mm = np.arange(0.0, 10.0)
+    served.server.publish_map(0, 1.0, map_of(x_mm, 0.35 + 1e-4 * (x_mm % 3), 1.5, variance=1e-7))
+    opened(page, served, make_status)
+    page.wait_for("HC.app.map.spots.length === 10")
+    low, high = page.run("return HC.app.map.colours")
+    assert high - low == pytest.approx(0.1 * (low + high) / 2)
+    shades = page.run(
+        "return HC.app.map.spots.map((s) => (s.value - arguments[0]) / arguments[1])",
+        low,
+        high - low,
+    )
+    assert max(shades) - min(shades) < 0.02

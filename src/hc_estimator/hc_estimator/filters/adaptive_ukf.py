@@ -25,7 +25,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
 from hc_estimator.recovery import recover, start_anew
-from hc_estimator.report import write_row
+from hc_estimator.report import say_range, write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.state_space import registry as state_space
 
@@ -108,3 +108,4 @@ def run(
         if decision == ACCEPTED and _may_doubt(settings) and noise_doubt.doubts(settings, memory):
             start_anew(settings, memory)
         write_row(settings, memory, decision, rows[k])
+        say_range(settings, samples[k, 2], rows[k])

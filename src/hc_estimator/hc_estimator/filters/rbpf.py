@@ -42,7 +42,7 @@ from hc_estimator.linear_algebra import (
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import normal
 from hc_estimator.recovery import recover
-from hc_estimator.report import write_row
+from hc_estimator.report import say_range, write_row
 from hc_estimator.resampling import (
     RESAMPLING_THRESHOLD,
     SURVIVING_SHARE,
@@ -354,3 +354,4 @@ def run(
             decision = _use(settings, memory, time, particles)
         recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])
+        say_range(settings, samples[k, 2], rows[k])

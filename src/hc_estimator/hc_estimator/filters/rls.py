@@ -21,7 +21,7 @@ from hc_estimator.linear_algebra import clear_matrix, copy_matrix, copy_vector
 from hc_estimator.memory import Field
 from hc_estimator.prediction import add_process_noise, predict
 from hc_estimator.recovery import recover
-from hc_estimator.report import write_row
+from hc_estimator.report import say_range, write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 from hc_estimator.specification import ParameterSpecification
 from hc_estimator.state_space import kinematic
@@ -235,3 +235,4 @@ def run(
             decision = _use(settings, memory, time)
         recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])
+        say_range(settings, samples[k, 2], rows[k])

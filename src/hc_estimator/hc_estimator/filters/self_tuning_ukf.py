@@ -32,6 +32,7 @@ from hc_estimator.multiple_model import (
 )
 from hc_estimator.multiple_model.records import BANK
 from hc_estimator.multiple_model.report import write_row
+from hc_estimator.report import say_range
 from hc_estimator.screening import ACCEPTED, screen
 
 SPECIFICATIONS = (
@@ -113,3 +114,4 @@ def run(
         else:
             bank.change.detected = 0
         write_row(settings, bank, decision, rows[k])
+        say_range(settings, samples[k, 2], rows[k])

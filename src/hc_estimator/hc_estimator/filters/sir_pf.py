@@ -33,7 +33,7 @@ from hc_estimator.prediction import restart_motion
 from hc_estimator.random_numbers import SPECIFICATIONS as RANDOM_SPECIFICATIONS
 from hc_estimator.random_numbers import fill_normal, gamma
 from hc_estimator.recovery import recover
-from hc_estimator.report import write_row
+from hc_estimator.report import say_range, write_row
 from hc_estimator.resampling import (
     RESAMPLING_THRESHOLD,
     SURVIVING_SHARE,
@@ -394,3 +394,4 @@ def run(
             decision = _use(settings, memory, time, particles)
         recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])
+        say_range(settings, samples[k, 2], rows[k])

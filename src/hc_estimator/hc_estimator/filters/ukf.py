@@ -12,7 +12,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.correction import commit, correct, gate, innovate, measure_unscented
 from hc_estimator.prediction import UNSCENTED_SPECIFICATIONS, add_process_noise, predict
 from hc_estimator.recovery import recover
-from hc_estimator.report import write_row
+from hc_estimator.report import say_range, write_row
 from hc_estimator.screening import ACCEPTED, NUMERICAL, screen
 
 SPECIFICATIONS = UNSCENTED_SPECIFICATIONS + policy.SPECIFICATIONS
@@ -62,3 +62,4 @@ def run(
             decision = _use(settings, memory, time)
         recover(settings, memory, time, decision)
         write_row(settings, memory, decision, rows[k])
+        say_range(settings, samples[k, 2], rows[k])

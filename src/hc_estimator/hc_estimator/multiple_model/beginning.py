@@ -38,6 +38,7 @@ from hc_estimator.multiple_model.hypotheses import (
 )
 from hc_estimator.multiple_model.place_fit import POSITION
 from hc_estimator.multiple_model.rows import (
+    LARGEST_LOG_STIFFNESS,
     free_parameters,
     guess_of,
     is_held,
@@ -56,6 +57,7 @@ FREE_DEPTH = 1.0  # from which on no force says something of K [mm]
 CONTACT_READINGS = 3  # readings in a row that say there is a force
 SURE = 5.0  # a force beyond so many standard deviations is one
 RECOVERY_TIME = 1.0  # a filter that refuses everything for so long starts anew [s]
+SMALLEST_STIFFNESS = math.exp(-LARGEST_LOG_STIFFNESS)  # [N/mm^n]
 WORTHLESS_TIME = 0.5  # so does one whose model error exceeds the forces themselves for so long [s]
 RECOVERY_SAMPLES = 20  # and for so many samples
 
@@ -163,7 +165,7 @@ def _begin_rows(settings: Any, rows: Any, fit: tuple[float, float, float, float]
 def begin_aligned(settings: Any, bank: Any) -> None:
     """Begin every row with what the last window says, now that the channels are aligned."""
     fit = bank.delay.fit
-    stiffness = max(fit[0], 1e-6)
+    stiffness = max(fit[0], SMALLEST_STIFFNESS)
     damping = max(fit[1], 1e-3 * stiffness)
     p = guess_of(settings, 3)
     _begin_rows(settings, bank.rows, (math.log(stiffness), math.log(damping), fit[2], p))

@@ -43,7 +43,7 @@ SMALLEST_EXPONENT, LARGEST_EXPONENT = 0.5, 4.0  # n that tissue may have
 LARGEST_STEPS = (0.4, 0.3)  # of n and p in one step
 HALVINGS = 3  # of a step that makes it worse
 FIRST_DAMPING = 0.02  # b of a fit that has none
-SMALLEST_VARIANCE = 1e-12  # of a residual [N^2]
+SMALLEST_VARIANCE = 1e-30  # of a residual [N^2]
 SMALLEST_PRIOR = 1e-4  # deviation of an exponent
 SMALLEST_PIVOT = 1e-12  # share of the diagonal
 LEAST_GAIN = 1e-4  # of the squares, below which a fit is done
@@ -222,7 +222,8 @@ def add_up(settings: Any, finder: Any, j: int, law: Any) -> float:
         sums[5] += swing * (1.0 / law[3] + usual)
     _eliminate(finder, law)
     taken, b = finder.noise_taken, law[1]
-    share = min(1.0, (1.0 - LEAST_MOTION) * normal[0, 0] / taken[0]) if taken[0] > 0.0 else 0.0
+    shown = max(normal[0, 0], 0.0)  # where next to nothing shows b, rounding is all there is
+    share = min(1.0, (1.0 - LEAST_MOTION) * shown / taken[0]) if taken[0] > 0.0 else 0.0
     slope[0] += share * b * taken[0]
     slope[1] += share * b * b * taken[1]
     slope[2] += share * b * b * taken[2]
@@ -320,6 +321,7 @@ def ratio_by_its_own(settings: Any, finder: Any, j: int) -> float:
         finder: with the fits; weights and forces are changed.
         j: candidate.
     """
+    delay_points.shift(finder, 0.0)  # points that came since the fits have no force yet
     weigh(finder, j)
     before = _left_of(settings, finder, j, 0.0, j)
     base = candidate_below(finder)

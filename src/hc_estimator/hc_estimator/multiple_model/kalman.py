@@ -239,7 +239,8 @@ def use_displacement(
             + offset * covariance[i, VELOCITY]
             + half * covariance[i, ACCELERATION]
         )
-    variance = gain[DEPTH] + offset * gain[VELOCITY] + half * gain[ACCELERATION] + noise
+    known = gain[DEPTH] + offset * gain[VELOCITY] + half * gain[ACCELERATION]
+    variance = max(known, 0.0) + noise  # rounding may take more than there is
     innovation = reading - predicted
     row.innovation[0] = innovation
     row.innovation_variance[0] = variance

@@ -22,6 +22,7 @@ from hc_estimator.multiple_model.rows import (
 )
 
 STEPS = 8  # at most
+SOFT = 4.0  # ln K below its negative has another limit of ln B
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
 SMALLEST_GAIN = 1e-3  # relative decrease of the cost at which the fit is done
@@ -72,8 +73,10 @@ def step(work: Any, values: Any, damping: float, size: int) -> bool:
 @compiled
 def limit(values: Any) -> None:
     """Keep ln K, ln B, n and p where the law means something."""
-    for i in range(2):
-        values[i] = min(max(values[i], -LARGEST_LOG_STIFFNESS), LARGEST_LOG_STIFFNESS)
+    least, most = -LARGEST_LOG_STIFFNESS, LARGEST_LOG_STIFFNESS
+    values[0] = min(max(values[0], least), most)
+    # Tissue that is softer than any that one presses with a finger has less damping as well.
+    values[1] = min(max(values[1], least + min(values[0] + SOFT, 0.0)), most)
     values[2] = min(max(values[2], SMALLEST_EXPONENT), LARGEST_EXPONENT)
     values[3] = min(max(values[3], SMALLEST_VELOCITY_EXPONENT), LARGEST_VELOCITY_EXPONENT)
 

@@ -15,6 +15,7 @@ from hc_estimator.multiple_model.kalman import displacement_of
 
 LARGEST_WAIT = 64  # accepted samples after which the given noise is used if none was found
 SUDDEN = 5.0  # latest differences beyond so many times the noise replace it
+FLOOR_SHARE = 1e-3  # of the largest force: the most that its noise is believed to be at least
 OPEN_SAMPLES = 30  # inside the gate before it closes again
 
 
@@ -76,6 +77,20 @@ def since_displacement(bank: Any, time: float) -> float:
 
 
 @compiled
+def _force_floor(settings: Any, bank: Any) -> float:
+    """Smallest deviation of the force's noise that is believed [N].
+
+    Where all forces are small, it is a share of the largest: a sensor of microscopic forces is not
+    noisier than they are.
+    """
+    largest = max(bank.tool.largest_force, abs(bank.clock.measurement[1]))
+    for k in range(difference_noise.ORDER + 1):
+        largest = max(largest, abs(bank.noise[1].readings[k]))
+    floor = settings.force_noise_floor
+    return min(floor, FLOOR_SHARE * largest) if largest > 0.0 else floor  # type: ignore[no-any-return]
+
+
+@compiled
 def learn(settings: Any, bank: Any, time: float) -> None:
     """Take the accepted readings into everything that does not depend on the contact law."""
     clock = bank.clock
@@ -83,7 +98,9 @@ def learn(settings: Any, bank: Any, time: float) -> None:
     if settings.noise_adaptation == DIFFERENCES:
         for i in range(2):
             if clock.present[i] != 0:
-                floor = settings.displacement_noise_floor if i == 0 else settings.force_noise_floor
+                floor = settings.displacement_noise_floor
+                if i == 1:
+                    floor = _force_floor(settings, bank)
                 reading = clock.measurement[i]
                 difference_noise.learn(settings, bank.noise[i], time, reading, broken, floor)
         _follow_noise(bank)

@@ -16,6 +16,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.contact.hunt_crossley import LARGEST_EXPONENT
 from hc_estimator.contact.registry import ADHESIVE, is_plain, limited_n, limited_p
+from hc_estimator.linear_algebra import clear_matrix, clear_vector
 from hc_estimator.multiple_model import levels
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
@@ -39,6 +40,7 @@ from hc_estimator.multiple_model.kalman import (
 CENTRAL_WEIGHT = 2.0  # of the central point in covariances: alpha = 1, beta = 2, kappa = 0
 SURE = 10.0  # deviations of a force from which on its logarithm is about normal
 UNKNOWN_SHARE = 0.5  # of the reading, as the deviation of what was expected
+LARGEST_FORCE = 1e60  # [N]; what is squared and tempered must be a number that is saved
 LEAST_SHARE = 1e-6  # of the reading that every sigma point must have for its logarithm
 PIVOT_TOLERANCE = 1e-15  # a pivot this much smaller than its element is rounding error
 
@@ -55,7 +57,8 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
         noise: variance of its error [N^2].
 
     Returns:
-        False if the covariance has no Cholesky factor; the row is then lost.
+        False if the covariance has no Cholesky factor, or the force is out of all bounds; the row
+        is then lost.
     """
     count = COUNTS[row.index]
     if not _factorise(row.covariance, row.factor, count):
@@ -139,7 +142,10 @@ def foresee_force(settings: Any, row: Any, log_speed: float, reading: float, noi
     unknown = row.explained > UNKNOWN_SHARE**2 * reading * reading
     if unknown and reading > SURE * math.sqrt(noise):
         _foresee_logarithm(row, centre, reading)
-    return bool(math.isfinite(row.explained))
+    if abs(row.innovation[1]) < LARGEST_FORCE and row.explained < LARGEST_FORCE**2:
+        return True
+    _forget_expected(row)
+    return False
 
 
 @compiled
@@ -159,6 +165,16 @@ def _note_expected(row: Any, mean: float, curvature: float) -> None:
     row.innovation[1] = -mean  # the reading is added by `innovate_force`
     row.explained = linear + curvature
     row.force_noise = curvature  # for `tempering`
+
+
+@compiled
+def _forget_expected(row: Any) -> None:
+    """Keep nothing of a force that is out of all bounds: it need not have been a number."""
+    row.innovation[1] = 0.0
+    row.explained = 0.0
+    row.force_noise = 0.0
+    clear_vector(row.sensitivity)
+    clear_matrix(row.sigma_force)
 
 
 @compiled

@@ -189,14 +189,17 @@ HC.App = class {
     }
     const status = this.status;
     if (!status) return ["waiting", "idle", ""];
-    if (status.silent_s === null) {
+    if (status.silent_s === null) { // of a stream that has stopped before somebody looked, too
+      const reason = HC.reasonOf(status.nodes);
+      if (reason) return ["no samples", "warn", `No samples since this page was opened. ${reason}`, "bad"];
       return ["no samples yet", "idle", "No samples yet: is a rig or a robot running?"];
     }
     const silent = status.silent_s + (performance.now() - this.statusAt) / 1000;
     if (silent > 1) {
       const what = status.estimating ? "estimates" : "samples";
+      const why = HC.reasonOf(status.nodes) || HC.silenceOf(status.nodes);
       return ["stopped", "bad",
-        `Stopped: no ${what} for ${silent.toFixed(0)} s. ${HC.reasonOf(status.nodes)}`.trim()];
+        `Stopped: no ${what} for ${silent.toFixed(0)} s. ${why}`.trim()];
     }
     if (this.frozen) return ["frozen", "idle", ""];
     if (!this.store || this.store.empty) return ["waiting", "idle", ""];

@@ -78,12 +78,21 @@ HC.reasonOf = function (nodes, least = HC.WARNING) {
   return `The estimator says: ${estimator.message}.`;
 };
 
+/* That the estimator says nothing at all, where it once did. */
+HC.silenceOf = function (nodes) {
+  const estimator = (nodes || {}).estimator;
+  if (!estimator || estimator.age_s <= 2.5) return "";
+  return `The estimator has said nothing for ${estimator.age_s.toFixed(0)} s: it was stopped, or has ended.`;
+};
+
 /* A tool is never so deep in soft tissue: the contact position was never set. */
 HC.BEYOND_REASON_MM = 50;
 
 /* Words for what is felt: one or two sentences that need no knowledge of filters. */
 HC.sentences = function (store, map, status) {
-  if (store.empty) return ["Waiting for the first samples."];
+  if (store.empty) {
+    return [HC.reasonOf(status && status.nodes) ? "Waiting for samples." : "Waiting for the first samples."];
+  }
   if (!isFinite(store.last("K"))) {
     return ["Samples come, but nobody estimates: start the estimator node."];
   }

@@ -107,6 +107,10 @@ HC.axis = function (more) {
   };
 };
 
+/* Room for the longest label of an axis, as many pixels at least. */
+HC.labelRoom = (least) => (_plot, labels) =>
+  Math.max(least, ...(labels || []).map((label) => 12 + 6.6 * String(label ?? "").length));
+
 /* Tick labels that fit the axis: no more digits than the steps need. */
 HC.tickLabels = function (_plot, splits, _axis, _space, step) {
   const largest = Math.max(...splits.map(Math.abs));

@@ -101,7 +101,7 @@ HC.MapPanel = class {
     const half = this.kind === "contacts" ? 0.5 : this.cellMm / 2 || 0.5;
     const xs = HC.extent(this.spots.map((s) => s.x));
     const trusted = this.spots.filter((s) => s.deviation < 0.5 * s.value);
-    this.colours = HC.extent((trusted.length ? trusted : this.spots).map((s) => s.value));
+    this.colours = HC.colourRange(trusted.length ? trusted : this.spots);
     this.x = new HC.CalmRange(0.001);
     this.x.update(xs[0] - half, xs[1] + half);
     if (this.kind === "plane") {
@@ -302,6 +302,17 @@ HC.MapPanel = class {
 };
 
 HC.distance = (a, b) => Math.hypot(a.x - b.x, a.y - b.y);
+
+/* What the ends of the colours mean. Not less than a tenth of the value, or two deviations to both
+   sides: tissue that is the same everywhere has one colour, and not all from the softest on. */
+HC.colourRange = function (spots) {
+  const [low, high] = HC.extent(spots.map((s) => s.value));
+  const sorted = spots.map((s) => s.deviation).filter(isFinite).sort((a, b) => a - b);
+  const usual = sorted.length ? sorted[sorted.length >> 1] : 0;
+  const middle = (low + high) / 2;
+  const half = Math.max((high - low) / 2, 0.05 * middle, Math.min(2 * usual, middle));
+  return [middle - half, middle + half];
+};
 
 /* The stiffest place, if it stands out of the rest by more than the uncertainty allows. */
 HC.findLump = function (spots) {

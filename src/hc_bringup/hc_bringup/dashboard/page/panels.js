@@ -15,7 +15,7 @@ HC.ParameterPanel = class {
     this.known = host.querySelector(".known");
     this.chart = HC.chart(host, {
       x: { range: () => [this.view.start, this.view.end] },
-      y: { range: () => this.range.now || [0, 1], axis: { size: 50 } },
+      y: { range: () => this.range.now || [0, 1], axis: { size: HC.labelRoom(50) } },
       sync: "time",
       series: [HC.hidden(), HC.hidden(), HC.line("estimate"),
         HC.line("truth", { dash: [6, 4], width: 1.5 })],
