@@ -100,6 +100,18 @@ def test_the_law_is_scored_beside_the_force_that_is_reported(signal: Signal) -> 
     assert found["failed"] == 0.0
 
 
+def test_a_force_that_was_not_foretold_is_not_free_of_error(signal: Signal) -> None:
+    """Regression of 2026-11-27: a missing prediction counted as an error of zero."""
+    trace = _perfect(signal, spread=0.0)
+    foretold = signal.true_force + 0.3
+    foretold[::2] = np.nan
+    found = score(signal, dataclasses.replace(trace, force_predicted=foretold), ALL)
+    assert found["one_step_rmse"] == pytest.approx(0.3)
+    nothing = np.full_like(foretold, np.nan)
+    found = score(signal, dataclasses.replace(trace, force_predicted=nothing), ALL)
+    assert found["one_step_rmse"] == np.inf
+
+
 def test_what_the_guards_did_is_counted(signal: Signal) -> None:
     trace = _perfect(signal, spread=0.0)
     assert score(signal, trace, ALL)["exponents_limited"] == 0.0

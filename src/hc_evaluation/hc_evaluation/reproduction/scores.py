@@ -53,6 +53,12 @@ def _rms(values: FloatArray) -> float:
     return result if np.isfinite(result) else float("inf")
 
 
+def _rms_of_known(values: FloatArray) -> float:
+    """RMS of what is a number, infinite where nothing is: what was not foretold was not right."""
+    known = values[np.isfinite(values)]
+    return _rms(known) if known.size else float("inf")
+
+
 def _free_nees(trace: Trace, truth: FloatArray, first: int) -> float:
     """Median NEES per free parameter over instants from `first` on; ideal near 1.
 
@@ -195,9 +201,7 @@ def score(signal: Signal, trace: Trace, settings: Mapping[str, Any]) -> Scores:
             "force_rmse": _rms(error) if finite else float("inf"),
             "law_rmse": _rms(trace.law_force - signal.true_force),
             "force_late_rmse": _rms(error[first:]),
-            "one_step_rmse": _rms(
-                np.nan_to_num(trace.force_predicted - signal.true_force, nan=0.0)[first:]
-            ),
+            "one_step_rmse": _rms_of_known((trace.force_predicted - signal.true_force)[first:]),
             "mismatch_share": float(np.mean(trace.mismatch[first:])),
             "updates_undone": float(trace.numerical_failures),
             "exponents_limited": _limited_share(trace.parameters),
