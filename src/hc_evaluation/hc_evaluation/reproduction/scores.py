@@ -54,8 +54,8 @@ def _rms(values: FloatArray) -> float:
 
 
 def _rms_of_known(values: FloatArray) -> float:
-    """RMS of what is a number, infinite where nothing is: what was not foretold was not right."""
-    known = values[np.isfinite(values)]
+    """RMS of what was foretold, infinite where nothing was: that is not right either."""
+    known = values[~np.isnan(values)]
     return _rms(known) if known.size else float("inf")
 
 
