@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_evaluation.accuracy.misfit import misfit_contact
 
 FILTER = "self_tuning_ukf"
 HOME = -3.0
@@ -122,3 +123,15 @@ def test_the_height_stays_where_no_zeros_are_looked_for():
     for i, end in enumerate(ends(number, depth)):
         assert abs(series.parameters[end, 0] / places[i][0] - 1.0) < 0.01
     assert np.count_nonzero(series.change_detected) == 2
+
+
+@pytest.mark.parametrize(
+    ("motion", "seed"), [("press", 6), ("press", 37), ("press_hold", 16), ("press_relaxing", 49)]
+)
+def test_what_no_law_fits_is_no_other_tissue(motion, seed):
+    """Regression of 2026-11-27: called a change, where the law had fitted no two contacts in a row.
+
+    Each of these contacts is with one tissue, out of step, or at a wrong zero, or relaxing.
+    """
+    series = hc.create_estimator(FILTER).run(*misfit_contact(motion, 100000 + seed))
+    assert not np.any(series.change_detected)

@@ -71,7 +71,7 @@ def scatter_of(window: Any) -> float:
 
 @compiled
 def is_calm(window: Any, variance: float, wildest: float) -> bool:
-    """True if the force scatters as a sensor does that works, at most so many times its variance."""
+    """True if the force scatters as a working sensor does, at most so many times its variance."""
     scatter = scatter_of(window)
     return bool(scatter >= CALMEST * variance and scatter <= wildest * variance)
 
