@@ -3,6 +3,7 @@
 import fcntl
 import gc
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
@@ -130,7 +131,15 @@ def other_domain(ros_domain: int) -> Iterator[int]:
 
 
 @pytest.fixture
-def processes(ros_domain: int) -> Iterator[Processes]:
+def hears_hangups() -> Iterator[None]:
+    """Under nohup SIGHUP is ignored, in every process that is started as well; not in this test."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
+@pytest.fixture
+def processes(ros_domain: int, hears_hangups: None) -> Iterator[Processes]:
     """Starts processes in the test's domain; they end with the test."""
     with Processes(ros_domain) as started:
         yield started

@@ -52,7 +52,7 @@ WORK = {
 
 
 @pytest.fixture
-def start():
+def start(hears_hangups):
     with Processes(None) as processes:
 
         def begin(work, patience_s=last_resort.PATIENCE_S):
@@ -93,7 +93,7 @@ HALF = """
 """
 
 
-def test_a_closed_terminal_leaves_no_half_file(tmp_path):
+def test_a_closed_terminal_leaves_no_half_file(tmp_path, hears_hangups):
     """Regression: a hidden file, or a bag without an index, stayed of what was converted."""
     command, terminal = pty.fork()
     if command == 0:
