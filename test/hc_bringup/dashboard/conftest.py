@@ -219,28 +219,36 @@ def recorded_bag(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def feed() -> Callable[..., Any]:
-    """Shows estimates; returns the rows that the page gets."""
+class Live:
+    """A server, and the page that shows what it is fed."""
 
-    def show(served: Any, table: Any, stamps: Any, digest: Digest | None = None) -> Any:
-        digest = digest or Digest()
-        rows = np.concatenate([digest.add(table, stamps, estimates=True), digest.flush()])
-        served.server.publish_rows(digest.epoch, rows)
+    def __init__(self, page: Any, served: Served) -> None:
+        self.page = page
+        self.address = served.address
+        self.backend = served.backend
+        self.server = served.server
+        self._digest = Digest()
+
+    def feed(self, table: Any, earlier_ns: int = 0) -> Any:
+        """Show estimates, which follow those before; returns the rows that the page gets."""
+        stamps = stamps_of(table) - earlier_ns
+        added = self._digest.add(table, stamps, estimates=True)
+        rows = np.concatenate([added, self._digest.flush()])
+        self.server.publish_rows(self._digest.epoch, rows)
         return rows
 
-    return show
+    def say(self, **fields: Any) -> None:
+        """Publish a status."""
+        self.server.publish_text("status", status(**fields))
+
+    def open(self, **fields: Any) -> None:
+        """Open the page, wait until it is connected, and publish a status."""
+        self.page.open(self.address)
+        self.page.wait_for("HC.app && HC.app.state === 'connected'")
+        self.say(**fields)
 
 
 @pytest.fixture
-def opened() -> Callable[..., None]:
-    """Opens the page and waits until it is connected."""
-
-    def show(
-        page: Any, served: Any, make_status: Callable[..., dict[str, Any]], **fields: Any
-    ) -> None:
-        page.open(served.address)
-        page.wait_for("HC.app && HC.app.state === 'connected'")
-        served.server.publish_text("status", make_status(**fields))
-
-    return show
+def live(page: Any, serve: Callable[..., Served]) -> Live:
+    """The page, and a server to feed it."""
+    return Live(page, serve())

@@ -18,19 +18,10 @@ Make = Callable[..., Any]
 pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
 
 
-def test_values_are_those_of_the_estimates(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
-    served = serve()
+def test_values_are_those_of_the_estimates(page: Any, live: Any, make_estimates: Make) -> None:
     table = make_estimates(3000)
-    rows = feed(served, table, make_stamps(table))
-    opened(page, served, make_status)
+    rows = live.feed(table)
+    live.open()
     page.wait_for(f"HC.app.store.count === {len(rows)}")
     names = ["K", "B_std", "force", "force_min", "predicted", "nis_sum", "hypothesis", "time"]
     shown = page.run(
@@ -52,13 +43,11 @@ def test_values_are_those_of_the_estimates(
     assert page.complaints() == []
 
 
-def test_a_page_that_is_opened_after_the_samples_have_stopped_says_so(
-    page: Any, serve: Make, make_status: Make, opened: Make
-) -> None:
+def test_a_page_that_is_opened_after_the_samples_have_stopped_says_so(page: Any, live: Any) -> None:
     """Regression: it asked whether a rig was running, beside an estimator that knew better."""
     said = "no usable sample for 19 s: nobody publishes indenter/sample"
     node = {"level": 2, "age_s": 0.1, "message": said, "values": {}}
-    opened(page, serve(), make_status, silent_s=None, estimates=0, nodes={"estimator": node})
+    live.open(silent_s=None, estimates=0, nodes={"estimator": node})
     page.wait_for("document.querySelector('#state').textContent === 'no samples'")
     assert page.text("#banner") == (
         f"No samples since this page was opened. The estimator says: {said}."
@@ -67,20 +56,13 @@ def test_a_page_that_is_opened_after_the_samples_have_stopped_says_so(
 
 
 def test_an_estimator_that_was_stopped_is_named_where_estimates_stop(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: "Stopped: no estimates for 5 s." and no word of why."""
-    served = serve()
     table = make_estimates(500)
-    feed(served, table, make_stamps(table))
+    live.feed(table)
     node = {"level": 0, "age_s": 5.2, "message": "estimating", "values": {}}
-    opened(page, served, make_status, silent_s=5.0, nodes={"estimator": node})
+    live.open(silent_s=5.0, nodes={"estimator": node})
     page.wait_for("document.querySelector('#state').textContent === 'stopped'")
     assert page.text("#banner").endswith(
         "The estimator has said nothing for 5 s: it was stopped, or has ended."
@@ -88,21 +70,14 @@ def test_an_estimator_that_was_stopped_is_named_where_estimates_stop(
 
 
 def test_labels_with_many_digits_are_not_cut_off(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: of 0.01204 beside B the first digit lay outside of the picture."""
-    served = serve()
     table = make_estimates(3000)
     table["damping"] = 0.012 + 2e-5 * np.sin(np.arange(3000) / 300)
     table["damping_std"] = 1e-5
-    feed(served, table, make_stamps(table))
-    opened(page, served, make_status)
+    live.feed(table)
+    live.open()
     page.wait_for("HC.app.parameters[1].chart.plot.axes[1]._values?.some((v) => v.length > 6)")
     room = page.run(
         "const a = HC.app.parameters[1].chart.plot.axes[1];"
@@ -113,47 +88,33 @@ def test_labels_with_many_digits_are_not_cut_off(
     assert room >= 0
 
 
-def test_says_when_data_stop_and_comes_back(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
-    served = serve()
+def test_says_when_data_stop_and_comes_back(page: Any, live: Any, make_estimates: Make) -> None:
     table = make_estimates(500)
-    digest = Digest()
-    feed(served, table, make_stamps(table), digest)
-    opened(page, served, make_status)
+    live.feed(table)
+    live.open()
     page.wait(lambda: page.text("#state") == "in contact" or page.words()["state"], "a state")
     silent_from = time.monotonic()
-    served.server.publish_text("status", make_status(silent_s=0.9))
+    live.say(silent_s=0.9)
     page.wait(lambda: page.text("#state") == "stopped", "stopped", 2.0)
     assert time.monotonic() - silent_from < 2.0
     assert "no estimates for" in page.text("#banner")
     estimator = {"level": 3, "age_s": 0.1, "message": "no message on ft/wrench", "values": {}}
-    silent = make_status(silent_s=1.5, nodes={"estimator": estimator})
-    served.server.publish_text("status", silent)
+    live.say(silent_s=1.5, nodes={"estimator": estimator})
     page.wait(lambda: "says: no message on ft/wrench" in page.text("#banner"), "the reason")
     assert page.text("#headline").startswith("Last heard:")
     later = make_estimates(500, first=500)
-    feed(served, later, make_stamps(later), digest)
-    served.server.publish_text("status", make_status(silent_s=0.0))
+    live.feed(later)
+    live.say(silent_s=0.0)
     page.wait(lambda: page.text("#state") != "stopped", "going on", 2.0)
 
 
 def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make, feed: Make
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
-    served = serve()
     page.resize(1300, 640)  # the time line is far below
-    page.open(served.address)
-    page.wait_for("HC.app && HC.app.state === 'connected'")
-    served.server.publish_text("status", make_status())
+    live.open()
     table = make_estimates(3000)
-    feed(served, table, make_stamps(table), Digest())
+    live.feed(table)
     page.wait_for("HC.app.parameters[0].chart.plot.data[0].length > 100 && !HC.app.changed")
     time.sleep(0.3)  # whatever is still to be drawn is drawn
     assert page.run("return HC.app.timeline.view.end") == 1  # nobody saw it: it was not drawn
@@ -162,24 +123,17 @@ def test_a_chart_out_of_sight_catches_up_when_data_have_stopped(
 
 
 def test_a_robot_that_was_not_tared_is_told_so_on_top(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: 199 mm off and with a sign that is wrong, "in the air ... press and move"."""
-    served = serve()
     table = make_estimates(500)
     table["contact"] = False
     table["displacement"] = -0.199
     table["stiffness_identifiability"] = 0.0
-    feed(served, table, make_stamps(table), Digest())
+    live.feed(table)
     said = "it reads a push as a pull; turn its sign (force.sign)"
     node = {"level": 1, "message": said, "hardware": "", "values": {}, "age_s": 0.2}
-    opened(page, served, make_status, tip=False, nodes={"estimator": node})
+    live.open(tip=False, nodes={"estimator": node})
     # Estimates and what the nodes say come by ways of their own.
     page.wait_for("document.getElementById('headline').textContent.includes('was nothing tared')")
     page.wait_for("document.getElementById('headline').textContent.includes('a push as a pull')")
@@ -190,140 +144,89 @@ def test_a_robot_that_was_not_tared_is_told_so_on_top(
 
 
 def test_an_error_of_the_estimator_stands_on_top_while_it_runs(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: of two robots on one topic only a line at the foot of the page knew."""
-    served = serve()
     table = make_estimates(500)
-    feed(served, table, make_stamps(table), Digest())
+    live.feed(table)
     said = "2 publishers on /wrench (/a, /b): follows the one that was first"
     node = {"level": 2, "message": said, "hardware": "", "values": {}, "age_s": 0.2}
-    opened(page, served, make_status, silent_s=0.0, nodes={"estimator": node})
+    live.open(silent_s=0.0, nodes={"estimator": node})
     page.wait(lambda: said in page.text("#banner"), "the banner")
     assert page.run("return document.getElementById('banner').dataset.level") == "bad"
     assert page.text("#state") != "stopped"
-    served.server.publish_text(
-        "status", make_status(silent_s=0.0, nodes={"estimator": node | {"level": 1}})
-    )
+    live.say(silent_s=0.0, nodes={"estimator": node | {"level": 1}})
     page.wait_for("document.getElementById('banner').hidden")  # a warning has its line below
 
 
 def test_what_zeros_that_are_off_would_do_stands_below_the_parameters(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
-    served = serve()
     table = make_estimates(100)
-    feed(served, table, make_stamps(table))
-    opened(page, served, make_status)
+    live.feed(table)
+    live.open()
     page.wait_for("document.querySelector('#parameters .zeros')?.hidden")
     said = ZeroEffect(0.123, -0.045).sentence
-    served.server.publish_text("status", make_status(zero_effect=said))
+    live.say(zero_effect=said)
     page.wait(lambda: page.text("#parameters .zeros") == said, "what zeros would do")
-    served.server.publish_text("status", make_status())
+    live.say()
     page.wait_for("document.querySelector('#parameters .zeros').hidden")
     assert page.complaints() == []
 
 
-def test_reconnects_and_fills_the_gap(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
-    served = serve()
-    digest = Digest()
+def test_reconnects_and_fills_the_gap(page: Any, live: Any, make_estimates: Make) -> None:
     table = make_estimates(1000)
-    rows = len(feed(served, table, make_stamps(table), digest))
-    opened(page, served, make_status)
+    rows = len(live.feed(table))
+    live.open()
     page.wait_for(f"HC.app.store.count === {rows}")
     page.run("HC.app.connection.socket.close()")
     page.wait(lambda: page.text("#state") == "disconnected", "disconnected", 3.0)
     assert "what you see is old" in page.text("#banner")
     later = make_estimates(1000, first=1000)
-    rows += len(feed(served, later, make_stamps(later), digest))
+    rows += len(live.feed(later))
     page.wait_for(f"HC.app.store.count === {rows}")
     assert page.run("return HC.app.store.first") == 0
     assert page.run("return HC.app.state") == "connected"
 
 
-def test_a_dashboard_that_stalls_and_goes_on_is_connected(
-    page: Any, serve: Make, make_status: Make, opened: Make
-) -> None:
+def test_a_dashboard_that_stalls_and_goes_on_is_connected(page: Any, live: Any) -> None:
     """Regression: after a stall of two to six seconds the page said "Not connected" for good."""
-    served = serve()
-    opened(page, served, make_status)
+    live.open()
     page.wait(lambda: "does not answer" in page.text("#banner"), "that nothing comes", 5.0)
-    served.server.publish_text("status", make_status())
+    live.say()
     page.wait_for("HC.app.state === 'connected'", 1.0)
     page.wait(lambda: "Not connected" not in page.text("#banner"), "that it goes on", 1.0)
 
 
-def test_another_epoch_clears_the_page(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
-    served = serve()
-    digest = Digest()
+def test_another_epoch_clears_the_page(page: Any, live: Any, make_estimates: Make) -> None:
     table = make_estimates(1000)
-    feed(served, table, make_stamps(table), digest)
-    opened(page, served, make_status)
+    live.feed(table)
+    live.open()
     page.wait_for("HC.app.store.count > 0")
     again = make_estimates(200)
-    rows = feed(served, again, make_stamps(again) - 10**12, digest)
+    rows = live.feed(again, earlier_ns=10**12)
     page.wait_for("HC.app.store.epoch === 1")
     page.wait_for(f"HC.app.store.count === {len(rows)}")
 
 
-def test_names_from_outside_stay_text(
-    page: Any, serve: Make, make_status: Make, opened: Make
-) -> None:
+def test_names_from_outside_stay_text(page: Any, live: Any) -> None:
     """What comes from topics is shown as text, whatever it contains."""
-    served = serve()
     evil = "<img src=x onerror=document.title='caught'>"
     node = {"level": 1, "message": evil, "hardware": evil, "values": {}, "age_s": 0.0}
-    opened(page, served, make_status, nodes={evil: node})
+    live.open(nodes={evil: node})
     event = {"time": 1.7e9, "kind": 64, "sequence": 1, "reason": evil}
-    served.server.publish_text("events", {"items": [event]})
+    live.server.publish_text("events", {"items": [event]})
     page.wait(lambda: evil in page.text("#timeline ol"), "the event")
     page.wait(lambda: evil in page.text("#health tbody"), "the node")
     assert page.run("return document.querySelectorAll('main img').length") == 0
     assert page.driver.title != "caught"
 
 
-def test_narrow_page_has_no_sideways_scroll(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
-    served = serve()
+def test_narrow_page_has_no_sideways_scroll(page: Any, live: Any, make_estimates: Make) -> None:
     table = make_estimates(1000)
     page.resize(360, 700)
-    feed(served, table, make_stamps(table))
-    opened(page, served, make_status)
+    live.feed(table)
+    live.open()
     page.wait_for("HC.app.store && HC.app.store.count > 0")
     page.run("document.getElementById('open-controls').click()")
     for part in ("document.documentElement", "document.getElementById('controls')"):
@@ -339,11 +242,10 @@ def test_narrow_page_has_no_sideways_scroll(
 
 @pytest.mark.slow
 def test_memory_is_flat_over_an_hour(
-    page: Any, serve: Make, make_estimates: Make, make_stamps: Make, make_status: Make, opened: Make
+    page: Any, live: Any, make_estimates: Make, make_stamps: Make
 ) -> None:
     """An hour of rows in a few seconds: what the page keeps does not grow after the first part."""
-    served = serve()
-    opened(page, served, make_status)
+    live.open()
     table = make_estimates(12_000)
     digest = Digest()
     one = np.concatenate([digest.add(table, make_stamps(table), estimates=True), digest.flush()])
@@ -354,7 +256,7 @@ def test_memory_is_flat_over_an_hour(
             rows = one.copy()
             rows[:, INDEX["time"]] += 0.02 * sent
             rows[:, INDEX["sequence"]] += 20 * sent
-            served.server.publish_rows(0, rows)
+            live.server.publish_rows(0, rows)
             sent += len(rows)
             if number % 5 == 4:
                 page.wait_for(f"HC.app.store.count === {sent}")
@@ -365,13 +267,12 @@ def test_memory_is_flat_over_an_hour(
     assert sizes[-1] - sizes[1] < 3.0, sizes
 
 
-def test_every_kind_of_event_has_a_name(page: Any, serve: Make, make_status: Make) -> None:
+def test_every_kind_of_event_has_a_name(page: Any, live: Any) -> None:
     """Regression: a tare that was refused was "event 18"."""
     from hc_msgs.msg import EstimatorEvent
 
-    served = serve()
-    served.server.publish_text("status", make_status())
-    page.open(served.address)
+    live.say()
+    page.open(live.address)
     page.wait_for("window.HC && HC.EVENTS")
     constants = type(EstimatorEvent)._Metaclass_EstimatorEvent__constants
     kinds = [value for value in constants.values() if value]

@@ -12,27 +12,21 @@ Make = Callable[..., Any]
 pytestmark = [pytest.mark.timeout(180), pytest.mark.process]
 
 
-def test_controls_ask_and_say_the_answer(
-    page: Any, serve: Make, make_status: Make, opened: Make
-) -> None:
-    served = serve()
-    opened(page, served, make_status)
+def test_controls_ask_and_say_the_answer(page: Any, live: Any) -> None:
+    live.open()
     page.press("c")
     page.wait_for("!document.getElementById('controls').hidden")
     page.run("document.querySelector('[data-service=tare]').click()")
     page.wait(lambda: page.text("#message") == "as you say", "the answer")
     asked = {"op": "call", "node": "estimator", "service": "tare"}
-    assert any(asked.items() <= request.items() for request in served.backend.requests)
+    assert any(asked.items() <= request.items() for request in live.backend.requests)
     # A mark carries what was written.
     page.run("document.getElementById('mark-text').value = 'here'")
     page.run("document.querySelector('#mark-form button').click()")
-    page.wait(lambda: any(r.get("text") == "here" for r in served.backend.requests), "the mark")
+    page.wait(lambda: any(r.get("text") == "here" for r in live.backend.requests), "the mark")
 
 
-def test_scenarios_of_the_rig_are_offered(
-    page: Any, serve: Make, make_status: Make, opened: Make
-) -> None:
-    served = serve()
+def test_scenarios_of_the_rig_are_offered(page: Any, live: Any) -> None:
     scenario = {
         "name": "scenario",
         "value": "lump",
@@ -41,7 +35,7 @@ def test_scenarios_of_the_rig_are_offered(
         "read_only": False,
         "suggestions": ["lump", "multisine"],
     }
-    answer_all = served.backend.request
+    answer_all = live.backend.request
 
     def answer(message: dict[str, Any]) -> Any:
         future = answer_all(message)
@@ -50,8 +44,8 @@ def test_scenarios_of_the_rig_are_offered(
             future.set_result({"ok": True, "message": "", "parameters": [scenario]})
         return future
 
-    served.backend.request = answer
-    opened(page, served, make_status)
+    live.backend.request = answer
+    live.open()
     page.press("c")
     page.wait_for("document.getElementById('rig-scenario')")
     offered = page.run(
@@ -61,25 +55,19 @@ def test_scenarios_of_the_rig_are_offered(
     page.run("document.getElementById('rig-scenario').value = 'multisine'")
     page.run("document.querySelector('#rig-form button').click()")
     wanted = {"op": "set", "node": "indenter", "parameters": {"scenario": "multisine"}}
-    page.wait(
-        lambda: any(wanted.items() <= r.items() for r in served.backend.requests), "the change"
-    )
+    page.wait(lambda: any(wanted.items() <= r.items() for r in live.backend.requests), "the change")
 
 
-def test_read_only_switches_the_controls_off(
-    page: Any, serve: Make, make_status: Make, opened: Make
-) -> None:
-    served = serve()
-    served.backend.control = False
-    opened(page, served, make_status)
+def test_read_only_switches_the_controls_off(page: Any, live: Any) -> None:
+    live.backend.control = False
+    live.open()
     page.press("c")
     page.wait_for("[...document.querySelectorAll('fieldset')].every((set) => set.disabled)")
     assert page.run("return !document.querySelector('.read-only').hidden")
 
 
-def test_keys(page: Any, serve: Make, make_status: Make, opened: Make) -> None:
-    served = serve()
-    opened(page, served, make_status)
+def test_keys(page: Any, live: Any) -> None:
+    live.open()
     page.press(" ")
     assert page.run("return HC.app.frozen")
     page.press(" ")

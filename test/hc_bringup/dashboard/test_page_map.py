@@ -32,7 +32,7 @@ def map_of(
     return cells
 
 
-def publish_contact(served: Any, parameters: list[float], peak_depth: float) -> None:
+def publish_contact(live: Any, parameters: list[float], peak_depth: float) -> None:
     """The first contact has ended, with K, B, n, p and its largest depth [mm]."""
     contact = {
         "number": 1,
@@ -43,26 +43,17 @@ def publish_contact(served: Any, parameters: list[float], peak_depth: float) -> 
         "stiffness_exponent_covariance": 0.0,
         "peak_depth": peak_depth,
     }
-    served.server.publish_text("contacts", {"items": [contact]})
+    live.server.publish_text("contacts", {"items": [contact]})
 
 
-def test_the_lump_is_found_and_said(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
-    served = serve()
+def test_the_lump_is_found_and_said(page: Any, live: Any, make_estimates: Make) -> None:
     table = make_estimates(100)
     table["model_mismatch"] = False
-    feed(served, table, make_stamps(table))
+    live.feed(table)
     x_mm = np.arange(80) * 0.5 + 0.25
     stiffness = 0.2 + 0.4 * np.exp(-(((x_mm - 20.0) / 4.0) ** 2))
-    served.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.6))
-    opened(page, served, make_status)
+    live.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.6))
+    live.open()
     page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
     lump = page.run("return HC.app.map.lump")
     assert lump["x"] == pytest.approx(20.0, abs=0.5)
@@ -78,92 +69,62 @@ def test_the_lump_is_found_and_said(
 
 
 def test_a_lump_that_was_not_passed_has_no_place_yet(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: half way up the flank, "a hard spot at 21.0 mm" of a lump at 15 mm."""
-    served = serve()
     table = make_estimates(100)
     table["model_mismatch"] = False
-    feed(served, table, make_stamps(table))
+    live.feed(table)
     x_mm = np.arange(40) * 0.5 + 0.25
     stiffness = 0.2 + 0.4 * np.exp(-(((x_mm - 22.0) / 4.0) ** 2))
-    served.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.6))
-    opened(page, served, make_status)
+    live.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.6))
+    live.open()
     page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
     page.wait(lambda: page.text("#headline").startswith("Harder up to 19.8 mm"), "the words")
     assert page.complaints() == []
 
 
 def test_without_a_position_the_map_gives_its_room_away(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """A robot that tells no position, in its first contact: no empty chart on top of the page."""
-    served = serve()
     table = make_estimates(500)
-    feed(served, table, make_stamps(table))
-    opened(page, served, make_status, tip=False)
+    live.feed(table)
+    live.open(tip=False)
     page.wait_for("document.getElementById('map').hidden")
-    publish_contact(served, [0.2, 0.01, 1.6, 1.0], peak_depth=3.0)
+    publish_contact(live, [0.2, 0.01, 1.6, 1.0], peak_depth=3.0)
     page.wait_for("!document.getElementById('map').hidden")
     assert "over the contacts" in page.text("#map .note")
 
 
-def test_presses_at_one_place_are_no_map(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
-) -> None:
+def test_presses_at_one_place_are_no_map(page: Any, live: Any, make_estimates: Make) -> None:
     """Regression: a robot that presses at x = 400 mm saw one block in an empty chart, as a map."""
-    served = serve()
     table = make_estimates(500)
-    feed(served, table, make_stamps(table))
+    live.feed(table)
     cells = map_of([400.0, 400.5], 0.7, 1.4)
-    served.server.publish_map(0, 0.5, cells[:1])
-    opened(page, served, make_status)
+    live.server.publish_map(0, 0.5, cells[:1])
+    live.open()
     page.wait_for("HC.app.map && HC.app.map.kind === 'line'")  # no contact has ended yet
-    publish_contact(served, [0.7, 0.01, 1.4, 1.0], peak_depth=4.0)
+    publish_contact(live, [0.7, 0.01, 1.4, 1.0], peak_depth=4.0)
     page.wait_for("HC.app.map.kind === 'contacts'")
     assert "at one place" in page.text("#map .note")
-    served.server.publish_map(0, 0.5, cells)  # the neighbour is the same place
+    live.server.publish_map(0, 0.5, cells)  # the neighbour is the same place
     page.wait_for("HC.app.map.cells.length === 2 && HC.app.map.kind === 'contacts'")
     cells[1, PLACE["x"]] = 402.0
-    served.server.publish_map(0, 0.5, cells)
+    live.server.publish_map(0, 0.5, cells)
     page.wait_for("HC.app.map.kind === 'line'")
     assert page.complaints() == []
 
 
 def test_places_far_apart_show_their_value_and_neighbours_a_line(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: of three places pressed one after another only pale boxes were to be seen."""
-    served = serve()
     table = make_estimates(500)
-    feed(served, table, make_stamps(table))
+    live.feed(table)
     x_mm, stiffness = [450.0, 462.0, 474.0, 486.0, 486.5], [0.3, 0.9, 0.15, 0.5, 0.5]
-    served.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.5, 1e-2))
-    opened(page, served, make_status)
+    live.server.publish_map(0, 0.5, map_of(x_mm, stiffness, 1.5, 1e-2))
+    live.open()
     page.wait_for("HC.app.map && HC.app.map.kind === 'line'")
     dots = page.run(
         """const { plot } = HC.app.map.chart, seen = [];
@@ -179,21 +140,14 @@ def test_places_far_apart_show_their_value_and_neighbours_a_line(
 
 
 def test_tissue_that_is_the_same_everywhere_has_one_colour(
-    page: Any,
-    serve: Make,
-    make_estimates: Make,
-    make_stamps: Make,
-    make_status: Make,
-    feed: Make,
-    opened: Make,
+    page: Any, live: Any, make_estimates: Make
 ) -> None:
     """Regression: 0.7400 to 0.7403 N/mm went from the softest colour to the hardest."""
-    served = serve()
     table = make_estimates(100)
-    feed(served, table, make_stamps(table))
+    live.feed(table)
     x_mm = np.arange(0.0, 10.0)
-    served.server.publish_map(0, 1.0, map_of(x_mm, 0.35 + 1e-4 * (x_mm % 3), 1.5, variance=1e-7))
-    opened(page, served, make_status)
+    live.server.publish_map(0, 1.0, map_of(x_mm, 0.35 + 1e-4 * (x_mm % 3), 1.5, variance=1e-7))
+    live.open()
     page.wait_for("HC.app.map.spots.length === 10")
     low, high = page.run("return HC.app.map.colours")
     assert high - low == pytest.approx(0.1 * (low + high) / 2)
