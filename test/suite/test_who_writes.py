@@ -97,7 +97,7 @@ OWNERS = {
     ),
     "held": ("multiple_model/alignment",),
     "given": ("multiple_model/report",),
-    "onset": ("multiple_model/contact_onset",),
+    "onset": ("multiple_model/contact_onset", "multiple_model/zero_moves"),
     "window": ("multiple_model/air_window",),
     "air": ("multiple_model/air_zero",),
     "search": ("multiple_model/surface_search",),
@@ -138,8 +138,9 @@ GUESTS = {
         "row": "active",
     },
     "filters/self_tuning_ukf": {"change": "detected"},
-    # What it finds out about the zeros moves everything that was remembered with the old ones.
-    "multiple_model/contact_onset": {
+    "multiple_model/contact_onset": {"row": "position_deviation"},
+    # Everything that was remembered with the old zeros is moved here.
+    "multiple_model/zero_moves": {
         "delay": "grid raw_value",
         "given": "predicted_force reconstructed_force",
         "held": "value",

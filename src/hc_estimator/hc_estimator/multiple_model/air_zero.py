@@ -17,7 +17,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.multiple_model import air_window, contact_onset
+from hc_estimator.multiple_model import air_window, zero_moves
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.air_window import FEWEST, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.contact_onset import LEAST_DISTANCE, SURE
@@ -132,7 +132,7 @@ def _move(bank: Any, level: float, deviation: float, time: float) -> None:
     onset.force_deviation = deviation
     onset.shift[0] = 0.0
     onset.shift[1] = level
-    contact_onset.move_readings(bank)
+    zero_moves.move_readings(bank)
     # A step is more likely to have come while nobody touched anything.
     if abs(level) <= SURE * math.sqrt(bank.sensor_noise[1]):
         histories.move(bank.history, 0.0, level, bank.air.known_at, time)

@@ -20,6 +20,7 @@ from hc_estimator.multiple_model import (
     surface_search,
     tempering,
     zero_fit,
+    zero_moves,
 )
 from hc_estimator.multiple_model import change as changes
 from hc_estimator.multiple_model import delay as delays
@@ -178,7 +179,7 @@ def begin_aligned(settings: Any, bank: Any) -> None:
 @compiled
 def begin_at_onset(settings: Any, bank: Any) -> None:
     """Begin every row anew, now that the zeros are known better."""
-    contact_onset.move_zeros(bank)
+    zero_moves.move(bank)
     zero_fit.reset(bank.zeros)
     _forget_tissue(settings, bank)
     delays.forget(bank.delay)
@@ -187,7 +188,7 @@ def begin_at_onset(settings: Any, bank: Any) -> None:
 @compiled
 def begin_with_zeros(settings: Any, bank: Any) -> None:
     """Begin every row with the fit that found a zero to be off, in the new zeros."""
-    contact_onset.move_zeros(bank)
+    zero_moves.move(bank)
     fit = bank.zeros.fit
     _begin_rows(settings, bank.rows, (fit[0], fit[1], fit[2], fit[3]))
     copy_vector(fit, bank.history.fit)
@@ -203,7 +204,7 @@ def begin_with_zeros(settings: Any, bank: Any) -> None:
 def begin_at_place(settings: Any, bank: Any) -> None:
     """Begin every row at another place, with the fit to the contact with it."""
     place, history, values = bank.place, bank.history, bank.place.outcome
-    contact_onset.move_position(bank, values[POSITION], place.height_deviation)
+    zero_moves.move_position(bank, values[POSITION], place.height_deviation)
     zero_fit.begin_at_place(bank.zeros, place.doubt, place.height_deviation)
     if histories.begin_at_place(history):
         another_place.count_level(place)

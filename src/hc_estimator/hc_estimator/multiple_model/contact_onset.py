@@ -11,7 +11,7 @@ can be seen without any parameter of the tissue (ours; `hc bench accuracy delay`
   grows with depth, its slope says about where.
 
 Both are looked for until the first contact that agrees with them; what moves later on is for the
-hypothesis of a moving surface. What was remembered in the old zeros is moved to the new ones.
+hypothesis of a moving surface. What was remembered in the old zeros is moved (`zero_moves`).
 
 A force that steps and then stays the same while the tool goes deeper is no contact, and one that
 steps while the tool rests is none either: a sensor was tared, or its cable moved. A contact grows.
@@ -24,8 +24,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
-from hc_estimator.multiple_model import air_window, place_delay, plausible, zero_fit
-from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import air_window, place_delay, zero_fit, zero_moves
 from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
@@ -91,7 +90,7 @@ def restart(onset: Any) -> None:
 
 @compiled
 def learn(settings: Any, bank: Any, time: float) -> bool:
-    """Take the sample's force; True if a zero is to move by onset.shift (see `move_zeros`).
+    """Take the sample's force; True if a zero is to move by onset.shift (see `zero_moves`).
 
     Args:
         settings: settings record.
@@ -348,56 +347,7 @@ def take_back(bank: Any) -> None:
         return
     for i in range(2):
         onset.shift[i] = -onset.zero[i]
-    move_zeros(bank)
+    zero_moves.move(bank)
     reset(bank)
     onset.decided = 1
     onset.doubted = 1
-
-
-@compiled
-def move_zeros(bank: Any) -> None:
-    """Move the zeros by onset.shift, and with them all readings that are remembered."""
-    move_readings(bank)
-    histories.move(bank.history, bank.onset.shift[0], bank.onset.shift[1], 0.0, 0.0)
-
-
-@compiled
-def move_position(bank: Any, displacement: float, deviation: float) -> None:
-    """Move the contact position by so much, now that it is known to a deviation [mm]."""
-    onset = bank.onset
-    onset.shift[0] = displacement
-    onset.shift[1] = 0.0
-    onset.position_deviation = deviation
-    move_zeros(bank)
-
-
-@compiled
-def move_readings(bank: Any) -> None:
-    """The same, but for the points of `history`."""
-    onset, finder, held = bank.onset, bank.delay, bank.held
-    for i in range(2):
-        shift = onset.shift[i]
-        if shift == 0.0:
-            continue
-        onset.zero[i] += shift
-        bank.noise[i].readings -= shift
-        finder.raw_value[i] -= shift
-        column = 0 if i == 0 else 3
-        finder.grid[:, column] -= shift
-        if (finder.delay > 0.0) == (i == 0):
-            held.value -= shift
-    displacement, force = onset.shift[0], onset.shift[1]
-    for m in range(bank.rows.shape[0]):
-        bank.rows[m].state[DEPTH] -= displacement
-    plausible.move(bank.tool, displacement, force)
-    bank.motion.first -= displacement
-    bank.motion.states[:, 0] -= displacement
-    onset.free_at -= displacement
-    onset.highest_level -= force
-    if force != 0.0:
-        onset.first_force = 0.0
-    if displacement != 0.0:
-        for m in range(bank.rows.shape[0]):
-            bank.rows[m].position_deviation = onset.position_deviation
-    bank.given.predicted_force -= force
-    bank.given.reconstructed_force -= force

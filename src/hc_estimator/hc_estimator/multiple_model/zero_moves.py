@@ -1,0 +1,64 @@
+"""Another zero: all that was remembered in the old ones is moved to the new ones.
+
+Whoever finds a zero to be off (`contact_onset`, `air_zero`, `zero_fit`, `another_place`) leaves in
+onset.shift by how much; readings that are held, points, motion and rows are all moved here, for one
+that was forgotten is off by the whole zero.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import plausible
+from hc_estimator.multiple_model.hypotheses import DEPTH
+
+
+@compiled
+def move(bank: Any) -> None:
+    """Move the zeros by onset.shift, and with them all readings that are remembered."""
+    move_readings(bank)
+    histories.move(bank.history, bank.onset.shift[0], bank.onset.shift[1], 0.0, 0.0)
+
+
+@compiled
+def move_position(bank: Any, displacement: float, deviation: float) -> None:
+    """Move the contact position by so much, now that it is known to a deviation [mm]."""
+    onset = bank.onset
+    onset.shift[0] = displacement
+    onset.shift[1] = 0.0
+    onset.position_deviation = deviation
+    move(bank)
+
+
+@compiled
+def move_readings(bank: Any) -> None:
+    """The same, but for the points of `history`."""
+    onset, finder, held = bank.onset, bank.delay, bank.held
+    for i in range(2):
+        shift = onset.shift[i]
+        if shift == 0.0:
+            continue
+        onset.zero[i] += shift
+        bank.noise[i].readings -= shift
+        finder.raw_value[i] -= shift
+        column = 0 if i == 0 else 3
+        finder.grid[:, column] -= shift
+        if (finder.delay > 0.0) == (i == 0):
+            held.value -= shift
+    displacement, force = onset.shift[0], onset.shift[1]
+    for m in range(bank.rows.shape[0]):
+        bank.rows[m].state[DEPTH] -= displacement
+    plausible.move(bank.tool, displacement, force)
+    bank.motion.first -= displacement
+    bank.motion.states[:, 0] -= displacement
+    onset.free_at -= displacement
+    onset.highest_level -= force
+    if force != 0.0:
+        onset.first_force = 0.0
+    if displacement != 0.0:
+        for m in range(bank.rows.shape[0]):
+            bank.rows[m].position_deviation = onset.position_deviation
+    bank.given.predicted_force -= force
+    bank.given.reconstructed_force -= force
