@@ -80,7 +80,7 @@ def test_a_node_that_was_held_up_skips_to_the_latest_and_counts(start_process, p
     process.send_signal(signal.SIGCONT)
     number = probe.stream(plant.samples(300, start=1100), first=number, in_step=False)
     probe.wait(lambda: probe.estimates[-1].sequence == number - 1, what="the last estimate")
-    assert EstimatorEvent.SAMPLES_SKIPPED in probe.kinds()
+    probe.wait(lambda: EstimatorEvent.SAMPLES_SKIPPED in probe.kinds(), what="the event")
     newest = len(probe.statuses)
     probe.wait(lambda: len(probe.statuses) >= newest + 2, what="a status of after that")
     values = {key: int(counters(probe)[key]) for key in ("samples", "skipped", "lost")}

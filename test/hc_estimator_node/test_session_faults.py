@@ -210,3 +210,30 @@ def test_settings_of_the_session_change_while_it_runs(session, recorder, plant):
     session.apply_settings(SessionSettings(rejection_burst=3))
     feed(session, [(t, math.nan, f) for t, _d, f in plant.samples(4)])
     assert recorder.kinds().count(EventKind.REJECTION_BURST) == 1
+
+
+def test_samples_skipped_one_by_one_are_one_event_with_their_number(
+    session, recorder, plant, monkeypatch
+):
+    number = feed(session, plant.samples(100))
+    now = [time.perf_counter_ns()]
+    monkeypatch.setattr("hc_estimator.stream.session.time.perf_counter_ns", lambda: now[0])
+
+    def told():
+        return [e.reason for e in recorder.events if e.kind == EventKind.SAMPLES_SKIPPED]
+
+    for _ in range(40):
+        session.skip(1)
+        now[0] += 10 * MS
+        session.check_silence(now[0])
+        number = feed(session, plant.samples(1, start=number + 1), first=number + 1)
+    assert session.counters.skipped == 40  # counted at once
+    assert told() == []
+    now[0] += 200 * MS
+    session.check_silence(now[0])
+    assert told() == ["40 samples skipped within 0.39 s: too many were waiting"]
+    session.check_silence(now[0] + 600 * MS)
+    session.skip(1)
+    assert len(told()) == 1  # nothing is told twice, and the next one is gathered anew
+    session.end()
+    assert told()[1:] == ["1 sample skipped: too many were waiting"]

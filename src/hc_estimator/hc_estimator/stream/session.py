@@ -163,9 +163,8 @@ class EstimationSession:
 
     def skip(self, number: int) -> None:
         """Count samples that the node left out because it could not keep up."""
-        self.counters.skipped += number
         self.guard.expect_gap(number)
-        self.report(EventKind.SAMPLES_SKIPPED, f"{number} samples skipped: too many were waiting")
+        self.watch.note_skipped(time.perf_counter_ns(), number)
 
     def report(self, kind: EventKind, reason: str) -> None:
         """Tell the listener of an event at the last sample."""
@@ -174,7 +173,8 @@ class EstimationSession:
         self._listener.on_event(Event(kind, stamp_ns, sequence, reason))
 
     def end(self) -> None:
-        """The stream is over: report the contact that still goes on."""
+        """The stream is over: report what was gathered, and the contact that still goes on."""
+        self.watch.tell_skipped()
         self._finish_contact()
 
     # The stream.
@@ -215,7 +215,7 @@ class EstimationSession:
         self._use_many(batch.part(begin, len(stamps)))
 
     def check_silence(self, now_ns: int) -> bool:
-        """Say whether the input is silent; see `StreamWatch.check_silence`."""
+        """Say whether the input is silent, and tell of skips; see `StreamWatch.check_silence`."""
         return self.watch.check_silence(now_ns)
 
     def _out_of_place(self, sample: StreamSample) -> None:

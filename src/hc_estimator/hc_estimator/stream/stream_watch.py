@@ -9,6 +9,8 @@ from hc_estimator.estimate import Estimate, Rejection
 from hc_estimator.stream.vocabulary import Counters, EventKind, SessionSettings
 
 MISFIT = "the contact law does not describe what the sensors say"
+SKIP_GATHERING_NS = 500_000_000
+"""Skips within so long are one event: a node that cannot keep up skips with every message."""
 
 
 class StreamWatch:
@@ -43,6 +45,8 @@ class StreamWatch:
         self._equal_forces = 0
         self._equal_displacements = 0
         self._mismatch = False
+        self._skipped = 0  # not told yet
+        self._first_skip_ns = self._last_skip_ns = 0
 
     @property
     def alarms(self) -> list[str]:
@@ -64,7 +68,7 @@ class StreamWatch:
         self._mismatch = False
 
     def check_silence(self, now_ns: int) -> bool:
-        """Say whether the input is silent; to be called some times a second.
+        """Say whether the input is silent, and tell of skips; to be called some times a second.
 
         Args:
             now_ns: time.perf_counter_ns().
@@ -72,6 +76,8 @@ class StreamWatch:
         Returns:
             True if a channel had no reading for longer than the timeout.
         """
+        if now_ns - self._first_skip_ns >= SKIP_GATHERING_NS:
+            self.tell_skipped()
         if self._displacement_ns is None or self._force_ns is None:
             return False
         limit_s = self.settings.silence_timeout_s
@@ -87,6 +93,25 @@ class StreamWatch:
             text = f"no {self.silent_what} for {self.silent_s:.2f} s"
             self._report(EventKind.INPUT_SILENT, text)
         return self.silent
+
+    def note_skipped(self, now_ns: int, number: int) -> None:
+        """Count samples that the node left out; those of half a second are told together."""
+        if self._skipped and now_ns - self._first_skip_ns >= SKIP_GATHERING_NS:
+            self.tell_skipped()
+        if not self._skipped:
+            self._first_skip_ns = now_ns
+        self._last_skip_ns = now_ns
+        self._skipped += number
+        self._counters.skipped += number
+
+    def tell_skipped(self) -> None:
+        """Report the skips that were gathered, if there are any."""
+        number, self._skipped = self._skipped, 0
+        if number:
+            span_s = (self._last_skip_ns - self._first_skip_ns) * 1e-9
+            within = f" within {span_s:.2f} s" if span_s >= 0.01 else ""
+            text = f"{number} sample{'s' * (number > 1)} skipped{within}: too many were waiting"
+            self._report(EventKind.SAMPLES_SKIPPED, text)
 
     def note_arrival(self, now_ns: int, displacement_mm: float, force_n: float) -> None:
         """Remember when each channel had a reading last; NaN is none."""
