@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -21,7 +21,9 @@ from hc_bringup.diagnosis import diagnose
 from hc_bringup.errors import UserError
 from hc_bringup.place_delay import TOUCHED, Delay, between_places, delay_at
 from hc_bringup.recording_input import ZEROS
-from hc_bringup.tip_path import TipPath
+from hc_bringup.report.contacts import Contact
+from hc_bringup.run_data import RunData, of_series, tip_path
+from hc_bringup.tip_path import TipPath, TipSource
 from hc_estimator import EstimateSeries, Estimator
 from hc_estimator.stream.free_motion import free_motion
 from hc_estimator.stream.in_pieces import run_in_pieces
@@ -36,6 +38,8 @@ from hc_logger.recording import Recording
 Array = NDArray[np.float64]
 
 
+SITE: Final = "site [1]"
+"""Column of tables: the number of the place, from 1."""
 SURE_DELAY_S: Final = 5e-4
 """A delay that is known to this is taken; one that is not, each site looks for by itself."""
 
@@ -54,6 +58,64 @@ class Site(NamedTuple):
     surface_mm: float
     surface_std_mm: float
     force_zero_n: float
+
+
+class SitesRun(NamedTuple):
+    """What all places of a recording gave.
+
+    Attributes:
+        data: the run, its zeros taken off place by place.
+        recording: the same.
+        sites: the places.
+        estimator: that of the last place.
+        series: estimates of all rows.
+        delay: between the channels, as all places say together; None if it is open.
+    """
+
+    data: RunData
+    recording: Recording
+    sites: list[Site]
+    estimator: Estimator
+    series: EstimateSeries
+    delay: Delay | None
+
+    def columns(self, contacts: Sequence[Contact]) -> dict[str, list[float | int]]:
+        """Return the columns that say of each contact which place it is of, and its surface."""
+        lengths = [site.rows.stop - site.rows.start for site in self.sites]
+        last = np.array([contact.last for contact in contacts], int)
+        of = np.searchsorted(np.cumsum(lengths), last, side="right")
+        found_mm, found_std_mm = (
+            np.nan_to_num(column[last])
+            for column in (self.series.contact_position, self.series.contact_position_std)
+        )
+        known_mm = np.array([site.surface_std_mm for site in self.sites])[of]
+        surface_mm = np.array([site.surface_mm for site in self.sites])[of] + found_mm
+        return {
+            SITE: (of + 1).tolist(),
+            "surface [mm]": surface_mm.tolist(),
+            "surface_std [mm]": np.where(found_std_mm > 0.0, found_std_mm, known_mm).tolist(),
+        }
+
+
+def run_by_site(
+    recording: Recording, tip: TipSource | None, make: Callable[[Recording], Estimator]
+) -> SitesRun:
+    """Find the places of a recording and estimate each by itself.
+
+    Args:
+        recording: displacement into the tissue and compression positive.
+        tip: where the tip's position is; None: where usual.
+        make: of an estimator, for a recording whose surface is known as well as it says.
+
+    Raises:
+        UserError: if the recording does not go from free motion into contact anywhere.
+    """
+    path = tip_path(recording, tip)
+    sites = find_sites(recording, path)
+    delay = common_delay(recording, sites)
+    zeroed, estimator, series = estimate_sites(recording, sites, make, delay)
+    data = dataclasses.replace(of_series(zeroed, estimator, series), tip=path)
+    return SitesRun(data, zeroed, sites, estimator, series, delay)
 
 
 def find_sites(recording: Recording, tip: TipPath | None) -> list[Site]:

@@ -176,8 +176,16 @@ class Campaign:
             self._clean()
         swept = list(self.variants[0].swept)
         written = []
-        rows_of = {tables.RECORDINGS: tables.recording_rows, tables.CONTACTS: tables.contact_rows}
-        for table, kinds in tables.table_columns(swept).items():
+        rows_of = {
+            tables.RECORDINGS: tables.recording_rows,
+            tables.CONTACTS: tables.contact_rows,
+            tables.SITES: tables.site_rows,
+        }
+        tables_now = tables.table_columns(swept, sites=self.arguments.sites)
+        for table in rows_of.keys() - tables_now.keys():  # of an earlier run, and of other results
+            for suffix in (".csv", ".parquet"):
+                (self.folder / f"{table}{suffix}").unlink(missing_ok=True)
+        for table, kinds in tables_now.items():
             names = [f"{table}.csv", f"{table}.parquet"]
             for name in names:
                 rows = (row for done in self.results() for row in rows_of[table](done, swept))

@@ -6,6 +6,7 @@ any number of workers.
 
 from __future__ import annotations
 
+import collections
 import csv
 import io
 import math
@@ -17,10 +18,16 @@ from typing import Any, Final
 from hc_bringup.batch.variants import Variant
 from hc_bringup.batch.work import ResultError, recording_units
 from hc_bringup.report.contact_file import columns
+from hc_bringup.sites import SITE
+from hc_estimator import PARAMETER_NAMES
 from hc_logger.new_file import new_file
 
 RECORDINGS: Final = "recordings"
 CONTACTS: Final = "contacts"
+SITES: Final = "sites"
+TOUCHES: Final = "contacts [1]"
+_OF_A_SITE: Final = ("surface", "cov_", *PARAMETER_NAMES)
+"""How the columns of a contact begin that are of its place."""
 _ROWS_AT_ONCE: Final = 2000
 _TEXTS: Final = ("recording", "sha256", "variant", "filter", "state_space", "contact_model")
 
@@ -60,10 +67,18 @@ def recording_rows(done: Done, swept: Sequence[str]) -> list[dict[str, Any]]:
 
 def contact_rows(done: Done, swept: Sequence[str]) -> list[dict[str, Any]]:
     """Return the rows of a result's contacts, with the columns of hc contacts."""
-    found = done.result["contacts"]
+    found = done.result["contacts"] | done.result["places"]
     begin = _begin(done, swept)
     count = len(next(iter(found.values()))) if found else 0
     return [begin | {name: values[i] for name, values in found.items()} for i in range(count)]
+
+
+def site_rows(done: Done, swept: Sequence[str]) -> list[dict[str, Any]]:
+    """Return a row for each place of a recording: what its last contact says, and how many."""
+    touches = contact_rows(done, swept)
+    counts = collections.Counter(row[SITE] for row in touches)
+    last = {row[SITE]: row for row in touches}
+    return [row | {TOUCHES: counts[site]} for site, row in last.items()]
 
 
 def _begin(done: Done, swept: Sequence[str]) -> dict[str, Any]:
@@ -74,8 +89,13 @@ def _begin(done: Done, swept: Sequence[str]) -> dict[str, Any]:
     return row | {f"sweep {name}": str(done.variant.swept[name]) for name in swept}
 
 
-def table_columns(swept: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return the columns of both tables: the kind of each (str, int or float) by name."""
+def table_columns(swept: Sequence[str], *, sites: bool) -> dict[str, dict[str, Any]]:
+    """Return the columns of the tables: the kind of each (str, int or float) by name.
+
+    Args:
+        swept: names of what is swept.
+        sites: whether each place was estimated by itself.
+    """
     texts: dict[str, Any] = dict.fromkeys((*_TEXTS, *(f"sweep {name}" for name in swept)), str)
     whole = ("samples", "used", "in_contact", "rejected", "contacts", "changes")
     numbers = {
@@ -85,7 +105,13 @@ def table_columns(swept: Sequence[str]) -> dict[str, dict[str, Any]]:
     counts = ("contact [1]", "samples [1]", "rejected [1]", "changes [1]")
     contacts = {name: int if name in counts else float for name in columns([])}
     recordings = {"bytes [1]": int, "reason": str, **numbers, "notes": str, "estimates": str}
-    return {RECORDINGS: texts | recordings, CONTACTS: texts | contacts}
+    found = {RECORDINGS: texts | recordings, CONTACTS: texts | contacts}
+    if sites:
+        found[CONTACTS] |= {SITE: int}
+        where = {SITE: int, TOUCHES: int, "x [mm]": float, "y [mm]": float}
+        own = [name for name in contacts if name.startswith(_OF_A_SITE)]
+        found[SITES] = texts | where | dict.fromkeys(own, float)
+    return found
 
 
 def write_csv(path: Path, names: Iterable[str], rows: Iterable[dict[str, Any]]) -> None:

@@ -38,6 +38,7 @@ from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.report.contact_file import PARAMETER_UNITS, columns
 from hc_bringup.report.contacts import find_contacts
 from hc_bringup.run_data import of_series
+from hc_bringup.sites import run_by_site
 from hc_bringup.summary import why_unusable
 from hc_bringup.zero_words import Zeros
 from hc_estimator import PARAMETER_NAMES
@@ -51,7 +52,7 @@ FORMAT: Final = 1
 _BLOCKS_AT_ONCE: Final = 16  # of lines in one row group of Parquet
 UNREADABLE: Final = "unreadable"
 _READING: Final = (
-    *("sensors", "find_surface", *CSV_OPTIONS, "tip", "tip_axes"),
+    *("sensors", "find_surface", *CSV_OPTIONS, "tip", "tip_axes", "sites"),
     *("minimum_depth", "minimum_force", "minimum_duration", "release"),
 )
 """Options that decide how a recording is read, and what counts as a contact."""
@@ -164,6 +165,8 @@ def result_path(folder: Path, key: str) -> Path:
 def read_result(folder: Path, key: str) -> dict[str, Any]:
     """Return a result: reason, again, recording (values by column), contacts (lists by column).
 
+    `places` has the columns that say which place each contact is of, with --sites.
+
     Raises:
         OSError: if it is not there.
         ValueError: if it is damaged.
@@ -198,6 +201,9 @@ def _result_file(path: Path) -> Iterator[Any]:
 _OF_THE_TISSUE: Final = tuple(
     f"{name}{what}" for name in PARAMETER_NAMES for what in ("", "_std", "_identifiability")
 )
+
+
+_OF_A_PLACE: Final = (*_OF_THE_TISSUE, *Zeros._fields)
 
 
 def recording_units() -> dict[str, str]:
@@ -268,17 +274,24 @@ def _estimate(task: Task, variant: Variant, recording: Any, name: Path) -> dict[
 
 def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict[str, Any]:
     """Estimate; the full estimates go to a file of this name in the batch's folder, if asked."""
-    estimator = make_estimator(variant.arguments, recording)
+    tip = tip_source(task.arguments)
+    by_site = None
+    if task.arguments.sites:
+        by_site = run_by_site(recording, tip, lambda part: make_estimator(variant.arguments, part))
+        recording, estimator, series = by_site.recording, by_site.estimator, by_site.series
+    else:
+        estimator = make_estimator(variant.arguments, recording)
+        channels = (recording.time_s, recording.displacement_mm, recording.force_n)
+        series = run_in_pieces(estimator, *channels)
     times, displacements, forces = recording.time_s, recording.displacement_mm, recording.force_n
-    series = run_in_pieces(estimator, times, displacements, forces)
     summary = summarise(estimator, recording, series, math.nan)
-    limit_n = estimator.configuration["force_limit"]
+    limit_n = float(estimator.configuration["force_limit"])
     suspicions = check_samples(times, displacements, forces, limit_n)
     # A law that hardly fits is in the row's mismatch_share; a channel that is turned is no result.
     reason = why_unusable((s.check.value for s in suspicions), math.nan) or why_no_result(summary)
     contacts = []
     if not reason:
-        data = of_series(recording, estimator, series, tip_source(task.arguments))
+        data = by_site.data if by_site else of_series(recording, estimator, series, tip)
         contacts = find_contacts(data, contact_rules(task.arguments))
     said = [s.sentence for s in suspicions]
     result = _failure(reason)
@@ -287,6 +300,9 @@ def _estimated(task: Task, variant: Variant, recording: Any, name: Path) -> dict
     if reason:  # whoever takes a column of numbers for results is to find none
         result["recording"] |= dict.fromkeys(_OF_THE_TISSUE, math.nan)
     result["contacts"] = columns(contacts)
+    if by_site:  # what an estimator knew in the end is of the last place alone
+        result["places"] = by_site.columns(contacts)
+        result["recording"] |= dict.fromkeys(_OF_A_PLACE, math.nan)
     if task.estimates:
         relative = name.with_suffix(f".{task.estimates}")
         _write_estimates(task.folder / relative, task.estimates, recording, series)
@@ -304,6 +320,7 @@ def _failure(reason: str, *, again: bool = False, where: str = "") -> dict[str, 
         "estimates": "",
         "recording": {},
         "contacts": {},
+        "places": {},
     }
 
 

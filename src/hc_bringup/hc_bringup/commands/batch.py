@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup import cli, heartbeat, last_resort, recording_input
-from hc_bringup.commands.contacts import add_rule_options
+from hc_bringup.commands.contacts import add_rule_options, add_sites_option
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import natural
@@ -72,6 +72,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--local-cluster", type=natural, metavar="N", help="start a Dask cluster of N processes"
     )
     add_rule_options(parser)
+    add_sites_option(parser)
     recording_input.add_reading_options(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
@@ -190,8 +191,7 @@ def command_line(arguments: argparse.Namespace) -> list[str]:
         words += ["--sweep", f"{name}={','.join(map(str, values))}"]
     for name, value in arguments.sensors:
         words += ["--input", f"{name}={value}"]
-    if arguments.find_surface:
-        words.append("--find-surface")
+    words += ["--find-surface"] * arguments.find_surface + ["--sites"] * arguments.sites
     for name, usual in (
         ("estimates", ""),
         ("tip_axes", "xy"),

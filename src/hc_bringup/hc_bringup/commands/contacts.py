@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import math
 from pathlib import Path
 from typing import Any
@@ -36,15 +35,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--depth", type=positive, metavar="MM", help="depth of the map (default: 2 mm at most)"
     )
     add_rule_options(parser)
+    add_sites_option(parser)
+    recording_input.add_filter_options(parser, "estimate anew with this filter")
+    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
+
+
+def add_sites_option(parser: argparse.ArgumentParser) -> None:
+    """Declare --sites."""
     parser.add_argument(
         "--sites",
         action="store_true",
         help="several places were pressed one after another, each with a surface of its own: where "
         "the tip went sideways by 2 mm between two touches (or was in the air for 1 s, if no "
-        "position is recorded) the surface is looked for and the estimator begins anew",
+        "position is recorded) the surface is looked for and the estimator begins anew (of many "
+        "recordings: hc batch --sites)",
     )
-    recording_input.add_filter_options(parser, "estimate anew with this filter")
-    parser.add_argument("--json", action="store_true", help="print what was found as JSON")
 
 
 def add_rule_options(parser: argparse.ArgumentParser) -> None:
@@ -131,21 +136,26 @@ def run(arguments: argparse.Namespace) -> int:
             raise UserError(f"{target} exists already: choose another file", WRONG_USE)
     recording = recording_input.load(arguments)
     tip = tip_source(arguments)
-    sites: list[Any] = []
+    beside: dict[str, Any] = {}
     delay: Any = None
+    data: Any
     if arguments.sites:
-        data, sites, series, delay = _by_site(arguments, recording, tip)
+        from hc_bringup.sites import run_by_site
+
+        found = run_by_site(recording, tip, lambda part: estimate.make_estimator(arguments, part))
+        data, delay = found.data, found.delay
     elif estimate.is_asked_for(arguments) or (data := recorded(recording, tip)) is None:
         data = estimated(recording, estimate.make_estimator(arguments, recording), tip)
     contacts = find_contacts(data, contact_rules(arguments))
-    beside = _site_columns(sites, series, contacts) if sites else {}
+    if arguments.sites:
+        beside = found.columns(contacts)
     written = []
     if arguments.output is not None:
         written.append(
             _write(Path(arguments.output), encode(contacts, targets[0].suffix.lower(), beside))
         )
     summary: dict[str, Any] = {"contacts": len(contacts)}
-    if sites:
+    if beside:
         summary["sites"] = _of_sites(beside, contacts)
     if delay is not None:
         summary |= {"channel_delay_s": delay.seconds, "channel_delay_std_s": delay.deviation_s}
@@ -156,52 +166,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _by_site(
-    arguments: argparse.Namespace, recording: Any, tip: Any
-) -> tuple[Any, list[Any], Any, Any]:
-    """Return the run (run_data.RunData), its places (sites.Site), the series of estimates.
-
-    The last is the delay that all places say together (place_delay.Delay), None if it is open.
-    """
-    from hc_bringup.run_data import of_series, tip_path
-    from hc_bringup.sites import common_delay, estimate_sites, find_sites
-
-    path = tip_path(recording, tip)
-    sites = find_sites(recording, path)
-    delay = common_delay(recording, sites)
-    zeroed, estimator, series = estimate_sites(
-        recording, sites, lambda part: estimate.make_estimator(arguments, part), delay
-    )
-    data = dataclasses.replace(of_series(zeroed, estimator, series), tip=path)
-    return data, sites, series, delay
-
-
-def _site_columns(
-    sites: list[Any], series: Any, contacts: list[Any]
-) -> dict[str, list[float | int]]:
-    """Return the columns that say of each contact which place it is of, and where its surface."""
-    import numpy as np
-
-    lengths = [site.rows.stop - site.rows.start for site in sites]
-    last = np.array([contact.last for contact in contacts], int)
-    of = np.searchsorted(np.cumsum(lengths), last, side="right")
-    found_mm, found_std_mm = (
-        np.nan_to_num(column[last])
-        for column in (series.contact_position, series.contact_position_std)
-    )
-    known_mm = np.array([site.surface_std_mm for site in sites])[of]
-    return {
-        "site [1]": (of + 1).tolist(),
-        "surface [mm]": (np.array([s.surface_mm for s in sites])[of] + found_mm).tolist(),
-        "surface_std [mm]": np.where(found_std_mm > 0.0, found_std_mm, known_mm).tolist(),
-    }
-
-
 def _of_sites(beside: dict[str, list[Any]], contacts: list[Any]) -> list[dict[str, Any]]:
     """Return what is known of each place in the end, with the last of its contacts."""
+    from hc_bringup.sites import SITE
     from hc_estimator import PARAMETER_NAMES
 
-    last = dict(zip(beside["site [1]"], range(len(contacts)), strict=True))
+    last = dict(zip(beside[SITE], range(len(contacts)), strict=True))
     return [
         {
             "site": number,

@@ -13,9 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from hc_bringup.batch.tables import Done
+from hc_bringup.batch.tables import TOUCHES, Done, site_rows
 from hc_bringup.batch.variants import Variant
+from hc_bringup.batch.work import recording_units
 from hc_bringup.report.page import encode_numbers, items, render, table
+from hc_bringup.sites import SITE
 from hc_estimator import PARAMETER_NAMES
 
 MOST_ROWS: Final = 1000
@@ -49,6 +51,7 @@ class _Sums:
     failures: collections.Counter[str] = field(default_factory=collections.Counter)
     rows: list[list[str]] = field(default_factory=list)
     count: int = 0
+    by_place: bool = False
 
 
 def batch_page(
@@ -85,7 +88,7 @@ def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
     row, reason, label = done.result["recording"], done.result["reason"], done.variant.label
     first = done.name not in sums.recordings
     sums.recordings.add(done.name)
-    sums.count += 1
+    sums.by_place |= bool(done.result["places"])
     if first and row:
         sums.samples += row["samples"]
         sums.seconds += row["duration"] if math.isfinite(row["duration"]) else 0.0
@@ -96,32 +99,66 @@ def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
         sums.example.setdefault(reason, done.name)
     else:
         sums.contacts += row["contacts"]
-        deviations = [row[f"{name}_std"] for name in PARAMETER_NAMES]
-        share = row["mismatch_share"]
-        values = [row[name] for name in _CHARTED]
-        sums.values[label].append([float(number), *values, *deviations, share])
+        for _, found in _found(done):
+            if math.isnan(found[PARAMETER_NAMES[0]]):
+                continue  # no touch that counts
+            deviations = [found[f"{name}_std"] for name in PARAMETER_NAMES]
+            share = found["mismatch_share"]
+            values = [found[name] for name in _CHARTED]
+            sums.values[label].append([float(number), *values, *deviations, share])
+    rows = _rows(number, done, with_variant=with_variant)
+    sums.count += len(rows)
     if sums.count <= MOST_ROWS:
-        sums.rows.append(_row(number, done, with_variant=with_variant))
+        sums.rows += rows
 
 
-def _row(number: int, done: Done, *, with_variant: bool) -> list[str]:
-    begin = [f"{number}  {done.name}", *([done.variant.label] if with_variant else [])]
+def _found(done: Done) -> list[tuple[str, dict[str, Any]]]:
+    """Return what a result says of its recording, or of each of its places: which, and values."""
     row = done.result["recording"]
+    places = site_rows(done, ()) if done.result["places"] else []
+    units = recording_units()
+    names = [f"{name}{what}" for name in PARAMETER_NAMES for what in ("", "_std")]
+    return [
+        (
+            f", site {place[SITE]}",
+            row
+            | {name: place[f"{name} [{units[name]}]"] for name in names}
+            | {"contacts": place[TOUCHES]},
+        )
+        for place in places
+    ] or [("", row)]
+
+
+def _rows(number: int, done: Done, *, with_variant: bool) -> list[list[str]]:
+    return [
+        _row(f"{number}  {done.name}{which}", row, done, with_variant=with_variant)
+        for which, row in _found(done)
+    ]
+
+
+def _row(name: str, row: dict[str, Any], done: Done, *, with_variant: bool) -> list[str]:
+    begin = [name, *([done.variant.label] if with_variant else [])]
     if done.result["reason"]:
         return [*begin, *([""] * 8), "; ".join((done.result["reason"], *done.result["notes"]))]
     return [
         *begin,
         f"{row['duration']:.1f}",
         str(row["contacts"]),
-        *(f"{row[name]:.3g} ± {2.0 * row[f'{name}_std']:.1g}" for name in PARAMETER_NAMES),
+        *(_value(row[name], row[f"{name}_std"]) for name in PARAMETER_NAMES),
         f"{1e3 * row['force_predicted_rmse']:.3g}",
         f"{row['nis_mean']:.2f}",
         "; ".join(done.result["notes"]),
     ]
 
 
+def _value(value: float, deviation: float) -> str:
+    """Return a parameter of a row; nothing where no place was touched as it was asked for."""
+    return "" if math.isnan(value) else f"{value:.3g} ± {2.0 * deviation:.1g}"
+
+
 def _header(sums: _Sums, *, complete: bool) -> str:
     recordings, without = len(sums.recordings), len(sums.without)
+    what = "place of a recording" if sums.by_place else "recording"
     lines = [
         f"{_count(recordings, 'recording')}, {sums.samples:,} samples, "
         f"{_time(sums.seconds)}; {_count(sums.contacts, 'contact')} found."
@@ -134,7 +171,7 @@ def _header(sums: _Sums, *, complete: bool) -> str:
         f'<header><h1>Batch</h1><p id="headline">{_count(recordings, "recording")}</p>'
         '<div class="tools"><button id="theme" type="button" aria-label="light or dark">◐</button>'
         f'</div></header><main class="report"><section class="panel full">{items(lines)}</section>'
-        '<p class="hint">Each point is a recording, in the order of the table below. Values are '
+        f'<p class="hint">Each point is a {what}, in the order of the table below. Values are '
         "those at its end.</p>"
     )
 
@@ -188,7 +225,8 @@ def _recordings(sums: _Sums, *, with_variant: bool) -> str:
     head = ["recording", *(["variant"] if with_variant else []), "s", "contacts"]
     head += ["K", "B", "n", "p", "force error [mN]", "NIS", "notes"]
     more = sums.count - len(sums.rows)
-    note = f"<p>and {more:,} more: recordings.csv has all of them</p>" if more > 0 else ""
+    table_of_all = "sites.csv" if sums.by_place else "recordings.csv"
+    note = f"<p>and {more:,} more: {table_of_all} has all of them</p>" if more > 0 else ""
     return (
         '<section class="panel full"><h2>Recordings (± 2 standard deviations)</h2>'
         f"{table(head, sums.rows, 'numbers batch')}{note}</section>"
