@@ -73,6 +73,19 @@ def test_setup_finds_the_robot_writes_it_down_and_doctor_finds_nothing_or_the_fa
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("kind", "rocking_deg"), [("pose", 24.0), ("tf", 24.0), ("pose", 0.0)])
+def test_setup_says_that_the_tool_turned(bench, kind, rocking_deg):
+    position = {"type": kind, "topic": "/tf"} if kind == "tf" else {}
+    bench.robot(rest_s=0.5, rocking_deg=rocking_deg, position=position)
+    done = bench.patiently("setup", "--yes", "--no-run", "--seconds", "6", "-o", "arm")
+    assert done.returncode == 0, done.stderr
+    said = " ".join(done.stdout.split())
+    told = re.search(r"the tool turned by up to (\d+) degrees.*input.contact.frame: surface", said)
+    assert bool(told) == (rocking_deg > 0.0), said
+    assert not told or 6 <= int(told[1]) <= 48  # to and fro by 24
+
+
+@pytest.mark.slow
 def test_setup_starts_the_run_that_it_wrote_and_the_run_can_be_computed_again(bench):
     bench.robot(**ROBOT)
     words = ("-m", "hc_bringup", "setup", "--yes", "--seconds", "8")

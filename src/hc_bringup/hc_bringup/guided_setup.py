@@ -38,12 +38,13 @@ _HELP = (
 
 
 class Recorded(NamedTuple):
-    """What was recorded: both streams, their readings, and until when the tool rested."""
+    """What was recorded: both streams, their readings, until when the tool rested, its turn."""
 
     force: Stream
     position: Stream
     readings: tuple[Any, Any]
     rest_s: float | None
+    turned_deg: float
 
 
 class GoneSilentError(Exception):
@@ -77,7 +78,7 @@ def at_once(
         heartbeat.doing(FINDING)
         if recorder.silent():
             raise UserError(f"{recorder.silent()}: is its driver still running?", FAILURE)
-        return Recorded(chosen[0], chosen[1], recorder.readings(), None)
+        return Recorded(chosen[0], chosen[1], recorder.readings(), None, recorder.turned_deg)
 
 
 def look(graph: Graph) -> list[Stream]:
@@ -256,7 +257,8 @@ class Guide:
                     continue
                 if monitor.has_pressed:
                     say(f"felt: {monitor.sentence}")
-                    return Recorded(force, position, recorder.readings(), rest_s)
+                    readings, turned_deg = recorder.readings(), recorder.turned_deg
+                    return Recorded(force, position, readings, rest_s, turned_deg)
                 self.again(
                     f"no press was felt: {monitor.sentence}. Does the tool touch the tissue, and "
                     f"is {force.topic} its sensor?",

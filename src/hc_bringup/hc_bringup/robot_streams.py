@@ -11,6 +11,7 @@ import numpy as np
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.frame_streams import FRAMES, FrameListener, FrameSearch
 from hc_bringup.graph import Graph
+from hc_bringup.turning import turned_deg
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_estimator.stream.readings import FloatArray
 from hc_estimator.stream.sensor_setup import VectorReadings
@@ -168,12 +169,13 @@ class Recorder:
         self._frames: FrameListener | None = None
         self._force: list[tuple[float, ...]] = []
         self._position: list[tuple[float, ...]] = []
+        self._attitudes: list[tuple[float, ...]] = []
         self._names: tuple[str, ...] = ()
         self._origin_ns: int | None = None
         types = {kind: name for name, kind in POSITIONS.items()}
         read: dict[str, Callable[[Any], tuple[float, ...] | None]] = {
-            "pose": lambda m: _mm(m.pose.position),
-            "transform": lambda m: _mm(m.transform.translation),
+            "pose": lambda m: self._place(m.pose.position, m.pose.orientation),
+            "transform": lambda m: self._place(m.transform.translation, m.transform.rotation),
             "joint": self._joints,
         }
         if self.has_effort:  # both are in each message
@@ -207,6 +209,7 @@ class Recorder:
         """Forget what was recorded so far."""
         self._force.clear()
         self._position.clear()
+        self._attitudes.clear()
         self._origin_ns = None
 
     def spin(self, seconds: float, tell: Callable[[float], None] = lambda _left: None) -> None:
@@ -224,7 +227,7 @@ class Recorder:
     def idle(self, seconds: float) -> None:
         """Listen while a question waits for its answer: what is old is forgotten."""
         self.spin(seconds)
-        for rows in (self._force, self._position):
+        for rows in (self._force, self._position, self._attitudes):
             del rows[:-_KEPT_WHILE_IDLE]
 
     def silent(self, seconds: float = SILENT_S) -> str:
@@ -286,8 +289,19 @@ class Recorder:
             self._origin_ns = stamp_ns
         return (stamp_ns - self._origin_ns) * 1e-9
 
-    def _take_frame(self, stamp_ns: int, _base: str, place: Any, _turned: Any) -> None:
+    @property
+    def turned_deg(self) -> float:
+        """By how much the tool turned; 0 where nothing tells its attitude."""
+        return turned_deg(self._attitudes)
+
+    def _place(self, point: Any, turned: Any) -> tuple[float, ...]:
+        """Return a pose's place, and keep its attitude."""
+        self._attitudes.append((turned.x, turned.y, turned.z, turned.w))
+        return _mm(point)
+
+    def _take_frame(self, stamp_ns: int, _base: str, place: Any, turned: Any) -> None:
         self._arrived[1] = time.monotonic()
+        self._attitudes.append(tuple(turned))
         self._position.append((self._time_s(stamp_ns), *(METRE_IN_MM * c for c in place)))
 
     def _take_effort(self, message: Any) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 from hc_bringup import heartbeat
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import positive
-from hc_bringup.wrapping import say
 
 HELP = "identify what hangs on the force sensor, and tell the estimator"
 HEARTBEAT = True
@@ -44,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.graph import Graph
     from hc_bringup.live_check import input_settings
     from hc_estimator.stream.contact_frame import product, unit_quaternion
-    from hc_estimator.stream.payload import identify_payload, still_readings
+    from hc_estimator.stream.payload import GRAVITY, identify_payload, still_readings
 
     if arguments.seconds is not None and not arguments.yes:
         raise UserError("--seconds is for --yes: without it each rest has its own time", WRONG_USE)
@@ -72,12 +71,16 @@ def run(arguments: argparse.Namespace) -> int:
             still = still_readings(rows[:, 0], rows[:, 1:], times, attitudes)
         except ValueError as error:
             raise UserError(f"{error} ({arguments.pose or settings['position.topic']})") from error
+        gravity = tuple(map(float, settings.get("gravity", GRAVITY)))
         try:
-            found = identify_payload(*still, tuple(settings.get("gravity", (0.0, 0.0, -9.81))))
+            found = identify_payload(*still, gravity)
         except ValueError as error:
             raise UserError(f"{error}: rest in each attitude for a second or more") from error
         heartbeat.nothing()
         _tell(found)
+        if not found.is_explained:
+            why = _why_not(found, still, gravity, mounting, node or f"/{arguments.node}")
+            raise UserError(f"{why}; nothing was set")
         if node is not None and not arguments.dry_run:
             _set(graph, node, found)
     return 0
@@ -164,11 +167,39 @@ def _tell(found: Any) -> None:
         f"center {vector(found.center, found.center_std, 'm')} in the sensor's frame\n"
         f"offset {vector(found.force_bias, found.force_bias_std, 'N')}"
     )
-    if not found.is_explained:
-        say(
-            f"a weight explains these forces to {found.residual_n:.2g} N only: is the sensor "
-            "turned against the pose (input.force.mounting), or did the tool touch something?"
+
+
+def _why_not(found: Any, still: Any, gravity: Any, mounting: Any, node: str) -> str:
+    """Return why the forces are no weight's, and what to type where another setting makes them one.
+
+    Args:
+        found: the payload that was identified.
+        still: readings at rest.
+        gravity: in the frame of the pose, as it was set.
+        mounting: of the sensor, as it was set.
+        node: the estimator's.
+    """
+    from hc_estimator.stream.contact_frame import product
+    from hc_estimator.stream.payload import is_small
+    from hc_estimator.stream.payload_frames import explain_otherwise
+
+    said = f"a weight explains these forces to {found.residual_n:.2g} N only"
+    other = explain_otherwise(still.forces, still.attitudes, gravity)
+    if other is None or not is_small(other.residual_n, other.mass, gravity):
+        return (
+            f"{said}: is the sensor turned against the pose (input.force.mounting), is down "
+            "another way in the frame of the pose (input.gravity), or did the tool touch "
+            "something?"
         )
+    if other.name == "gravity":
+        value, what = other.value, "the frame of the pose does not stand upright"
+    else:
+        value, what = product(mounting, other.value), "the sensor is turned against the pose"
+    numbers = ", ".join(f"{v:.4f}" for v in value)
+    return (
+        f"{said}, and to {other.residual_n:.2g} N ({other.mass:.3g} kg) if {what}: if that can be, "
+        f"hc param set {node.strip('/')} input.{other.name} '[{numbers}]', and hc payload again"
+    )
 
 
 def _set(graph: Any, node: str, found: Any) -> None:

@@ -147,6 +147,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_bringup.guided_setup import FINDING
     from hc_bringup.recording_input import assumed_line
     from hc_bringup.treated_samples import FORCE_LIMIT
+    from hc_bringup.turning import turning_line
     from hc_estimator.stream.sensor_setup import SetupError, propose
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 
@@ -184,6 +185,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
             say(f"{finding.what}{' (allowed for)' if allowed else ''}")
     for note in found.notes:
         say(note)
+    if line := turning_line(recorded.turned_deg):
+        say(line)
     say("\n".join(estimate_lines(diagnosis)))
     if effort:  # both channels of one message, both through one filter
         say(

@@ -179,8 +179,13 @@ def identify_payload(
         moments[:3],
         residual,
         count,
-        residual <= max(UNEXPLAINED * abs(mass) * float(np.linalg.norm(gravity)), NOISE_N),
+        is_small(residual, mass, gravity),
     )
+
+
+def is_small(residual_n: float, mass: float, gravity: tuple[float, float, float]) -> bool:
+    """Whether what a weight leaves unexplained is noise."""
+    return residual_n <= max(UNEXPLAINED * abs(mass) * float(np.linalg.norm(gravity)), NOISE_N)
 
 
 def _attitudes(number: int) -> str:
