@@ -1,4 +1,4 @@
-"""A tool that turns while it is set up: that is said, for then no axis of a sensor is one direction."""
+"""A tool that turns while it is set up: no axis of a sensor is one direction then."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from hc_bringup.batch.sources import MANIFEST
-from hc_bringup.batch.tables import CONTACTS, RECORDINGS, table_columns
+from hc_bringup.batch.tables import CONTACTS, RECORDINGS, SITES, table_columns
 from hc_bringup.commands.estimate import COLUMNS as ESTIMATE_COLUMNS
 from hc_bringup.report import contact_file, map_file
 from hc_estimator.stream.state_file import RUNNING, SAVED, SET_ASIDE
@@ -48,12 +48,15 @@ Read by `hc estimate`, `hc report`, `hc doctor` and others, in many layouts
 ## Batch
 
 `hc batch` leaves `{manifest}` (what was done with what, with the hash of every file) and two
-tables, each as CSV and parquet. `{recordings_name}`:
+tables, with `--sites` three, each as CSV and parquet. `{recordings_name}`:
 
 {recordings}
 
 `{contacts_name}` has the first six of these, then the columns of a contact above. A column
-`sweep NAME` stands for each setting that is swept ([batches](../batch.md)).
+`sweep NAME` stands for each setting that is swept ([batches](../batch.md)). With `--sites` the last
+column is `site [1]`, and `{sites_name}` has a row for each place:
+
+{sites}
 
 ## Motion of a hand (CSV)
 
@@ -87,7 +90,7 @@ def files_page(written: str) -> str:
     Args:
         written: the line that says how the page is made.
     """
-    batch = table_columns(())
+    batch = table_columns((), sites=True)
     return _PAGE.format(
         written=written,
         recording=_columns(RECORDING_COLUMNS),
@@ -100,6 +103,8 @@ def files_page(written: str) -> str:
         recordings_name=RECORDINGS,
         recordings=_columns(batch[RECORDINGS]),
         contacts_name=CONTACTS,
+        sites_name=SITES,
+        sites=_columns(batch[SITES]),
         saved=SAVED,
         running=RUNNING,
         set_aside=SET_ASIDE,

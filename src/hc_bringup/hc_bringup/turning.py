@@ -41,8 +41,8 @@ def turning_line(degrees: float) -> str:
     if degrees < TURNS_DEG:
         return ""
     return (
-        f"the tool turned by up to {degrees:.0f} degrees: read along one axis of each sensor, force "
-        "and depth are wrong then, and so are K, B, n and p. Let it keep its attitude, or have all "
-        "six axes read: input.contact.frame: surface, with tip, mounting and hc payload "
+        f"the tool turned by up to {degrees:.0f} degrees: read along one axis of each sensor, "
+        "force and depth are wrong then, and so are K, B, n and p. Let it keep its attitude, or "
+        "have all six axes read: input.contact.frame: surface, with tip, mounting and hc payload "
         "(docs/node.md, Six axes)"
     )

@@ -71,7 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
             still = still_readings(rows[:, 0], rows[:, 1:], times, attitudes)
         except ValueError as error:
             raise UserError(f"{error} ({arguments.pose or settings['position.topic']})") from error
-        gravity = tuple(map(float, settings.get("gravity", GRAVITY)))
+        x, y, z = map(float, settings.get("gravity", GRAVITY))
+        gravity = (x, y, z)
         try:
             found = identify_payload(*still, gravity)
         except ValueError as error:

@@ -8,7 +8,7 @@ which one does.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ class Otherwise(NamedTuple):
     """
 
     name: str
-    value: tuple[float, ...]
+    value: Any
     mass: float
     residual_n: float
 
@@ -49,7 +49,10 @@ def explain_otherwise(
     """
     if len(forces) < LEAST_ATTITUDES:
         return None
-    found = (_other_gravity(forces, attitudes, gravity), _other_mounting(forces, attitudes, gravity))
+    found = (
+        _other_gravity(forces, attitudes, gravity),
+        _other_mounting(forces, attitudes, gravity),
+    )
     return min(found, key=lambda one: one.residual_n)
 
 
@@ -74,13 +77,13 @@ def _other_mounting(
     """Fit F = b + m E^T R^T g, E a further turn of the sensor (Kabsch, with the scale m)."""
     expected = Rotation.from_quat(attitudes).inv().apply(gravity)
     from_mean = expected - expected.mean(axis=0)
-    felt = forces - forces.mean(axis=0)
-    left, sizes, right = np.linalg.svd(from_mean.T @ felt)
+    measured = forces - forces.mean(axis=0)
+    left, sizes, right = np.linalg.svd(from_mean.T @ measured)
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right)) or 1.0])
     turn = left @ np.diag(signs) @ right
     mass = float(sizes @ signs) / max(float(np.sum(from_mean**2)), 1e-12)
     quaternion = Rotation.from_matrix(turn).as_quat(canonical=True)
-    residuals = felt - mass * from_mean @ turn
+    residuals = measured - mass * from_mean @ turn
     return Otherwise("force.mounting", tuple(map(float, quaternion)), mass, _rms(residuals))
 
 
