@@ -128,7 +128,8 @@ def _released(data: RunData, touching: NDArray[np.intp], release_s: float) -> ND
     """Return between which of the samples in contact (n,) the contact was over, (n - 1,).
 
     It takes a sample without contact, so long after, or a gap in the recording: samples that were
-    refused say nothing, and those of a slow sensor come late.
+    refused say nothing, and those of a slow sensor come late. A clock that was set back ends it
+    too: what comes then has no time since the touch before.
     """
     before, after = touching[:-1], touching[1:]
     away = np.flatnonzero(~data.contact & data.used)
@@ -138,6 +139,7 @@ def _released(data: RunData, touching: NDArray[np.intp], release_s: float) -> ND
         lifted &= data.time_s[latest] - data.time_s[before] >= release_s
     else:
         lifted = np.zeros(len(before), bool)
+    lifted |= data.time_s[after] < data.time_s[before]
     steps = np.diff(data.time_s)
     if not len(steps):
         return lifted
