@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
+from hc_evaluation.accuracy import multirate
+from hc_evaluation.accuracy.catalogue import CHANNEL_FAULTS
 from hc_evaluation.accuracy.misfit import misfit_contact
+from hc_evaluation.accuracy.scenarios import simulate
 
 FILTER = "self_tuning_ukf"
 HOME = -3.0
@@ -135,3 +138,39 @@ def test_what_no_law_fits_is_no_other_tissue(motion, seed):
     """
     series = hc.create_estimator(FILTER).run(*misfit_contact(motion, 100000 + seed))
     assert not np.any(series.change_detected)
+
+
+@pytest.mark.parametrize("seed", [1010, 7004])
+def test_noise_of_the_velocity_is_no_other_place(seed):
+    """Regression of 2026-11-27: the same tissue was taken for another, K ten deviations off.
+
+    Both were judged by the weights of a law that hardly damps, by which a noisy velocity is no
+    reason for a noisy force.
+    """
+    rates, truth = multirate.RATES[2], multirate.multirate_scenario(multirate.RATES[2], True, seed)
+    contact = multirate.readings(rates, True, seed)
+    series = hc.create_estimator(FILTER, missing_readings=True).run(
+        contact.time_s, contact.displacement_mm, contact.force_n
+    )
+    assert not np.any(series.change_detected)
+    settled = contact.time_s > 10.0
+    off = np.abs(series.parameters[settled, 0] - truth.tissue.stiffness)
+    assert np.all(off < 4.0 * series.parameters_std[settled, 0])
+
+
+@pytest.mark.parametrize("seed", range(1000, 1003))
+def test_a_height_that_was_not_known_before_is_no_other_tissue(seed):
+    """Regression of 2026-11-27: at a position zero half a millimetre off K was another, surely so.
+
+    It starts in contact. Once the height is found the tissue has a K that explains both contacts,
+    and a change was called.
+    """
+    (scenario,) = [s for s in CHANNEL_FAULTS if s.name == "steep_contact_0.5mm"]
+    contact = simulate(scenario, seed)
+    series = hc.create_estimator(FILTER).run(
+        contact.time_s, contact.displacement_mm, contact.force_n
+    )
+    assert not np.any(series.change_detected)
+    assert abs(series.contact_position[-1] - 0.5) < 0.05
+    off = abs(series.parameters[-1, 0] - scenario.tissue.stiffness)
+    assert off < 4.0 * series.parameters_std[-1, 0]

@@ -5,7 +5,8 @@ what the points of a contact say by themselves is held against what was known in
 least squares with the contact position as a fifth unknown, once with the prior that the place is
 the same, once with one that lets everything go; their evidence decides (`place_fit`). If it is
 another place, every row begins anew with that fit, what was felt before the contact no longer
-counts, and the fit is made anew as the contact goes on, for as long as it explains the force.
+counts, and the fit is made anew as the contact goes on, for as long as it explains the force. That
+is called a change unless its tissue, at a height of its own, explains the contact before as well.
 
 Not where a surface that moves is in charge, which knows of another height, too. Where the law did
 not fit before, only of whole contacts, for the first points of one are fitted by any law. (Ours;
@@ -29,6 +30,7 @@ from hc_estimator.multiple_model.kalman import probability
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import POSITION
 from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
+from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.specification import ParameterSpecification
 
@@ -239,7 +241,7 @@ def _ask(settings: Any, bank: Any) -> bool:
     copy_matrix(place.covariance, place.covariance_elsewhere)
     place_prior.set_other(place, place.before_covariance[POSITION, POSITION] + UNEVEN**2)
     place.values[POSITION] = place.guess[POSITION]
-    level = _evidence(settings, place, history, noise, weight, 0)
+    level = _evidence(settings, place, history, noise, weight, 2)
     place_fit.note_covariance(settings, place)
     copy_vector(place.values, place.outcome)
     odds = math.log((1.0 + place.level) / (1.0 + place.found - place.level))
@@ -248,7 +250,7 @@ def _ask(settings: Any, bank: Any) -> bool:
         return True
     place_prior.set_same(place)
     copy_vector(place.guess, place.values)
-    lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 0)
+    lead = max(level, elsewhere) - _evidence(settings, place, history, noise, weight, 2)
     if needed and lead > (LIKELIER if place.found == 0 else LIKELIER_AGAIN):
         if place_delay.may_be_late(settings, place) and not place_delay.is_in_step(
             settings, bank, noise, weight
@@ -278,7 +280,7 @@ def _evidence(
     squares = place_fit.fit(settings, place, history, noise, weight, passes)
     if not math.isfinite(squares):
         return -math.inf
-    return place_fit.log_evidence(settings, place, squares, weight)
+    return place_fit.log_evidence(settings, place, history, squares, weight, noise[2])
 
 
 @compiled
@@ -301,6 +303,7 @@ def is_to_be_called(settings: Any, bank: Any) -> bool:
     # Where the law did not fit the contacts before, nobody knows what the other tissue was.
     fits = place.fitting_in_a_row >= CALLED_AFTER
     is_called = place.called == 0 and fits and _is_other_tissue(place)
+    is_called = is_called and not _explains_before(settings, bank)
     if is_called:
         place.called = 1
     if place.unknown != 0:
@@ -319,3 +322,38 @@ def _is_other_tissue(place: Any) -> bool:
         if is_different(off, variance):
             return True
     return False
+
+
+@compiled
+def _explains_before(settings: Any, bank: Any) -> bool:
+    """True if the tissue of the place explains the contact before it as well, at another height.
+
+    At a height that was wrong there K and n were those of no tissue, however well the law fitted.
+    """
+    place, history = bank.place, bank.history
+    begin, first, last = _contact_before(bank), place.first, place.last
+    if history.contact - begin < FEWEST:
+        return False
+    place.first, place.last = begin, history.contact
+    place_prior.set_found(place)
+    copy_vector(place.guess, place.values)
+    cost = place_fit.fit(settings, place, history, histories.noise_of_points(bank), 1.0, 2)
+    cost += place_fit.prior_cost(place, place.values)
+    explains = cost < CONSISTENT * place.expected
+    place.first, place.last = first, last
+    return bool(explains)
+
+
+@compiled
+def _contact_before(bank: Any) -> int:
+    """Number of the first point of the contact before the present one."""
+    history = bank.history
+    oldest = max(history.count - POINTS, history.contact - int(place_prior.most_points(bank)), 0)
+    longest = OUT_TIME + history.every * bank.delay.grid_step
+    first = history.contact
+    while first > oldest:
+        here, before = history.points[first % POINTS, 8], history.points[(first - 1) % POINTS, 8]
+        if first < history.contact and here - before > longest:
+            break
+        first -= 1
+    return int(first)

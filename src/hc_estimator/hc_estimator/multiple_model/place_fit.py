@@ -110,7 +110,7 @@ def _gather(settings: Any, place: Any, history: Any, values: Any) -> float:
 
 
 @compiled
-def _prior_cost(place: Any, values: Any) -> float:
+def prior_cost(place: Any, values: Any) -> float:
     """Squared distance from the prior."""
     total, prior, guess = 0.0, place.prior, place.guess
     for i in range(UNKNOWNS):
@@ -142,7 +142,7 @@ def _improve(settings: Any, place: Any, history: Any, weight: float) -> float:
     """Levenberg-Marquardt from place.values on; the points' squares, or NaN."""
     values, following = place.values, place.next
     squares = _gather(settings, place, history, values)
-    cost = weight * squares + _prior_cost(place, values)
+    cost = weight * squares + prior_cost(place, values)
     _add_prior(settings, place, values, weight)
     damping = FIRST_DAMPING
     for _ in range(MOST_STEPS):
@@ -150,7 +150,7 @@ def _improve(settings: Any, place: Any, history: Any, weight: float) -> float:
             return math.nan
         limit(following)
         squares_after = _gather(settings, place, history, following)
-        after = weight * squares_after + _prior_cost(place, following)
+        after = weight * squares_after + prior_cost(place, following)
         if after < cost:
             gain = cost - after
             cost, squares = after, squares_after
@@ -232,9 +232,32 @@ def fit(
 
 
 @compiled
-def log_evidence(settings: Any, place: Any, squares: float, weight: float) -> float:
-    """Laplace's logarithm of the evidence of a fit, up to what all priors share."""
-    total = weight * squares + _prior_cost(place, place.values)
+def log_evidence(
+    settings: Any,
+    place: Any,
+    history: Any,
+    squares: float,
+    weight: float,
+    share: float,
+) -> float:
+    """Laplace's logarithm of the evidence of a fit, up to what all priors share.
+
+    Each fit is judged by the weights of its own law. Where the tissue damps, noise of the velocity
+    is noise of the force; by the weights of a law that does not damp, points speak against any that
+    does.
+
+    Args:
+        settings: settings record.
+        place: the fit, with its prior and `factor`.
+        history: its points, with their weights.
+        squares: that `fit` gave.
+        weight: of them.
+        share: of a point in the information, over that in the squares; as in `fit`.
+    """
+    total = squares
+    for k in range(place.first, place.last):
+        total -= share * math.log(history.points[k % POINTS, 3])
+    total = weight * total + prior_cost(place, place.values)
     work = place.seen
     for i in range(UNKNOWNS):
         total += 2.0 * math.log(place.factor[i, i])

@@ -11,7 +11,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix, copy_vector
 from hc_estimator.multiple_model import place_fit
-from hc_estimator.multiple_model.place_fit import DELAY, POSITION, UNKNOWNS
+from hc_estimator.multiple_model.place_fit import DELAY, POSITION
 
 FEWEST = 6  # points of a contact
 LONGEST = 2.0  # time of a contact that is used [s]
@@ -26,21 +26,37 @@ NARROW = 0.03  # width of a parabola that misses nothing [s]
 
 @compiled
 def set_same(place: Any) -> None:
-    """It is the place before: what was known of K and n is the prior, and its height stays.
+    """It is the place before: what was known of K and n is the prior, and its height stays."""
+    copy_vector(place.before, place.guess)
+    _set_known(place, place.before_covariance, LEAST_VARIANCE)
+
+
+@compiled
+def set_found(place: Any) -> None:
+    """It is the tissue of the last fit, at a height of its own."""
+    copy_vector(place.outcome, place.guess)
+    place.guess[POSITION] = place.before[POSITION]
+    _set_known(place, place.covariance, HEIGHT_DEVIATION**2)
+
+
+@compiled
+def _set_known(place: Any, known: Any, height_variance: float) -> None:
+    """Tissue and deviations are known, but for a little that it may have changed meanwhile.
 
     B and p are as free as another one's: what parabolas miss of a quick motion looks like damping.
     """
-    for i in range(UNKNOWNS):
-        for j in range(UNKNOWNS):
-            place.seen[i, j] = place.before_covariance[i, j]
+    clear_matrix(place.seen)
+    for i in range(POSITION):
+        for j in range(POSITION):
+            place.seen[i, j] = known[i, j]
         place.seen[i, i] += LEAST_VARIANCE
     for i in range(2):
         for j in range(2):
             place.seen[i, j] += VARIES**2
     for i in (1, 3):
         place.seen[i, i] += DEVIATIONS[i] ** 2
-    place.seen[POSITION, POSITION] = LEAST_VARIANCE
-    copy_vector(place.before, place.guess)
+    place.seen[POSITION, POSITION] = height_variance
+    place.seen[DELAY, DELAY] = LEAST_VARIANCE
     place_fit.invert(place.seen, place)
 
 

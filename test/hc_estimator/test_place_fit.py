@@ -1,0 +1,80 @@
+"""Least squares over one contact, K to height, against scipy: the fit, and its evidence."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from hc_estimator.multiple_model import place_fit, place_prior
+
+TISSUE = np.array([np.log(0.4), np.log(0.05), 1.7, 0.8])
+SHARE = 1.5  # see `history.noise_of_points`
+NOISE = (4e-6, 1e-4, SHARE)
+VELOCITY_NOISE = 0.09  # variance of a point's velocity by its share in the information [mm^2/s^2]
+COUNT = 24
+
+
+def law(values, depth, velocity):
+    """Force of the law at a height of its own, written once more."""
+    log_stiffness, log_damping, n, p, position = values
+    drag = np.exp(log_damping) * np.sign(velocity) * np.abs(velocity) ** p
+    return np.maximum(depth - position, 0.0) ** n * (np.exp(log_stiffness) + drag)
+
+
+@pytest.fixture
+def contact(parts):
+    """Settings, place and history of a press that comes to rest, its force with noise."""
+    settings, bank = parts
+    place, history = bank.place, bank.history
+    share = np.linspace(0.1, 0.9, COUNT)
+    depth, velocity = 0.3 + 3.0 * share, 12.0 * (1.0 - share) + 0.5
+    history.points[:COUNT, 0], history.points[:COUNT, 1] = depth, velocity
+    history.velocity_noise[0] = VELOCITY_NOISE
+    history.velocity_std[0] = np.sqrt(SHARE * VELOCITY_NOISE)
+    place.first, place.last = 0, COUNT
+    place.before[:4] = TISSUE
+    place.before_covariance[:4, :4] = np.diag([0.1, 0.1, 0.05, 0.05]) ** 2
+    force = law([*TISSUE, 0.0], depth, velocity)
+    history.points[:COUNT, 2] = force + 0.02 * np.random.default_rng(11).standard_normal(COUNT)
+    return settings, place, history
+
+
+def fitted(settings, place, history):
+    """Squares of a fit with the prior of another place, from the truth on."""
+    place_prior.set_other(place, 0.5**2)
+    place.values[:] = place.guess
+    return place_fit.fit(settings, place, history, NOISE, 1.0, 3)
+
+
+def cost_by(place, history, values):
+    """Squares of the points by their weights, and of the distance from the prior."""
+    depth, velocity, force, weight = history.points[:COUNT, :4].T
+    off = np.array([*values, 0.0]) - place.guess
+    squares = weight * (force - law(values, depth, velocity)) ** 2
+    return np.sum(squares), off @ place.prior @ off
+
+
+def test_the_fit_is_the_least_of_its_cost(contact):
+    settings, place, history = contact
+    squares = fitted(settings, place, history)
+    least = minimize(
+        lambda values: sum(cost_by(place, history, values)),
+        place.values[:5],
+        method="Nelder-Mead",
+        options={"xatol": 1e-7, "fatol": 1e-9, "maxiter": 20000, "maxfev": 20000},
+    )
+    by_points, by_prior = cost_by(place, history, place.values[:5])
+    assert squares == pytest.approx(by_points, rel=1e-9)
+    assert by_points + by_prior == pytest.approx(least.fun, rel=2e-3)
+
+
+def test_the_evidence_counts_the_weights_of_the_fit_itself(contact):
+    """Regression of 2026-11-27: it held for one law's weights, and was asked of two laws' fits."""
+    settings, place, history = contact
+    squares = fitted(settings, place, history)
+    evidence = place_fit.log_evidence(settings, place, history, squares, 1.0, SHARE)
+    weights = history.points[:COUNT, 3]
+    by_points, by_prior = cost_by(place, history, place.values[:5])
+    expected = by_points - SHARE * np.sum(np.log(weights)) + by_prior
+    expected += np.linalg.slogdet(place.information[:5, :5])[1]
+    expected -= np.linalg.slogdet(place.prior[:5, :5])[1]
+    assert evidence == pytest.approx(-0.5 * expected, rel=1e-9)
