@@ -61,24 +61,6 @@ def test_damping_that_goes_its_own_way_is_not_tied_to_the_stiffness(plant):
     assert series.parameters[-1, 1] == pytest.approx(0.02, rel=0.2)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_between_two_layers_the_deviation_says_that_the_exponent_may_vary(seed, plant):
-    """A stiffness that varies explains the force between two edges as well, at another n."""
-    time = times(24.0, 500.0)
-    d, v = plant.motion(time, ((1.2, 0.8, 0.0), (0.5, 2.5, 0.4)), 2.6)
-    edges = [1.0 / (1.0 + np.exp(-(time - at) / 0.6)) for at in (4.0, 11.0, 18.0)]
-    stiffness = 0.3 * np.exp(0.7 * edges[0] - 0.5 * edges[1] + 0.6 * edges[2])
-    exponent = 1.6 + 0.2 * edges[0] - 0.2 * edges[1] + 0.2 * edges[2]
-    force = plant.force(d, v, stiffness, 0.05 * stiffness, exponent, 1.0)
-    series = run(time, *plant.noisy(d, force, seed))
-    late = time > 1.5
-    error = np.log(series.parameters[:, 0] / stiffness)[late]
-    deviation = (series.parameters_std[:, 0] / series.parameters[:, 0])[late]
-    assert np.mean(np.abs(error) < 3.0 * deviation) > 0.95
-    assert np.median(np.abs(error)) < 0.01
-    assert np.median(deviation) < 0.03
-
-
 @pytest.mark.parametrize("moves", ["breathing", "drift", "still"])
 def test_a_surface_that_moves_does_not_pass_for_another_stiffness(moves, plant):
     """1 mm at 0.25 Hz, and 0.05 mm/s, under a tool that swings by more than that."""

@@ -31,11 +31,9 @@ from hc_estimator.multiple_model.choice import (
     trusted_motion,
 )
 from hc_estimator.multiple_model.hypotheses import (
-    COUNTS,
     DEPTH,
     DRIVES,
     EXPONENT,
-    EXPONENT_ROW,
     FITTED,
     FRESH,
     LOG_DAMPING,
@@ -55,7 +53,6 @@ LARGEST_SHARE = 0.3  # of one snapshot in the scores: after a pause one is not a
 LARGEST_GAIN = 0.1  # of one snapshot in the scores, however much more it is known than before
 SMALLEST_VARIANCE = 1e-30  # of a force [N^2]
 FIRST_WEIGHT = 0.3  # of the scores, before they count
-VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 LIKELIHOOD_TIME = 1.0  # time constant of the log likelihoods [s]
 WORSE = 4.0  # mean square over the chosen row's from which on a misfitting row is seeded anew
 SEEDED_AFTER = 0.5  # time that a row may stay so [s]
@@ -107,10 +104,11 @@ def _write(judge: Any, rows: Any, slot: int) -> None:
         if SURFACE[m]:
             said[4] = row.state[OWN]
             said[5] = row.state[OWN + 1]
+            said[6] = _shrunk(row, 2)
         else:
             said[4] = _shrunk(row, 0)
             said[5] = _shrunk(row, 1)
-        said[6] = _shrunk(row, 2)
+            said[6] = 0.0
 
 
 @compiled
@@ -138,12 +136,12 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
     if SURFACE[m]:
         depth -= said[4] + ahead * said[5]
         velocity -= said[5]
-    k, b, n = said[0], said[1], said[2]
-    for own in range(COUNTS[m] - OWN):
-        gone = ahead * said[4 + own]
-        k += DRIVES[m, own, 0] * gone
-        b += DRIVES[m, own, 1] * gone
-        n += DRIVES[m, own, 2] * gone
+        k = said[0] + ahead * DRIVES[m, 2, 0] * said[6]
+        b = said[1] + ahead * DRIVES[m, 2, 1] * said[6]
+        return force_of(settings, depth, velocity, k, b, said[2], said[3])
+    k = said[0] + ahead * (DRIVES[m, 0, 0] * said[4] + DRIVES[m, 1, 0] * said[5])
+    b = said[1] + ahead * (DRIVES[m, 0, 1] * said[4] + DRIVES[m, 1, 1] * said[5])
+    n = said[2] + ahead * (DRIVES[m, 0, 2] * said[4] + DRIVES[m, 1, 2] * said[5])
     return force_of(settings, depth, velocity, k, b, n, said[3])
 
 
@@ -219,32 +217,11 @@ def learn(settings: Any, bank: Any) -> None:
         choose(settings, judge, rows, tool, clock)
         likelier = rows[judge.chosen].log_likelihood - rows[0].log_likelihood
         if judge.chosen > FITTED and likelier > REFUTED and clock > REFUTED_AFTER:
-            _note_varying(judge, clock)
+            judge.varying = judge.chosen
+            judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
         reserve.review(settings, bank)
     judge.waited = 0.0
-
-
-@compiled
-def _note_varying(judge: Any, clock: float) -> None:
-    """Note that the chosen row was needed, unless the exponent varied shortly before.
-
-    A calmer row, or a surface, explains a force between two layers for a while as well.
-    """
-    chosen = judge.chosen
-    if needed_beside(judge.varying, judge.varied_at, chosen, clock) == EXPONENT_ROW:
-        return
-    judge.varying = chosen
-    judge.varied_at = clock
-
-
-@compiled
-def needed_beside(varying: int, varied_at: float, m: int, clock: float) -> int:
-    """Row that was needed shortly before, beside row m which explains the force now; -1 if none."""
-    lately = varying > 0 and clock - varied_at < VARIED_FOR
-    if not lately or m in (varying, FRESH):
-        return -1
-    return varying if m <= FITTED or varying == EXPONENT_ROW else -1
 
 
 @compiled
