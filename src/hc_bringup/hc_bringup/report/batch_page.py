@@ -86,6 +86,7 @@ def batch_page(
 
 def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
     row, reason, label = done.result["recording"], done.result["reason"], done.variant.label
+    found = _found(done)
     first = done.name not in sums.recordings
     sums.recordings.add(done.name)
     sums.by_place |= bool(done.result["places"])
@@ -99,17 +100,19 @@ def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
         sums.example.setdefault(reason, done.name)
     else:
         sums.contacts += row["contacts"]
-        for _, found in _found(done):
-            if math.isnan(found[PARAMETER_NAMES[0]]):
+        for _, one in found:
+            if math.isnan(one[PARAMETER_NAMES[0]]):
                 continue  # no touch that counts
-            deviations = [found[f"{name}_std"] for name in PARAMETER_NAMES]
-            share = found["mismatch_share"]
-            values = [found[name] for name in _CHARTED]
+            deviations = [one[f"{name}_std"] for name in PARAMETER_NAMES]
+            share = one["mismatch_share"]
+            values = [one[name] for name in _CHARTED]
             sums.values[label].append([float(number), *values, *deviations, share])
-    rows = _rows(number, done, with_variant=with_variant)
-    sums.count += len(rows)
+    sums.count += len(found)
     if sums.count <= MOST_ROWS:
-        sums.rows += rows
+        sums.rows += [
+            _row(f"{number}  {done.name}{which}", one, done, with_variant=with_variant)
+            for which, one in found
+        ]
 
 
 def _found(done: Done) -> list[tuple[str, dict[str, Any]]]:
@@ -127,13 +130,6 @@ def _found(done: Done) -> list[tuple[str, dict[str, Any]]]:
         )
         for place in places
     ] or [("", row)]
-
-
-def _rows(number: int, done: Done, *, with_variant: bool) -> list[list[str]]:
-    return [
-        _row(f"{number}  {done.name}{which}", row, done, with_variant=with_variant)
-        for which, row in _found(done)
-    ]
 
 
 def _row(name: str, row: dict[str, Any], done: Done, *, with_variant: bool) -> list[str]:
