@@ -8,6 +8,7 @@ import pytest
 from hc_bringup import diagnosis
 from hc_bringup.commands import setup
 from hc_bringup.diagnosis import Diagnosis, Finding
+from hc_bringup.guided_setup import Recorded
 from hc_estimator.stream import sensor_setup
 
 
@@ -49,7 +50,7 @@ def judged(monkeypatch, *findings):
     monkeypatch.setattr(diagnosis, "diagnose", lambda *_, **__: Diagnosis(findings, None, (), 1.0))
     monkeypatch.setattr(sensor_setup, "propose", lambda *_, **__: found)
     stream = SimpleNamespace(name="/x", kind="wrench")
-    recorded = SimpleNamespace(readings=(), rest_s=None, force=stream, position=stream)
+    recorded = Recorded(stream, stream, (), rest_s=None, turned_deg=0.0)
     _, offsets = setup._judge(recorded, (1.0, 1.0))
     return found.done, offsets
 
