@@ -143,7 +143,8 @@ def test_everything_at_once(command_line, set_clock, monkeypatch):
     reason = f"cannot write {command_line.folder / 'bag'}: File too large"
     assert process.returncode == 1
     assert summary["failures"] == [f"node recorder: {reason}"]
-    assert live.lines[-1] == f"hc run: node recorder: {reason}\n"
+    assert live.lines[-1].startswith(f"hc run: node recorder: {reason}; ")
+    assert "hc bag recover" in live.lines[-1]
     assert not any("Traceback" in line for line in live.lines)
     # The estimates went on, and are right.
     assert summary["respawns"] == 0

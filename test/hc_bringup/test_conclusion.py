@@ -3,8 +3,10 @@
 import pytest
 import yaml
 
-from hc_bringup.conclusion import naming_bag
+from hc_bringup.conclusion import conclude, naming_bag
 from hc_bringup.errors import FAILURE, UserError
+from hc_bringup.run_state import RunState
+from hc_bringup.statistics import EstimateStatistics
 
 
 def said_of(bag, given=None):
@@ -75,3 +77,29 @@ def test_what_somebody_put_beside_the_bag_is_kept(tmp_path):
     (bag / "notes.txt").write_text("of the user")
     assert said_of(bag) == f"; what was recorded is in {bag}"
     assert (bag / "notes.txt").exists()
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_a_bag_cut_off_by_a_full_disk_is_told_how_to_be_made_whole(tmp_path, as_json):
+    """Regression: "cannot write ...: No space left on device", and no word of what is there."""
+    bag = tmp_path / "rec"
+    bag.mkdir()
+    state = RunState(EstimateStatistics(), 0.0, failures=[f"node recorder: cannot write {bag}"])
+    with pytest.raises(UserError) as raised:
+        conclude(state, [], bag, as_json=as_json, with_latency=True)
+    assert str(raised.value) == (
+        f"node recorder: cannot write {bag}; "
+        f"{bag} was not closed: hc bag recover {bag} NEW makes it whole"
+    )
+
+
+def test_the_bag_of_a_recorder_that_was_killed_and_started_again_is_told(tmp_path, capsys):
+    """The run is no failure; of its two bags the first one has no end."""
+    cut, whole = tmp_path / "rec", tmp_path / "rec_2"
+    cut.mkdir()
+    whole.mkdir()
+    (whole / "metadata.yaml").touch()
+    state = RunState(EstimateStatistics(), 0.0, dropped={str(cut): 0, str(whole): 0})
+    assert conclude(state, [], cut, as_json=True, with_latency=True) == cut
+    told = capsys.readouterr().err
+    assert told == f"{cut} was not closed: hc bag recover {cut} NEW makes it whole\n"

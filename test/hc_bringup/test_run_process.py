@@ -211,7 +211,8 @@ def test_a_disk_that_fills_up_is_told_at_once_and_in_the_end(command_line) -> No
     out, err = process.communicate(timeout=100)
     assert process.returncode == 1
     said = [line for line in err.splitlines() if not line.startswith(heartbeat.MARK)]
-    assert said == [f"hc run: node recorder: {reason}"]
+    how = f"; {bag} was not closed: hc bag recover {bag} NEW makes it whole"
+    assert said == [f"hc run: node recorder: {reason}{how}"]
     summary = json.loads(out)
     assert summary["failures"] == [f"node recorder: {reason}"]
     assert summary["estimates"] == summary["samples"] > 7000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.run_state import RunState
 from hc_bringup.summary import run_summary, run_text, to_json, why_unusable
-from hc_bringup.wrapping import say
+from hc_bringup.wrapping import say, wrapped
 from hc_logger.errors import BagError
 from hc_logger.metadata import FILE_NAME, read_information
 from hc_logger.writer import numbered_bags
@@ -49,13 +50,16 @@ def conclude(
     if bag is not None:
         bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
     first = bags[0] if bags else None
+    cut = "; ".join(filter(None, (_how_to_close(Path(folder)) for folder in bags)))
     summary = run_summary(state, first, bags[1:], with_latency=with_latency)
     if as_json:
         print(to_json(summary))
     else:
         say(run_text(summary))
     if state.failures:
-        raise UserError("; ".join(state.failures), FAILURE)
+        raise UserError("; ".join([*state.failures, cut] if cut else state.failures), FAILURE)
+    if cut:  # of a recorder that died and was started again
+        print(wrapped(cut, stream=sys.stderr), file=sys.stderr)
     return None if first is None else Path(first)
 
 
@@ -81,11 +85,18 @@ def naming_bag(bag: Path | None, given: str | None) -> Iterator[None]:
             if _holds_no_data(left):
                 shutil.rmtree(left)
                 raise
-            closed = (left / FILE_NAME).exists()
-            whole = "" if closed else f" (not closed: hc bag recover {left} NEW makes it whole)"
+            how = _how_to_close(left)
+            whole = f" ({how.removeprefix(f'{left} was ')})" if how else ""
             again = "; take another --bag to try again" if given else ""
             error.args = (f"{error}; what was recorded is in {left}{whole}{again}",)
         raise
+
+
+def _how_to_close(bag: Path) -> str:
+    """Say what makes a bag whole whose recorder could not end it; empty if it is."""
+    if (bag / FILE_NAME).exists() or not bag.is_dir():
+        return ""
+    return f"{bag} was not closed: hc bag recover {bag} NEW makes it whole"
 
 
 def _holds_no_data(bag: Path) -> bool:
