@@ -52,6 +52,17 @@ def test_losses_are_counted_and_late_samples_left_out(stream):
     assert (stream.late, stream.used) == (2, 5)
 
 
+def test_samples_that_the_node_skipped_are_not_lost_as_well(stream):
+    """Regression: each was counted twice, as skipped by the node and as lost by the stream."""
+    feed(stream, [0, 1])
+    stream.expect_gap(4)
+    feed(stream, [6, 7])
+    assert stream.lost == 0
+    stream.expect_gap(1)
+    feed(stream, [10, 13])
+    assert stream.lost == 1 + 2
+
+
 def test_late_samples_are_used_in_their_place_if_the_settings_say_so():
     """`reorder_window` did nothing: what came late was left out before the estimators saw it."""
     settings = {"missing_readings": True, "reorder_window": 0.2}

@@ -114,6 +114,25 @@ def test_a_gap_that_was_announced_is_no_loss(guard):
     assert guard.lost == 0
 
 
+def test_a_gap_announced_after_the_number_0_is_no_loss(guard):
+    """Regression: what was skipped at the start of a stream was counted as lost as well."""
+    feed(guard, [sample(0, 0)])
+    guard.expect_gap(3)
+    guard.expect_gap(2)
+    samples = [sample(i, i) for i in range(6, 20)]
+    assert feed(guard, samples) == (samples, [])
+    assert guard.lost == 0
+    feed(guard, [sample(25, 25)])
+    assert guard.lost == 5
+
+
+def test_what_is_lost_beside_an_announced_gap_after_the_number_0_is_counted(guard):
+    feed(guard, [sample(0, 0)])
+    guard.expect_gap(3)
+    feed(guard, [sample(7, 7)])
+    assert guard.lost == 3
+
+
 def test_a_source_that_does_not_count_may_have_a_gap_announced_too(guard):
     """Regression of 2026-11-26: it was told to number anew, and five samples waited for that."""
     feed(guard, [sample(i, 0) for i in range(10)])

@@ -197,6 +197,7 @@ class ArrayEstimatorNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _skip(self, number: int) -> None:
         self._skipped += number
+        self._stream.expect_gap(number)
 
     def _fail(self, error: Exception) -> None:
         self._failure = error

@@ -52,6 +52,7 @@ class ArrayStream:
         self._array: EstimatorArray | None = None
         self._origin_ns = self._last_ns = self._window_ns = 0
         self._last_sequence = 0
+        self._left_out = 0  # on purpose, since the last sample
         self._jumped_ns: int | None = None  # the last stamp, if it jumped
         self.received = self.used = self.lost = self.late = self.strays = self.restarts = 0
         self.fresh: Fresh | None = None
@@ -60,6 +61,10 @@ class ArrayStream:
     def taxels(self) -> int:
         """How many the newest sample had; 0 before the first."""
         return 0 if self._array is None else self._array.channels
+
+    def expect_gap(self, samples: int) -> None:
+        """Hear that samples were left out on purpose: they are not lost."""
+        self._left_out += samples
 
     def reset(self) -> None:
         """Forget all samples."""
@@ -110,7 +115,9 @@ class ArrayStream:
                 self._array.reset()
                 self._origin_ns = stamp_ns
             elif sequence > self._last_sequence:
-                self.lost += sequence - self._last_sequence - 1
+                gone = sequence - self._last_sequence - 1
+                self.lost += max(0, gone - self._left_out)
+        self._left_out = 0
         self._last_ns, self._last_sequence, self._jumped_ns = stamp_ns, sequence, None
         self.used += 1
         return self._step(stamp_ns, displacements_mm, forces_n)

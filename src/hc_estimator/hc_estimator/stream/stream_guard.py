@@ -97,6 +97,7 @@ class StreamGuard:
         self.last_stamp_ns: int | None = None
         self.last_sequence = 0
         self._held: list[StreamSample] = []
+        self._after_zero = 0  # left out on purpose after a number 0
         self._period_ns = 0.0  # of samples whose numbers follow; 0 as long as it is not known
         self._oddity = 0
 
@@ -111,10 +112,13 @@ class StreamGuard:
     def expect_gap(self, samples: int) -> None:
         """Hear that samples were left out on purpose: they are not lost.
 
-        Where the last number was 0 the source may not count, and then its next one is 0 again.
+        Where the last number was 0 the source may not count, and then its next one is 0 again:
+        the next number says whether it does.
         """
         if self.last_sequence != 0:
             self.last_sequence += samples
+        elif self.last_stamp_ns is not None:
+            self._after_zero += samples
 
     def is_next(self, stamp_ns: int, sequence: int) -> bool:
         """Take a sample that plainly follows the last one.
@@ -145,7 +149,8 @@ class StreamGuard:
         elif not (sequence == 0 and self.last_sequence == 0):
             if not self._can_advance(advance, elapsed):
                 return False
-            self.lost += advance - 1
+            left_out, self._after_zero = self._after_zero, 0
+            self.lost += max(0, advance - 1 - left_out)
         self.last_stamp_ns = stamp_ns
         self.last_sequence = sequence
         return True
@@ -245,5 +250,6 @@ class StreamGuard:
         return used, Break.RESTARTED if in_time else Break.TIME_JUMP
 
     def _take(self, sample: StreamSample) -> None:
+        self._after_zero = 0
         self.last_stamp_ns = sample.stamp_ns
         self.last_sequence = sample.sequence
