@@ -43,6 +43,27 @@ def estimator(bench, **more):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pose", "tf"])
+def test_doctor_says_that_the_tool_turns_where_it_is_read_along_an_axis(bench, kind):
+    """Regression: only hc setup did; read along the normal it is nothing wrong."""
+    frames = {"type": "tf", "topic": "/tf"} if kind == "tf" else {}
+    bench.robot(rest_s=0.5, rocking_deg=24.0, position=frames)
+    settings = {
+        "source": "sensors",
+        "force": {"topic": "ft_sensor/wrench"},
+        "position": frames | {"child_frame": "tool", "base_frame": "base"}
+        if frames
+        else {"topic": "tool_pose"},
+    }
+    settings["position"].setdefault("type", "pose")
+    path = bench.folder / "axis.yaml"
+    path.write_text(yaml.safe_dump({"estimator": {"ros__parameters": {"input": settings}}}))
+    bench.start("-m", "hc_estimator.node", "--ros-args", "--params-file", str(path))
+    verdict = json.loads(bench.patiently("doctor", "--seconds", "6", "--json").stdout)
+    assert any(f["what"].startswith("the tool turned by up to") for f in verdict["findings"])
+
+
+@pytest.mark.slow
 def test_along_the_normal_the_tissue_is_found_whatever_the_attitude(bench):
     # 0.5 rad/s to and fro, and poses 20 ms late: the attitude at a wrench's stamp counts.
     position = {"delay_s": 0.02}
@@ -51,6 +72,7 @@ def test_along_the_normal_the_tissue_is_found_whatever_the_attitude(bench):
     node = estimator(bench, payload=payload)
     verdict = json.loads(bench.patiently("doctor", "--seconds", "7", "--json").stdout)
     assert not any(f["settings"] for f in verdict["findings"]), verdict
+    assert not any("turned" in f["what"] for f in verdict["findings"]), verdict
     assert verdict["parameters"]["stiffness"] == pytest.approx(0.5, rel=0.03)
     assert verdict["parameters"]["displacement_exponent"] == pytest.approx(1.5, rel=0.03)
 

@@ -21,6 +21,8 @@ from hc_bringup.place_delay import delay_setting
 from hc_bringup.reading_changes import change_lines
 from hc_bringup.service_calls import AGAIN_S, Client
 from hc_bringup.treated_samples import FORCE_LIMIT
+from hc_bringup.turn_watch import TurnWatch
+from hc_bringup.turning import turning_line
 from hc_estimator.ros.node_settings import OWN_SENSORS
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
@@ -83,6 +85,7 @@ def listen(node: str, seconds: float) -> Heard:
         heard.surface_std_mm = settings_of(graph, name, CONTACT_POSITION_STD).get("", 0.0)
         heard.force_limit_n = settings_of(graph, name, FORCE_LIMIT).get("", math.inf)
         heard.channel_delay = delay_setting(settings_of(graph, name, CHANNEL_DELAY).get("", "auto"))
+        turn = TurnWatch(graph, namespace, heard.settings)
         topic = SAMPLES if heard.settings.get("source") == "samples" else SAMPLE
         _subscribe_samples(graph, f"{namespace}/{topic}", samples)
         graph.node.create_subscription(
@@ -115,6 +118,8 @@ def listen(node: str, seconds: float) -> Heard:
         heard.findings.append(Finding(f"{name} tells no diagnostics: is it stopped or too busy?"))
     elif int.from_bytes(statuses[-1].level, "little") > 0:
         heard.findings.append(Finding(f"{NODE_SAYS}{statuses[-1].message}"))
+    if line := turning_line(turn.degrees):
+        heard.findings.append(Finding(line))
     if len(samples) < LEAST_SAMPLES:
         hidden = heard.settings.get("source") in OWN_SENSORS and not heard.settings.get(
             "publish_samples", True

@@ -269,6 +269,19 @@ def _check_as_read(sensors: Mapping[str, Any]) -> None:
             )
 
 
+def reads_samples(arguments: argparse.Namespace) -> bool:
+    """Whether of a bag the recorded samples are read, not the topics of its sensors.
+
+    Raises:
+        BagError: if it cannot be read.
+    """
+    from hc_logger.recording import has_samples
+
+    return {name for name, _value in arguments.sensors} <= set(OF_A_TABLE) and has_samples(
+        arguments.input
+    )
+
+
 def known_delay(arguments: argparse.Namespace, recording: Any) -> float | str:
     """Return by how much the force is late, as the estimator of a bag was told [s], or "auto"."""
     if any(name.endswith("time_offset") for name, _value in arguments.sensors):
