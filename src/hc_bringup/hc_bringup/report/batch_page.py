@@ -50,6 +50,7 @@ class _Sums:
     values: dict[str, list[list[float]]] = field(default_factory=dict)
     failures: collections.Counter[str] = field(default_factory=collections.Counter)
     rows: list[list[str]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     count: int = 0
     by_place: bool = False
 
@@ -113,6 +114,9 @@ def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
             _row(f"{number}  {done.name}{which}", one, done, with_variant=with_variant)
             for which, one in found
         ]
+        said = [done.result["reason"], *done.result["notes"]]
+        # Of a recording with places they are told once.
+        sums.notes += [""] * (len(found) - 1) + ["; ".join(filter(None, said))]
 
 
 def _found(done: Done) -> list[tuple[str, dict[str, Any]]]:
@@ -135,7 +139,7 @@ def _found(done: Done) -> list[tuple[str, dict[str, Any]]]:
 def _row(name: str, row: dict[str, Any], done: Done, *, with_variant: bool) -> list[str]:
     begin = [name, *([done.variant.label] if with_variant else [])]
     if done.result["reason"]:
-        return [*begin, *([""] * 8), "; ".join((done.result["reason"], *done.result["notes"]))]
+        return [*begin, *([""] * 8)]
     return [
         *begin,
         f"{row['duration']:.1f}",
@@ -143,7 +147,6 @@ def _row(name: str, row: dict[str, Any], done: Done, *, with_variant: bool) -> l
         *(_value(row[name], row[f"{name}_std"]) for name in PARAMETER_NAMES),
         f"{1e3 * row['force_predicted_rmse']:.3g}",
         f"{row['nis_mean']:.2f}",
-        "; ".join(done.result["notes"]),
     ]
 
 
@@ -219,13 +222,13 @@ def _reasons(sums: _Sums) -> str:
 
 def _recordings(sums: _Sums, *, with_variant: bool) -> str:
     head = ["recording", *(["variant"] if with_variant else []), "s", "contacts"]
-    head += ["K", "B", "n", "p", "force error [mN]", "NIS", "notes"]
+    head += ["K", "B", "n", "p", "force error [mN]", "NIS"]
     more = sums.count - len(sums.rows)
     table_of_all = "sites.csv" if sums.by_place else "recordings.csv"
     note = f"<p>and {more:,} more: {table_of_all} has all of them</p>" if more > 0 else ""
     return (
         '<section class="panel full"><h2>Recordings (± 2 standard deviations)</h2>'
-        f"{table(head, sums.rows, 'numbers batch')}{note}</section>"
+        f"{table(head, sums.rows, 'numbers batch', sums.notes)}{note}</section>"
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
+import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -83,15 +84,37 @@ def render(
     )
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[str]], css_class: str = "") -> str:
-    """Return a table; all cells are plain text."""
+def table(
+    head: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    css_class: str = "",
+    notes: Sequence[str] = (),
+) -> str:
+    """Return a table; all cells are plain text.
+
+    Args:
+        head: names of the columns.
+        rows: their cells.
+        css_class: of the table.
+        notes: what stands below each row, across all columns; nothing where it is empty.
+    """
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
 
+    def below(note: str) -> str:
+        if not note:
+            return ""
+        cell = f'<td colspan="{len(head)}"><div>{html.escape(note)}</div></td>'
+        return f'<tr class="note">{cell}</tr>'
+
+    lines = [
+        line(row, "td") + below(note)
+        for row, note in itertools.zip_longest(rows, notes, fillvalue="")
+    ]
     return (
         f'<div class="scroll"><table class="{html.escape(css_class)}"><thead>{line(head, "th")}'
-        f"</thead><tbody>{''.join(line(row, 'td') for row in rows)}</tbody></table></div>\n"
+        f"</thead><tbody>{''.join(lines)}</tbody></table></div>\n"
     )
 
 
