@@ -123,3 +123,25 @@ def test_a_joint_of_an_arm_may_turn_and_that_is_said(kind, names, joint, said):
     line = setup._turning_joint(recorded, joint)
     assert said in line
     assert bool(line) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "said"),
+    [
+        (np.zeros(500), "500 messages of /ft have 1 stamp: when each was measured"),
+        (np.floor(np.arange(5000) / 500.0), "5000 messages of /ft have 10 stamps: "),
+        (np.floor(np.arange(5000) / 4.0), ""),  # repeated until there is a new one
+        (np.empty(0), ""),  # told elsewhere
+    ],
+)
+def test_stamps_that_say_not_when_it_was_measured_are_told(stamps, said):
+    """Regression: "no time in common: compare their clocks", of a driver that stamps nothing."""
+    bad = VectorReadings(stamps, np.zeros((len(stamps), 3)), ("x", "y", "z"))
+    good = VectorReadings(np.arange(5000.0), np.zeros((5000, 3)), ("x", "y", "z"))
+    streams = [SimpleNamespace(name=name, topic=name, kind="wrench") for name in ("/ft", "/pose")]
+    recorded = Recorded(*streams, (bad, good), rest_s=None, turned_deg=0.0)
+    if not said:
+        setup._check_stamps(recorded)
+        return
+    with pytest.raises(UserError, match=said):
+        setup._check_stamps(recorded)

@@ -228,3 +228,14 @@ def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:
     text = run_text(summary)
     assert "0 estimates of 0 samples" in text
     assert "nan" not in text
+
+
+@pytest.mark.parametrize("age_s", [0.0003, 1.8e9])
+def test_the_age_of_stamps_of_a_simulation_is_no_latency(age_s: float) -> None:
+    """Regression: "p50 1000000000000000 us" of stamps that count from the start."""
+    state = state_after([0, 1, 2], samples=3)
+    for _ in range(10):
+        state.statistics.latency.add(round(age_s * 1e9))
+    summary = run_summary(state, None)
+    told = "of another clock" if age_s > 1.0 else "p50 "
+    assert f"stamp to estimate: {told}" in run_text(summary).replace("the stamps are ", "")

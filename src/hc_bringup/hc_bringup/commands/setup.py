@@ -20,6 +20,8 @@ ONE_GO_S = 15.0
 EFFORT_PAGE = "docs/teleoperation.md, on the estimator node"
 LARGEST_ZERO = 1e6
 """Of input.force.zero and input.position.zero (hc_estimator.ros.node_settings)."""
+MESSAGES_A_STAMP = 20
+"""More of them are not a reading that is repeated until there is a new one."""
 UNITS_TO_CHECK = "(force.scale, position.scale)"
 """Names that the diagnosis gives; a setup has options instead."""
 
@@ -156,6 +158,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 
     heartbeat.doing(FINDING)
+    _check_stamps(recorded)
     try:
         found = propose(*recorded.readings, rest_s=recorded.rest_s).rescaled(*scales)
     except SetupError as error:
@@ -210,6 +213,25 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     if CHANNEL_DELAY in corrections:
         offsets[CHANNEL_DELAY] = corrections[CHANNEL_DELAY]
     return found, offsets
+
+
+def _check_stamps(recorded: Any) -> None:
+    """See that messages say when they were measured.
+
+    Raises:
+        UserError: if most have the stamp of another one, or all have none.
+    """
+    for stream, readings in zip(
+        (recorded.force, recorded.position), recorded.readings, strict=False
+    ):
+        count, different = len(readings.time_s), len(set(readings.time_s.tolist()))
+        if count > MESSAGES_A_STAMP * different:
+            raise UserError(
+                f"{count} messages of {stream.name} have {different} stamp{'s'[: different > 1]}: "
+                "when each was measured has to stand in header.stamp, with its nanoseconds (hc "
+                f"topic echo {stream.topic} --field header.stamp); its driver has to be mended",
+                FAILURE,
+            )
 
 
 def _refuse_counts(found: Any) -> None:
