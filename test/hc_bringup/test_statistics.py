@@ -239,3 +239,17 @@ def test_the_age_of_stamps_of_a_simulation_is_no_latency(age_s: float) -> None:
     summary = run_summary(state, None)
     told = "of another clock" if age_s > 1.0 else "p50 "
     assert f"stamp to estimate: {told}" in run_text(summary).replace("the stamps are ", "")
+
+
+def test_how_well_the_surface_is_known_is_told_of_the_last_contact() -> None:
+    """Regression: K +- 0.5 %, and "contact begins at 0.0 +- 1.1 mm", after 5 s in the air."""
+    statistics = EstimateStatistics()
+    statistics.add(estimate(0, contact_position_std=1e-5, force_zero_std=0.02))
+    air = {"contact": False, "contact_position_std": 1e-3, "force_zero_std": 0.01}
+    statistics.add(estimate(1, **air))
+    zeros = statistics.zeros()
+    assert zeros["contact_position_std"] == pytest.approx(0.01)
+    assert zeros["force_zero_std"] == pytest.approx(0.01)  # in the air it is known better
+    # After a tare the contact before it says nothing of the new zero.
+    statistics.add(estimate(2, **air, configuration_revision=2))
+    assert statistics.zeros()["contact_position_std"] == pytest.approx(1.0)
