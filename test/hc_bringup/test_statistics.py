@@ -253,3 +253,14 @@ def test_how_well_the_surface_is_known_is_told_of_the_last_contact() -> None:
     # After a tare the contact before it says nothing of the new zero.
     statistics.add(estimate(2, **air, configuration_revision=2))
     assert statistics.zeros()["contact_position_std"] == pytest.approx(1.0)
+
+
+def test_a_force_before_the_first_displacement_is_no_fault_of_a_sensor() -> None:
+    """Regression: "rejected 1 not_finite" of a robot whose readings all were finite."""
+    state = state_after([0, 1, 2], samples=3)
+    assert "not_finite" not in run_text(run_summary(state, None))
+    state.statistics.rejected["not_finite"] = 1
+    said = run_text(run_summary(state, None))
+    assert (
+        "rejected 1 not_finite\nnot_finite: a reading that is no finite number, or a force" in said
+    )

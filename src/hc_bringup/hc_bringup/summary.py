@@ -203,6 +203,9 @@ def millinewton(force_n: float) -> str:
     return f"{1e3 * force_n:.1f} mN" if abs(force_n) >= 1e-3 else f"{1e3 * force_n:.2g} mN"
 
 
+_REJECTED = {
+    "not_finite": "a reading that is no finite number, or a force before the first displacement",
+}
 _LEFT_OUT = {
     "skipped": "skipped, for more than input.maximum_backlog waited: the computer was too busy "
     "(hc run --realtime, fewer programs, or a larger backlog)",
@@ -221,6 +224,11 @@ def run_text(summary: dict[str, Any]) -> str:
     lines = [
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
+    ]
+    lines += [
+        f"{reason}: {meaning}"
+        for reason, meaning in _REJECTED.items()
+        if summary["rejected"].get(reason)
     ]
     if summary["not_seen"]:
         lines.append(
