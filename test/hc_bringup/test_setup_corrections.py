@@ -106,6 +106,16 @@ def test_the_units_that_are_to_be_checked_are_named_as_options_of_setup(monkeypa
     assert "check the units of both (--force-scale, --position-scale)" in capsys.readouterr().out
 
 
+def test_a_unit_that_was_guessed_is_said_to_be_a_guess(monkeypatch, capsys):
+    """Regression: of 6,200 counts per newton K came out six times too large, "(allowed for)"."""
+    judged(monkeypatch, Finding("would be in millinewtons", {"force.scale": 0.001}))
+    said = capsys.readouterr().out
+    assert "would be in millinewtons (allowed for)\nthat unit is a guess" in said
+    assert "begin again with --force-scale\n" in said
+    judged(monkeypatch, Finding("it is late", {"force.time_offset": 0.01}))
+    assert "guess" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("kind", "names", "joint", "said"),
     [

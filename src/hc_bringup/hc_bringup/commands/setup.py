@@ -192,6 +192,12 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
             allowed = finding.settings and not (effort and late)
             what = finding.what.replace(UNITS_TO_CHECK, "(--force-scale, --position-scale)")
             say(f"{what}{' (allowed for)' if allowed else ''}")
+            if scaled := [n for n in finding.settings if n.endswith(".scale")]:
+                options = " and ".join(f"--{n.replace('.', '-')}" for n in scaled)
+                say(
+                    f"that unit is a guess, and K is as wrong as it is: of another one, or of a "
+                    f"converter's counts, begin again with {options}"
+                )
     for note in found.notes:
         say(note)
     if line := _turning_joint(recorded, found.position.joint):
