@@ -112,6 +112,25 @@ def _is_eligible(row: Any, clock: float, steadiest: float, likeliest: float) -> 
 
 
 @compiled
+def explains(judge: Any, rows: Any, m: int, clock: float, steadiest: float) -> bool:
+    """True for a row that may be true for all that was felt, whoever is chosen.
+
+    Args:
+        judge: record of the judge.
+        rows: the hypotheses.
+        m: index of the row.
+        clock: contact clock [s].
+        steadiest: what `steadiest_nis` says.
+    """
+    row = rows[m]
+    if row.model_error > 0.0 or not counts(row, clock):
+        return False
+    if stands_by(judge, m) and not _is_steady(row, clock):
+        return False
+    return bool(row.recent_nis <= CONSISTENT * steadiest)
+
+
+@compiled
 def _still_learns(row: Any) -> bool:
     """True if the row predicts no worse than it says itself, for it knows little yet.
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import copy_vector
-from hc_estimator.multiple_model import reserve
+from hc_estimator.linear_algebra import clear_matrix, copy_vector
+from hc_estimator.multiple_model import reserve, spread
 from hc_estimator.multiple_model.choice import (
     CONSISTENT,
     MEMORY,
@@ -31,6 +31,7 @@ from hc_estimator.multiple_model.choice import (
     trusted_motion,
 )
 from hc_estimator.multiple_model.hypotheses import (
+    COUNTS,
     DEPTH,
     DRIVES,
     EXPONENT,
@@ -67,6 +68,7 @@ def reset(judge: Any) -> None:
     judge.weight = 0.0
     judge.known = 0.0
     judge.varying = 0
+    clear_matrix(judge.spread)
     judge.found = 0
     judge.needed_time = 0.0
     judge.unneeded_time = 0.0
@@ -104,11 +106,10 @@ def _write(judge: Any, rows: Any, slot: int) -> None:
         if SURFACE[m]:
             said[4] = row.state[OWN]
             said[5] = row.state[OWN + 1]
-            said[6] = _shrunk(row, 2)
         else:
             said[4] = _shrunk(row, 0)
             said[5] = _shrunk(row, 1)
-            said[6] = 0.0
+        said[6] = _shrunk(row, 2)
 
 
 @compiled
@@ -136,12 +137,12 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
     if SURFACE[m]:
         depth -= said[4] + ahead * said[5]
         velocity -= said[5]
-        k = said[0] + ahead * DRIVES[m, 2, 0] * said[6]
-        b = said[1] + ahead * DRIVES[m, 2, 1] * said[6]
-        return force_of(settings, depth, velocity, k, b, said[2], said[3])
-    k = said[0] + ahead * (DRIVES[m, 0, 0] * said[4] + DRIVES[m, 1, 0] * said[5])
-    b = said[1] + ahead * (DRIVES[m, 0, 1] * said[4] + DRIVES[m, 1, 1] * said[5])
-    n = said[2] + ahead * (DRIVES[m, 0, 2] * said[4] + DRIVES[m, 1, 2] * said[5])
+    k, b, n = said[0], said[1], said[2]
+    for own in range(2 if SURFACE[m] else 0, COUNTS[m] - OWN):
+        gone = ahead * said[4 + own]
+        k += DRIVES[m, own, 0] * gone
+        b += DRIVES[m, own, 1] * gone
+        n += DRIVES[m, own, 2] * gone
     return force_of(settings, depth, velocity, k, b, n, said[3])
 
 
@@ -221,6 +222,7 @@ def learn(settings: Any, bank: Any) -> None:
             judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
         reserve.review(settings, bank)
+        spread.find(judge, rows, clock)
     judge.waited = 0.0
 
 
@@ -289,5 +291,6 @@ def give_to_all(judge: Any, rows: Any, clock: float) -> None:
             copy_vector(judge.said[slot, FRESH], judge.said[slot, m])
     judge.chosen = 0
     judge.varying = 0
+    clear_matrix(judge.spread)
     judge.found = 0
     judge.weight = 0.0

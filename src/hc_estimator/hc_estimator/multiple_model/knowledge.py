@@ -15,12 +15,10 @@ from hc_estimator.multiple_model.hypotheses import (
     ACCELERATION,
     DEPTH,
     FIRST_PARAMETER,
-    FITTED,
     FRESH,
     LAST_PARAMETER,
     VELOCITY,
 )
-from hc_estimator.multiple_model.report import VARIED_FOR
 
 _ROW = [DEPTH, VELOCITY, ACCELERATION, *range(FIRST_PARAMETER, LAST_PARAMETER)]
 """Where a row of the bank has the states of a plain filter, in their order."""
@@ -41,12 +39,8 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
     by_delay = np.array(row["by_delay"])[_ROW]
     by_delay[:_FIRST_OF_TISSUE] = 0.0
     covariance += memory["delay"]["doubt"] * np.outer(by_delay, by_delay)
-    since = memory["tool"]["contact_clock"] - judge["varied_at"]
-    if place <= FITTED and judge["varying"] > 0 and since < VARIED_FOR:
-        other = memory["rows"][judge["varying"]]
-        spread = (np.array(other["state"]) - np.array(row["state"]))[_ROW]
-        spread[:_FIRST_OF_TISSUE] = 0.0
-        covariance += np.outer(spread, spread)
+    if row["index"] == judge["chosen"]:
+        covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += judge["spread"]
     for open_of in (memory["zeros"]["doubt"], memory["place"]["open"]):
         covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += open_of
     state = np.array(row["state"])[_ROW]

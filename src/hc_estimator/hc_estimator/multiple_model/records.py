@@ -103,6 +103,8 @@ JUDGE = record_type(
         # Row with a tissue that varies which was chosen last; 0: none.
         Field("varying", np.int64, (), 0, ROW_COUNT - 1),
         Field("varied_at", np.float64, ()),  # contact clock then [s]
+        # Covariance of ln K, ln B, n and p that other rows leave open.
+        Field("spread", np.float64, (4, 4)),
         # In contact for which constant tissue has not done, and has done [s].
         Field("needed_time", np.float64, (), 0.0),
         Field("unneeded_time", np.float64, (), 0.0),

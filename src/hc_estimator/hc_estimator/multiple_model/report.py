@@ -18,7 +18,6 @@ from hc_estimator.multiple_model import levels, plausible, readings, zero_doubt
 from hc_estimator.multiple_model.hypotheses import (
     CODES,
     DEPTH,
-    FITTED,
     FRESH,
     LOG_STIFFNESS,
     OWN,
@@ -30,8 +29,6 @@ from hc_estimator.multiple_model.kalman import depth_of, force_of_row, log_speed
 from hc_estimator.multiple_model.rows import is_held, prior_deviation
 from hc_estimator.report import clear_row, write_fixed_parameters
 from hc_estimator.screening import ACCEPTED, OUTLIER
-
-VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 
 
 @compiled
@@ -120,9 +117,8 @@ def write_row(settings: Any, bank: Any, rejected: int, out: NDArray[np.float64])
     log_speed = log_speed_of(row, levels.log_usual_speed(bank.tool))
     if log_speed > levels.UNBENT:  # what is known of K and B together is bent
         zero_doubt.add_along(levels.bend_variance(row, log_speed), (1.0, 1.0, 0.0, 0.0), out)
-    since_varying = bank.tool.contact_clock - bank.judge.varied_at
-    if row.index <= FITTED and bank.judge.varying > 0 and since_varying < VARIED_FOR:
-        _add_spread(row, bank.rows[bank.judge.varying], out)
+    if row.index == bank.judge.chosen:
+        zero_doubt.add_joint(bank.judge.spread, out)
     zero_doubt.add(settings, bank, row, out)
     _clear_held(settings, out)
     _write_identifiability(settings, out)
@@ -175,18 +171,6 @@ def _write_identifiability(settings: Any, out: NDArray[np.float64]) -> None:
         if prior > 0.0 and slope > 0.0:
             share = 1.0 - out[columns.COVARIANCE + 5 * i] / slope / slope / prior
         out[columns.IDENTIFIABILITY + i] = min(max(share, 0.0), 1.0)
-
-
-@compiled
-def _add_spread(row: Any, other: Any, out: NDArray[np.float64]) -> None:
-    """Add the spread between two hypotheses to the covariance (Bar-Shalom et al. 2001, 11.6).
-
-    Between two inclusions constant tissue explains the force again, and a row of constant tissue is
-    very sure of itself; that the tissue varies is not forgotten with it.
-    """
-    a, b, k = other.state, row.state, LOG_STIFFNESS
-    way = (a[k] - b[k], a[k + 1] - b[k + 1], a[k + 2] - b[k + 2], a[k + 3] - b[k + 3])
-    zero_doubt.add_along(1.0, way, out)
 
 
 @compiled

@@ -64,8 +64,8 @@ def add(settings: Any, bank: Any, row: Any, out: NDArray[np.float64]) -> None:
         row: whose estimate is given out.
         out: row of numbers; its covariance is changed.
     """
-    _add_joint(bank.zeros.doubt, out)
-    _add_joint(bank.place.open, out)
+    add_joint(bank.zeros.doubt, out)
+    add_joint(bank.place.open, out)
     if bank.zeros.unknown != NONE:
         return
     exponent, depth = row.state[EXPONENT], max(bank.tool.deepest, SHALLOWEST)
@@ -141,7 +141,7 @@ def add_along(
 
 
 @compiled
-def _add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
+def add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
     """Add what both zeros leave open of ln K, ln B, n and p (`zero_fit`)."""
     for i in range(4):
         first = out[columns.PARAMETERS + i] if i < 2 else 1.0
