@@ -228,3 +228,39 @@ def test_summary_of_a_run_without_any_estimate_is_valid_json_and_text() -> None:
     text = run_text(summary)
     assert "0 estimates of 0 samples" in text
     assert "nan" not in text
+
+
+@pytest.mark.parametrize("age_s", [0.0003, 1.8e9])
+def test_the_age_of_stamps_of_a_simulation_is_no_latency(age_s: float) -> None:
+    """Regression: "p50 1000000000000000 us" of stamps that count from the start."""
+    state = state_after([0, 1, 2], samples=3)
+    for _ in range(10):
+        state.statistics.latency.add(round(age_s * 1e9))
+    summary = run_summary(state, None)
+    told = "of another clock" if age_s > 1.0 else "p50 "
+    assert f"stamp to estimate: {told}" in run_text(summary).replace("the stamps are ", "")
+
+
+def test_how_well_the_surface_is_known_is_told_of_the_last_contact() -> None:
+    """Regression: K +- 0.5 %, and "contact begins at 0.0 +- 1.1 mm", after 5 s in the air."""
+    statistics = EstimateStatistics()
+    statistics.add(estimate(0, contact_position_std=1e-5, force_zero_std=0.02))
+    air = {"contact": False, "contact_position_std": 1e-3, "force_zero_std": 0.01}
+    statistics.add(estimate(1, **air))
+    zeros = statistics.zeros()
+    assert zeros["contact_position_std"] == pytest.approx(0.01)
+    assert zeros["force_zero_std"] == pytest.approx(0.01)  # in the air it is known better
+    # After a tare the contact before it says nothing of the new zero.
+    statistics.add(estimate(2, **air, configuration_revision=2))
+    assert statistics.zeros()["contact_position_std"] == pytest.approx(1.0)
+
+
+def test_a_force_before_the_first_displacement_is_no_fault_of_a_sensor() -> None:
+    """Regression: "rejected 1 not_finite" of a robot whose readings all were finite."""
+    state = state_after([0, 1, 2], samples=3)
+    assert "not_finite" not in run_text(run_summary(state, None))
+    state.statistics.rejected["not_finite"] = 1
+    said = run_text(run_summary(state, None))
+    assert (
+        "rejected 1 not_finite\nnot_finite: a reading that is no finite number, or a force" in said
+    )

@@ -46,6 +46,8 @@ def test_stamps_of_another_machine_s_clock_are_taken_as_they_are():
         ((-9, -4), True, ""),
         ((7200_000, 7200_400), True, "samples are 7200 s old when they are used"),
         ((7200_000, 7200_400), False, ""),  # a bag
+        # Regression: of a simulation they were "1795770749 s old", of clocks that differ.
+        ((1_795_770_749_000, 1_795_770_749_400), True, "use_sim_time: true"),
         ((1300, 40, 2), True, ""),  # a node that stood still
         ((), True, ""),
     ],

@@ -96,6 +96,7 @@ class EstimateStatistics:
     touch: DeepestTouch = field(default_factory=DeepestTouch)
     first_sequence: int | None = None
     force_n: float = math.nan
+    _latest_touch: Any = None  # the last estimate in contact
     _first_contact_s: float = math.nan
     _last_sequence: int = -1
     _force_error_square_sum: float = 0.0
@@ -133,6 +134,7 @@ class EstimateStatistics:
         self.changes += message.change_detected
         self.mismatch += message.model_mismatch
         if message.contact:
+            self._latest_touch = message
             self.touch.add(depth_mm, revision)
             if math.isnan(self._first_contact_s):
                 self._first_contact_s = stamp_s
@@ -180,8 +182,16 @@ class EstimateStatistics:
         return _field(self.latest, "channel_delay"), _field(self.latest, "channel_delay_std")
 
     def zeros(self) -> dict[str, float]:
-        """Return contact position [mm] and force zero [N] with standard deviations by name."""
-        return Zeros.from_message(functools.partial(_field, self.latest))._asdict()
+        """Return contact position [mm] and force zero [N] with standard deviations by name.
+
+        The position is that of the last contact, of which the parameters are: with the time in the
+        air it says less and less about where the next contact begins.
+        """
+        zeros = Zeros.from_message(functools.partial(_field, self.latest))
+        touch = self._latest_touch
+        if touch is not None and touch.configuration_revision == self.latest.configuration_revision:
+            zeros = zeros.at(Zeros.from_message(functools.partial(_field, touch)))
+        return zeros._asdict()
 
     def parameters(self) -> dict[str, float]:
         """Return the latest K, B, n, p by name."""

@@ -26,6 +26,8 @@ _WARNED = {check.value for check in Check} - _UNUSABLE.keys() - {Check.CLOCK.val
 """Those whose failure is a warning as long as the law fits all the same."""
 OPEN_DELAY_S = 0.005
 """Deviation beyond which it cannot be said that there is no delay: B would be wrong by much."""
+NO_LATENCY_US = 1e9
+"""What is so old does not come late: its stamps are of a simulation, or of a recording."""
 MISFIT_SHARE = 0.5
 """Of the samples: where the law does not fit in more of them, what is doubted has spoilt it."""
 
@@ -201,6 +203,9 @@ def millinewton(force_n: float) -> str:
     return f"{1e3 * force_n:.1f} mN" if abs(force_n) >= 1e-3 else f"{1e3 * force_n:.2g} mN"
 
 
+_REJECTED = {
+    "not_finite": "a reading that is no finite number, or a force before the first displacement",
+}
 _LEFT_OUT = {
     "skipped": "skipped, for more than input.maximum_backlog waited: the computer was too busy "
     "(hc run --realtime, fewer programs, or a larger backlog)",
@@ -220,6 +225,11 @@ def run_text(summary: dict[str, Any]) -> str:
         f"{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
+    lines += [
+        f"{reason}: {meaning}"
+        for reason, meaning in _REJECTED.items()
+        if summary["rejected"].get(reason)
+    ]
     if summary["not_seen"]:
         lines.append(
             f"{summary['not_seen']} more estimates were made while this display stood still: they "
@@ -235,6 +245,8 @@ def run_text(summary: dict[str, Any]) -> str:
         lines.append(
             f"stamp to estimate: p50 {latency['p50']:.0f} us, p99 {latency['p99']:.0f} us, "
             f"max {latency['max']:.0f} us"
+            if latency["p50"] < NO_LATENCY_US
+            else "stamp to estimate: the stamps are of another clock"
         )
     lines += [f"what cannot be right: {s}" for s in summary["suspicions"].values()]
     if summary["suspicions"]:

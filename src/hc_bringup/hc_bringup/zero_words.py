@@ -26,6 +26,12 @@ class Zeros(NamedTuple):
         position, position_std, force, force_std = (float(field(name)) for name in cls._fields)
         return cls(METRE_IN_MM * position, METRE_IN_MM * position_std, force, force_std)
 
+    def at(self, touch: Zeros) -> Zeros:
+        """Return these with the contact position of another moment."""
+        return self._replace(
+            contact_position=touch.contact_position, contact_position_std=touch.contact_position_std
+        )
+
     @property
     def words(self) -> str:
         """What was found, or how well those given are known; empty where neither is said."""

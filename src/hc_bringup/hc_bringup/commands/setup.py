@@ -18,6 +18,12 @@ COMPILES = True
 HEARTBEAT = True
 ONE_GO_S = 15.0
 EFFORT_PAGE = "docs/teleoperation.md, on the estimator node"
+LARGEST_ZERO = 1e6
+"""Of input.force.zero and input.position.zero (hc_estimator.ros.node_settings)."""
+MESSAGES_A_STAMP = 20
+"""More of them are not a reading that is repeated until there is a new one."""
+UNITS_TO_CHECK = "(force.scale, position.scale)"
+"""Names that the diagnosis gives; a setup has options instead."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -152,6 +158,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 
     heartbeat.doing(FINDING)
+    _check_stamps(recorded)
     try:
         found = propose(*recorded.readings, rest_s=recorded.rest_s).rescaled(*scales)
     except SetupError as error:
@@ -172,6 +179,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     ).corrected(corrections.get("force.zero", 0.0), corrections.get("position.zero", 0.0))
     if diagnosis.surface_std_mm > 0.0:
         found = found.with_surface_known_to(diagnosis.surface_std_mm)
+    _refuse_counts(found)
     if FORCE_LIMIT in corrections:
         found = found._replace(force_limit=corrections[FORCE_LIMIT])
     effort = recorded.force.kind == "effort"
@@ -182,9 +190,18 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
         if not _are_zeros(finding.settings):  # those are told above
             late = any("time_offset" in name or "delay" in name for name in finding.settings)
             allowed = finding.settings and not (effort and late)
-            say(f"{finding.what}{' (allowed for)' if allowed else ''}")
+            what = finding.what.replace(UNITS_TO_CHECK, "(--force-scale, --position-scale)")
+            say(f"{what}{' (allowed for)' if allowed else ''}")
+            if scaled := [n for n in finding.settings if n.endswith(".scale")]:
+                options = " and ".join(f"--{n.replace('.', '-')}" for n in scaled)
+                say(
+                    f"that unit is a guess, and K is as wrong as it is: of another one, or of a "
+                    f"converter's counts, begin again with {options}"
+                )
     for note in found.notes:
         say(note)
+    if line := _turning_joint(recorded, found.position.joint):
+        say(line)
     if line := turning_line(recorded.turned_deg):
         say(line)
     say("\n".join(estimate_lines(diagnosis)))
@@ -202,6 +219,59 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     if CHANNEL_DELAY in corrections:
         offsets[CHANNEL_DELAY] = corrections[CHANNEL_DELAY]
     return found, offsets
+
+
+def _check_stamps(recorded: Any) -> None:
+    """See that messages say when they were measured.
+
+    Raises:
+        UserError: if most have the stamp of another one, or all have none.
+    """
+    for stream, readings in zip(
+        (recorded.force, recorded.position), recorded.readings, strict=False
+    ):
+        count, different = len(readings.time_s), len(set(readings.time_s.tolist()))
+        if count > MESSAGES_A_STAMP * different:
+            raise UserError(
+                f"{count} messages of {stream.name} have {different} stamp{'s'[: different > 1]}: "
+                "when each was measured has to stand in header.stamp, with its nanoseconds (hc "
+                f"topic echo {stream.topic} --field header.stamp); its driver has to be mended",
+                FAILURE,
+            )
+
+
+def _refuse_counts(found: Any) -> None:
+    """Refuse zeros that no parameter of a zero takes.
+
+    Raises:
+        UserError: if one is beyond: the file written would be refused by the estimator.
+    """
+    for name, zero, unit, one in (
+        ("force", found.force.zero, "N", "newtons"),
+        ("position", found.position.zero, "mm", "metres"),
+    ):
+        if abs(zero) > LARGEST_ZERO:
+            raise UserError(
+                f"the zero of the {name} would be {zero:.3g} {unit}: it does not read {one} but "
+                f"counts, say; --{name}-scale takes the {one} that one of them stands for (of a "
+                "million counts each: 1e-6), as the sensor's calibration tells",
+                FAILURE,
+            )
+
+
+def _turning_joint(recorded: Any, joint: str) -> str:
+    """Say of one joint of an arm what it is taken for: JointState tells no unit."""
+    if not joint or len(recorded.readings[1].names) < 2:
+        return ""
+    taken_for, turns, publish = "metres", "radians", "pose"
+    if recorded.force.kind == "effort":
+        taken_for, turns = "metres and newtons", "radians and newton metres"
+        publish = "pose and a WrenchStamped"
+    return (
+        f"joint {joint} is taken for one that slides ({taken_for}): of one that turns these are "
+        f"{turns}, and K, B, n and p mean nothing; then let the arm's driver publish the tool's "
+        f"{publish}, or its frames on /tf"
+    )
 
 
 def _tell(stream: Any, found: Any, unit: str) -> None:

@@ -11,6 +11,8 @@ AHEAD_NS: Final = 10_000_000
 """Clocks that a time server holds differ by less, and nothing here minds so much."""
 OLD_NS: Final = 1_000_000_000
 """What is so old when it is used is not of now: clocks that differ, or a recording."""
+SINCE_START_NS: Final = 10 * 365 * 86_400 * 1_000_000_000
+"""No clock of a computer is so late: such stamps count from a start, not from 1970."""
 STEADY_NS: Final = 300_000_000
 """Clocks that differ do so by the same from one look to the next."""
 PACE: Final = 0.05
@@ -73,6 +75,12 @@ class StampWatch:
             )
         elif most_ns < -AHEAD_NS:
             said = f"samples are stamped {_seconds(-most_ns)} in the future: {_DIFFER}"
+        elif least_ns > SINCE_START_NS and live:
+            said = (
+                "samples are stamped as of 1970: their times count from the start of a simulation "
+                "(use_sim_time: true for the estimator, where /clock is published) or of a device "
+                "(its driver has to stamp by the computer's clock)"
+            )
         elif least_ns > OLD_NS and live:
             steady = before_ns is None or abs(least_ns - before_ns) < STEADY_NS
             said = f"samples are {_seconds(least_ns)} old when they are used: " + (
