@@ -173,3 +173,61 @@ def test_a_change_that_a_reading_held_back_shows_is_told(seed, plant):
     assert told.size == 1
     assert changed < told[0] < changed + 0.6
     assert series.parameters[-1, 0] == pytest.approx(after[0], rel=0.02)
+
+
+@pytest.mark.parametrize("halved", ["displacement", "force", "now and then both"])
+@pytest.mark.parametrize("late_samples", [8, -8])
+def test_a_reading_counts_once_whether_it_comes_in_a_pair_or_alone(late_samples, halved, plant):
+    """Regression of 2026-11-27: pairs and single readings by turns, the held reading used twice.
+
+    At every change from a pair to a single reading: its noise was called a half of what it is, and
+    the law was told not to fit. Put in step beforehand, the same readings say what each may count.
+    """
+    count, rate = 4000, 512.0
+    time = np.arange(count + abs(late_samples)) / rate
+    motion = plant.motion(time[:count])
+    readings = plant.noisy(motion[0], plant.force(*motion, *TISSUE), seed=5)
+    number = np.arange(count)
+    if halved == "now and then both":
+        readings[0][number % 11 == 5], readings[1][number % 11 == 8] = np.nan, np.nan
+    else:
+        readings[0 if halved == "displacement" else 1][1::2] = np.nan
+    in_step = hc.create_estimator("self_tuning_ukf", missing_readings=True, channel_delay=0.0)
+    expected = in_step.run(time[:count], *readings)
+    shifted = np.full((2, time.size), np.nan)
+    for i, late_by in enumerate((-late_samples, late_samples)):
+        begin = max(late_by, 0)
+        shifted[i, begin : begin + count] = readings[i]
+    there = np.isfinite(shifted).any(axis=0)
+    estimator = hc.create_estimator(
+        "self_tuning_ukf", missing_readings=True, channel_delay=late_samples / rate
+    )
+    series = estimator.run(time[there], *shifted[:, there])
+    np.testing.assert_allclose(series.parameters_std[-1], expected.parameters_std[-1], rtol=0.1)
+    assert np.all(np.abs(series.parameters[-1] - TISSUE) < 4.0 * series.parameters_std[-1])
+    for noise in ("displacement_noise_std", "force_noise_std"):
+        said, alike = getattr(series, noise)[-1], getattr(expected, noise)[-1]
+        assert said == pytest.approx(alike, rel=0.05)
+    assert not series.model_mismatch.any()
+
+
+@pytest.mark.parametrize("gap", [1.0, 5.0])
+@pytest.mark.parametrize("delay", [-0.031, 0.031])
+def test_readings_that_come_alone_begin_anew_after_a_gap(delay, gap, plant):
+    """Regression of 2026-11-27: where the force is late, the motion was foretold across the gap.
+
+    The displacement that came first was held back, and that the motion begins anew was forgotten
+    with it: 400,000 times the largest force was foretold, and K was called 10^7 times as large.
+    """
+    time, d, force = late(plant, delay, seconds=16.0)
+    d[1::2], force[::2] = np.nan, np.nan
+    there = (time < 9.0) | (time >= 9.0 + gap)
+    time, d, force = time[there], d[there], force[there]
+    estimator = hc.create_estimator("self_tuning_ukf", missing_readings=True, channel_delay=delay)
+    series = estimator.run(time, d, force)
+    after = time >= 9.0 + gap
+    assert np.abs(series.force_predicted[after]).max() < 1.2 * np.nanmax(force)
+    error = np.abs(series.parameters[after, 0] - TISSUE[0])
+    assert np.all(error < 4.0 * series.parameters_std[after, 0])
+    assert not series.change_detected.any()
+    assert not series.model_mismatch[after].any()

@@ -92,7 +92,7 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     anew = clock.restart != 0 or bank.motion_anew != 0
     # Where another delay is used from now on, a place may lie before the last one.
     clock.force_elapsed = clock.period if anew else max(place - clock.force_time, 0.0)
-    if anew and math.isnan(readings.last_displacement(bank)):
+    if anew and not _is_placed(bank, place):
         # As long as nobody knows where the tool is, a force says nothing.
         bank.motion_anew = 1
         report.foretell(settings, bank)
@@ -120,6 +120,17 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
     beginning.recover(settings, bank, time, decision)
     bank.change.detected = max(bank.change.detected, found)
     return decision
+
+
+@compiled
+def _is_placed(bank: Any, place: float) -> bool:
+    """True if a motion can begin at a place [s]: where the tool was is known by then.
+
+    What is held back comes after a force that is late.
+    """
+    if math.isnan(readings.last_displacement(bank)):
+        return False
+    return bank.clock.present[0] != 0 or readings.since_displacement(bank, place) >= 0.0
 
 
 @compiled
