@@ -128,7 +128,9 @@ def test_the_height_stays_where_no_zeros_are_looked_for():
     assert np.count_nonzero(series.change_detected) == 2
 
 
-@pytest.mark.parametrize(("motion", "seed"), [("press", 6), ("press", 37), ("press_relaxing", 49)])
+@pytest.mark.parametrize(
+    ("motion", "seed"), [("press", 6), ("press", 37), ("press_hold", 16), ("press_relaxing", 49)]
+)
 def test_what_no_law_fits_is_no_other_tissue(motion, seed):
     """Regression of 2026-11-27: called a change, where the law had fitted no two contacts in a row.
 

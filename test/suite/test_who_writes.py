@@ -113,6 +113,7 @@ OWNERS = {
 }
 GUESTS = {
     "multiple_model/alignment": {
+        "bank": "motion_anew",
         "change": "detected",
         "delay": "delay deviation doubt",
         "judge": "chosen",

@@ -4,8 +4,7 @@ The channel that is ahead is held back by the delay in use, found by `delay` or 
 stands in the displacement's time: a force of stamp t belongs to the displacement of t - delay. With
 samples that hold both readings the held reading nearest in time goes with the present one; what is
 left between them is a small offset that the measurement function takes into account. Readings that
-come alone, and held ones that none goes with, are used alone, each at its own place in time, in
-order. Each counts once.
+come alone are used alone, each at its own place in time, in order.
 """
 
 from __future__ import annotations
@@ -37,7 +36,6 @@ from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
 
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
-NEAR = 0.75  # of the time between two samples, within which a held reading goes with a time
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -59,6 +57,7 @@ def reset(settings: Any, bank: Any) -> None:
     delays.reset(bank.delay)
     bank.held.count = 0
     bank.held.first = 0
+    bank.held.used = 0
     take_setting(settings, bank)
 
 
@@ -109,25 +108,23 @@ def _use_pair(settings: Any, bank: Any, time: float) -> int:
     ahead = 0 if delay > 0.0 else 1
     _hold(held, time, clock.measurement[ahead])
     wanted = time - abs(delay)
-    near = NEAR * (clock.period if clock.period > 0.0 else clock.elapsed)
-    _use_waiting(settings, bank, time, _nearest(held, wanted, near))
-    slot = held.first % HELD
-    waits = held.time[slot] > wanted + near
-    if waits:
+    # After lost readings a force that is held would put the state ahead of the next displacement.
+    near = clock.period if ahead == 1 and clock.period > 0.0 else clock.elapsed
+    slot = _nearest(held, wanted, near)
+    if slot < 0:
         clock.present[ahead] = 0
-        clock.channel_time[ahead] = time
         partner = wanted
     else:
         partner = held.time[slot]
         clock.measurement[ahead] = held.value[slot]
-        held.first += 1
+        held.used = held.first + 1
     # The state stands where the force belongs.
     if ahead == 0:
         place = wanted
         clock.offset = partner - place
         extrapolated = 0.0
     else:
-        place = time if waits else partner + abs(delay)
+        place = partner + abs(delay) if slot >= 0 else time
         clock.offset = time - place
         extrapolated = time + abs(delay) - place
     return _use_at(settings, bank, time, place, extrapolated)
@@ -147,60 +144,39 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     """Use a reading that comes alone, after those held back whose place lies before it."""
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
     ahead = 0 if delay > 0.0 else 1
+    arrived = 0 if clock.present[0] != 0 else 1
+    reading = clock.measurement[arrived] + bank.onset.zero[arrived]  # the zeros may move meanwhile
     now = time - max(delay, 0.0)
-    until = held.first
-    while until < held.count and _place_of(bank, until) <= now:
-        until += 1
-    decision = _use_waiting(settings, bank, time, until)
-    if clock.present[ahead] != 0:
-        _hold(held, time, clock.measurement[ahead])
-        if clock.restart != 0:  # across a gap nothing is foretold
+    restart = clock.restart
+    held.first = max(held.first, held.used)  # with the other one's, in a pair
+    stamp = clock.channel_time[ahead]
+    decision = ACCEPTED
+    while held.first < held.count:
+        slot = held.first % HELD
+        place = held.time[slot] + (0.0 if ahead == 0 else abs(delay))
+        if place > now:
+            break
+        held.first += 1
+        clock.present[ahead] = 1
+        clock.present[1 - ahead] = 0
+        clock.measurement[ahead] = held.value[slot]
+        clock.restart = restart
+        restart = 0
+        decision = _use_at(settings, bank, time, place, 0.0)
+    clock.channel_time[ahead] = stamp  # what was held came before this sample
+    clock.present[arrived] = 1
+    clock.present[1 - arrived] = 0
+    reading -= bank.onset.zero[arrived]
+    clock.measurement[arrived] = reading
+    if arrived == ahead:
+        _hold(held, time, reading)
+        if restart != 0:  # across a gap nothing is foretold
             bank.motion_anew = 1
             clock.state_time = now
         sample.note_held(bank, time)
         return decision
+    clock.restart = restart
     return _use_at(settings, bank, time, now, 0.0)
-
-
-@compiled
-def _place_of(bank: Any, number: int) -> float:
-    """Where a held reading belongs in the displacement's time [s]."""
-    return bank.held.time[number % HELD] + max(-bank.delay.delay, 0.0)  # type: ignore[no-any-return]
-
-
-@compiled
-def _use_waiting(settings: Any, bank: Any, time: float, until: int) -> int:
-    """Use the held readings up to one alone; what is in bank.clock is the sample's own afterwards.
-
-    Args:
-        settings: settings record.
-        bank: changed.
-        time: stamp of the sample [s].
-        until: number of the first that is not used.
-    """
-    clock, held, decision = bank.clock, bank.held, ACCEPTED
-    if held.first >= until:
-        return decision
-    ahead = 0 if bank.delay.delay > 0.0 else 1
-    stamp = clock.channel_time[ahead]
-    present = (clock.present[0], clock.present[1])
-    readings = (
-        clock.measurement[0] + bank.onset.zero[0],
-        clock.measurement[1] + bank.onset.zero[1],
-    )
-    while held.first < until:
-        number = held.first
-        held.first += 1
-        clock.present[ahead] = 1
-        clock.present[1 - ahead] = 0
-        clock.measurement[ahead] = held.value[number % HELD]
-        decision = _use_at(settings, bank, time, _place_of(bank, number), 0.0)
-        clock.restart = 0
-    clock.channel_time[ahead] = stamp  # what was held came before this sample
-    for i in range(2):
-        clock.present[i] = present[i]
-        clock.measurement[i] = readings[i] - bank.onset.zero[i]  # the zeros may have moved
-    return decision
 
 
 @compiled
@@ -213,19 +189,24 @@ def _hold(held: Any, time: float, reading: float) -> None:
 
 
 @compiled
-def _nearest(held: Any, wanted: float, near: float) -> int:
-    """Number of the held reading that goes with a time [s]: the nearest, or the one that waits.
+def _nearest(held: Any, wanted: float, period: float) -> int:
+    """Slot of the held reading nearest to a time, the ones before it given up; -1 if none is near.
 
-    The next one is preferred as long as it is not far off, so that jitter of the stamps leaves out
-    none. The newest is held by now, so that there is one.
+    The next one is preferred as long as it is not far off, so that jitter of the stamps does not
+    take one reading twice and leave out another.
     """
-    number = held.first
-    while number + 1 < held.count:
-        now, following = held.time[number % HELD], held.time[(number + 1) % HELD]
-        if abs(following - wanted) > abs(now - wanted) and now >= wanted - near:
+    if held.first >= held.count:
+        return -1
+    while held.first + 1 < held.count:
+        now, following = held.time[held.first % HELD], held.time[(held.first + 1) % HELD]
+        if abs(following - wanted) <= abs(now - wanted) or now < wanted - 0.75 * period:
+            held.first += 1
+        else:
             break
-        number += 1
-    return number  # type: ignore[no-any-return]
+    slot = held.first % HELD
+    if abs(held.time[slot] - wanted) > 2.0 * period:
+        return -1
+    return slot  # type: ignore[no-any-return]
 
 
 @compiled

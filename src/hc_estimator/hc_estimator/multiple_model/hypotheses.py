@@ -89,10 +89,10 @@ ROWS = (
     HypothesisRow(
         Hypothesis.ALL_DRIFT,
         (1e-5, 1e-3, 1e-8, 1e-8),
-        own=3,
-        drives=((1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 1.0, 0.0, 0.0)),
-        own_walks=(2e-2, 3e-4, 5e-3),
-        own_variances=(1e-2, 1e-3, 1e-3),
+        own=2,
+        drives=((1.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
+        own_walks=(2e-2, 3e-4),
+        own_variances=(1e-2, 1e-3),
     ),
     HypothesisRow(
         Hypothesis.SURFACE_MOVES,

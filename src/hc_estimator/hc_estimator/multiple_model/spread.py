@@ -71,5 +71,5 @@ def _add_own(spread: Any, other: Any, weight: float) -> None:
     """Add what a row does not know by itself; the lower triangle of its covariance is used."""
     for i in range(4):
         for j in range(4):
-            k, l = LOG_STIFFNESS + max(i, j), LOG_STIFFNESS + min(i, j)
-            spread[i, j] += weight * other.covariance[k, l]
+            row, column = LOG_STIFFNESS + max(i, j), LOG_STIFFNESS + min(i, j)
+            spread[i, j] += weight * other.covariance[row, column]
