@@ -126,11 +126,14 @@ def use(settings: Any, bank: Any, time: float, place: float, extrapolated: float
 def _is_placed(bank: Any, place: float) -> bool:
     """True if a motion can begin at a place [s]: where the tool was is known by then.
 
-    What is held back comes after a force that is late.
+    After a gap a force that is late may belong to a time before any displacement.
     """
     if math.isnan(readings.last_displacement(bank)):
         return False
-    return bank.clock.present[0] != 0 or readings.since_displacement(bank, place) >= 0.0
+    clock = bank.clock
+    if clock.present[0] != 0 or clock.started == 0:
+        return True
+    return bool(readings.since_displacement(bank, place) >= 0.0)
 
 
 @compiled
