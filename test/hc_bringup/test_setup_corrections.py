@@ -96,7 +96,7 @@ def test_counts_are_refused_before_a_file_is_written_that_no_node_takes():
         setup._refuse_counts(found)
     zeros = [NODE_SETTINGS[f"input.{name}.zero"] for name in ("force", "position")]
     limits = {(zero.minimum, zero.maximum) for zero in zeros}
-    assert limits == {(-setup.LARGEST_ZERO, setup.LARGEST_ZERO)}
+    assert limits == {(-1e6, 1e6)}
 
 
 def test_the_units_that_are_to_be_checked_are_named_as_options_of_setup(monkeypatch, capsys):

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hc_bringup.zeroing_command import PRESSES, why_none
-from hc_estimator.stream.surface import SurfaceFinder
+from hc_bringup.zeroing_command import why_none
+from hc_estimator.stream.surface import PRESSES, SurfaceFinder
 
 FREE = "free of contact: +0.01 N from its zero, noise 0.05 N; press with 5 N at least"
 WEAK = "presses with 1.2 N; 5 N are enough"

@@ -50,7 +50,7 @@ def conclude(
     if bag is not None:
         bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
     first = bags[0] if bags else None
-    cut = "; ".join(filter(None, (_how_to_close(Path(folder)) for folder in bags)))
+    cut = "; ".join(f"{bag} was {how}" for bag in bags if (how := _how_to_close(Path(bag))))
     summary = run_summary(state, first, bags[1:], with_latency=with_latency)
     if as_json:
         print(to_json(summary))
@@ -86,7 +86,7 @@ def naming_bag(bag: Path | None, given: str | None) -> Iterator[None]:
                 shutil.rmtree(left)
                 raise
             how = _how_to_close(left)
-            whole = f" ({how.removeprefix(f'{left} was ')})" if how else ""
+            whole = f" ({how})" if how else ""
             again = "; take another --bag to try again" if given else ""
             error.args = (f"{error}; what was recorded is in {left}{whole}{again}",)
         raise
@@ -96,7 +96,7 @@ def _how_to_close(bag: Path) -> str:
     """Say what makes a bag whole whose recorder could not end it; empty if it is."""
     if (bag / FILE_NAME).exists() or not bag.is_dir():
         return ""
-    return f"{bag} was not closed: hc bag recover {bag} NEW makes it whole"
+    return f"not closed: hc bag recover {bag} NEW makes it whole"
 
 
 def _holds_no_data(bag: Path) -> bool:

@@ -40,7 +40,7 @@ class TurnWatch:
         along_normal = settings.get("contact.frame") == "surface"
         if settings.get("source") != "sensors" or along_normal or not topic:
             return
-        topic = topic if topic.startswith("/") else f"{namespace}/{topic}"
+        topic = full_name(topic, namespace)
         child = settings.get("position.child_frame", "")
         if kind == "tf":
             poses = FramePoses(lambda _ns, _base, _place, turned: self._keep(tuple(turned)))

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hc_msgs_py.units import METRE_IN_MM
+
+if TYPE_CHECKING:
+    from hc_estimator import Estimate
 
 
 class Zeros(NamedTuple):
@@ -25,6 +31,24 @@ class Zeros(NamedTuple):
         """Take them from where the fields of hc_msgs/HuntCrossleyEstimate stand, in metres."""
         position, position_std, force, force_std = (float(field(name)) for name in cls._fields)
         return cls(METRE_IN_MM * position, METRE_IN_MM * position_std, force, force_std)
+
+    @classmethod
+    def from_estimate(cls, estimate: Estimate) -> Zeros:
+        """Take them from what an estimator says."""
+        return cls(*(float(getattr(estimate, name)) for name in cls._fields))
+
+    @classmethod
+    def in_the_end(cls, contact: NDArray[np.bool_], zeros_of: Callable[[int], Zeros]) -> Zeros:
+        """Return the last ones, with the contact position of the last contact.
+
+        The parameters are of that, and not of the time in the air since.
+
+        Args:
+            contact: of each estimate, whether it is in contact, shape (n,), n > 0.
+            zeros_of: of the estimate of a number.
+        """
+        last, touching = zeros_of(len(contact) - 1), np.flatnonzero(contact)
+        return last.at(zeros_of(int(touching[-1]))) if len(touching) else last
 
     def at(self, touch: Zeros) -> Zeros:
         """Return these with the contact position of another moment."""

@@ -12,8 +12,6 @@ from hc_bringup.options import positive
 
 SERVICES = ("tare", "find_surface")
 CONTACT = "input.contact."
-PRESSES = "presses with "
-"""How the estimator begins what it feels in contact (hc_estimator.stream.surface)."""
 
 
 def configure(parser: argparse.ArgumentParser, *, timeout: str) -> None:
@@ -83,6 +81,8 @@ def why_none(said: Sequence[str], contact: Mapping[str, Any]) -> list[str]:
         said: what the estimator felt meanwhile, once a second.
         contact: its settings by name below `input.contact.`; none if not asked for.
     """
+    from hc_estimator.stream.surface import PRESSES
+
     reasons = []
     pressed = [feels for feels in said if feels.startswith(PRESSES)]
     if pressed and pressed[-1] != said[-1]:

@@ -246,11 +246,6 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         (last.contact_position, last.force_zero),
         (last.parameters[0], last.parameters_std[0]),
     )
-    zeros = Zeros(*(float(getattr(last, name)) for name in Zeros._fields))
-    contacts = np.flatnonzero(touching)
-    if len(contacts):  # the parameters are of the last of them, not of the time in the air
-        touch = series[int(contacts[-1])]
-        zeros = zeros.at(Zeros(*(float(getattr(touch, name)) for name in Zeros._fields)))
     return {
         "samples": len(series),
         "used": int(np.count_nonzero(used)),
@@ -269,7 +264,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
         "identifiability": named(last.identifiability),
         "channel_delay": float(last.channel_delay),
         "channel_delay_std": float(last.channel_delay_std),
-        **zeros._asdict(),
+        **Zeros.in_the_end(touching, lambda k: Zeros.from_estimate(series[k]))._asdict(),
         "stiffness_if_position_off": effect.by_position,
         "stiffness_if_force_zero_off": effect.by_force_zero,
         "changes_detected": int(np.count_nonzero(series.change_detected)),

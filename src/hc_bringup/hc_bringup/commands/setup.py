@@ -18,12 +18,8 @@ COMPILES = True
 HEARTBEAT = True
 ONE_GO_S = 15.0
 EFFORT_PAGE = "docs/teleoperation.md, on the estimator node"
-LARGEST_ZERO = 1e6
-"""Of input.force.zero and input.position.zero (hc_estimator.ros.node_settings)."""
 MESSAGES_A_STAMP = 20
 """More of them are not a reading that is repeated until there is a new one."""
-UNITS_TO_CHECK = "(force.scale, position.scale)"
-"""Names that the diagnosis gives; a setup has options instead."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -154,6 +150,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
     from hc_bringup.recording_input import assumed_line
     from hc_bringup.treated_samples import FORCE_LIMIT
     from hc_bringup.turning import turning_line
+    from hc_estimator.stream.sanity import SCALES
     from hc_estimator.stream.sensor_setup import SetupError, propose
     from hc_estimator.stream.vocabulary import CHANNEL_DELAY
 
@@ -190,7 +187,7 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
         if not _are_zeros(finding.settings):  # those are told above
             late = any("time_offset" in name or "delay" in name for name in finding.settings)
             allowed = finding.settings and not (effort and late)
-            what = finding.what.replace(UNITS_TO_CHECK, "(--force-scale, --position-scale)")
+            what = finding.what.replace(SCALES, "--force-scale, --position-scale")
             say(f"{what}{' (allowed for)' if allowed else ''}")
             if scaled := [n for n in finding.settings if n.endswith(".scale")]:
                 options = " and ".join(f"--{n.replace('.', '-')}" for n in scaled)
@@ -246,11 +243,13 @@ def _refuse_counts(found: Any) -> None:
     Raises:
         UserError: if one is beyond: the file written would be refused by the estimator.
     """
+    from hc_estimator.ros.node_settings import NODE_SETTINGS
+
     for name, zero, unit, one in (
         ("force", found.force.zero, "N", "newtons"),
         ("position", found.position.zero, "mm", "metres"),
     ):
-        if abs(zero) > LARGEST_ZERO:
+        if abs(zero) > NODE_SETTINGS[f"input.{name}.zero"].maximum:
             raise UserError(
                 f"the zero of the {name} would be {zero:.3g} {unit}: it does not read {one} but "
                 f"counts, say; --{name}-scale takes the {one} that one of them stands for (of a "

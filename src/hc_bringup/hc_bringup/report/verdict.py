@@ -208,11 +208,9 @@ def _zeros(data: RunData) -> list[Sentence]:
     """Say what zeros were found, or what zeros that are off would do where they are exact."""
     said = effect_in(data.settings, data.estimates).sentence
     if not said and len(data.estimates):
-        zeros = Zeros.from_message(data.estimates[-1].__getitem__)
-        contacts = np.flatnonzero(data.estimates["contact"])
-        if len(contacts):  # the parameters are of the last of them, not of the time in the air
-            zeros = zeros.at(Zeros.from_message(data.estimates[contacts[-1]].__getitem__))
-        words = zeros.words
+        words = Zeros.in_the_end(
+            data.estimates["contact"], lambda k: Zeros.from_message(data.estimates[k].__getitem__)
+        ).words
         said = f"{words[0].upper()}{words[1:]}." if words else ""
     return [Sentence(Level.NOTE, said)] if said else []
 

@@ -39,7 +39,7 @@ def tell(memory: Mapping[str, Any]) -> tuple[NDArray[np.float64], NDArray[np.flo
     by_delay = np.array(row["by_delay"])[_ROW]
     by_delay[:_FIRST_OF_TISSUE] = 0.0
     covariance += memory["delay"]["doubt"] * np.outer(by_delay, by_delay)
-    if row["index"] == judge["chosen"]:
+    if place == judge["chosen"]:
         covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += judge["spread"]
     for open_of in (memory["zeros"]["doubt"], memory["place"]["open"]):
         covariance[_FIRST_OF_TISSUE:, _FIRST_OF_TISSUE:] += open_of

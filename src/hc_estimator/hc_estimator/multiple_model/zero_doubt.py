@@ -142,7 +142,7 @@ def add_along(
 
 @compiled
 def add_joint(doubt: Any, out: NDArray[np.float64]) -> None:
-    """Add what both zeros leave open of ln K, ln B, n and p (`zero_fit`)."""
+    """Add a covariance of ln K, ln B, n and p, of which the lower triangle is used."""
     for i in range(4):
         first = out[columns.PARAMETERS + i] if i < 2 else 1.0
         for j in range(4):

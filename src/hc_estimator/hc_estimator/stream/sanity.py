@@ -31,6 +31,8 @@ from hc_estimator.stream.zero_steps import find_steps
 RELATED = 0.4
 """Correlation of force and depth from which on the tool is in contact for a good part."""
 
+SCALES = "force.scale, position.scale"
+"""Settings that a wrong unit is mended with, as a sentence names them; `hc setup` has options."""
 STIFFNESS = (1e-3, 100.0)
 """Secant stiffness of soft tissue and phantoms under a tool [N/mm]: brain and fat to silicone."""
 STROKE_MM = (0.02, 60.0)
@@ -320,9 +322,7 @@ def _units(depth: FloatArray, newtons: FloatArray, related: float) -> list[Suspi
             sentence += f", or in gram-force: by {GRAM_FORCE:.3g}"
         return [Suspicion(Check.UNITS, channel, sentence, factor)]
     if not STIFFNESS[0] <= peak / stroke <= STIFFNESS[1]:
-        sentence = (
-            f"{readings} is no soft tissue: check the units of both (force.scale, position.scale)"
-        )
+        sentence = f"{readings} is no soft tissue: check the units of both ({SCALES})"
         return [Suspicion(Check.UNITS, "both", sentence)]
     return []
 

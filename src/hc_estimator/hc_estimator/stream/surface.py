@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 from hc_estimator.stream.correlation import samples_for_one
 from hc_estimator.stream.tare import TareResult
 
+PRESSES = "presses with "
+"""How `feels` begins while the tool is in contact."""
 FREE_SAMPLES = 100
 """Samples free of contact that say force zero and noise; fewer are not enough."""
 FORGETTING = 1.0 / 10_000.0
@@ -171,7 +173,7 @@ class SurfaceFinder:
             return f"the force is {self._force_n:.3g} N; leave the tissue, and rest for a moment"
         excess = self._force_n - self._zero
         if self._approach:
-            return f"presses with {excess:.3g} N; {self._enough:.2g} N are enough"
+            return f"{PRESSES}{excess:.3g} N; {self._enough:.2g} N are enough"
         twice = f", or twice with {LESS[-1] * self._deviation:.2g} N" if self._twice else ""
         return (
             f"free of contact: {excess:+.2g} N from its zero, noise {self._deviation:.2g} N; press "
