@@ -74,6 +74,29 @@ def test_a_speed_that_changes_does_not_move_the_surface():
     assert 0.3 < np.sqrt(np.mean(np.square(scores))) < 1.3
 
 
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e4])
+def test_the_surface_is_the_same_in_any_unit_of_the_force(scale):
+    """Regression: a force of micronewtons ended the search at its first guess, 0.2 mm off."""
+    displacement, force = approach(*CASES[0], np.random.default_rng(1))
+    found, scaled = find_surface(displacement, force), find_surface(displacement, force * scale)
+    assert found is not None
+    assert scaled is not None
+    assert scaled.displacement_mm == pytest.approx(found.displacement_mm, abs=1e-4)
+    assert scaled.displacement_std_mm == pytest.approx(found.displacement_std_mm, rel=0.02)
+    assert scaled.force_n == pytest.approx(found.force_n * scale)
+
+
+def test_the_surface_is_found_under_a_microscope():
+    """The same press in micrometres and micronewtons."""
+    displacement, force = approach(*CASES[0], np.random.default_rng(1))
+    found = find_surface(displacement, force)
+    small = find_surface(1e-3 * displacement, 1e-6 * force)
+    assert found is not None
+    assert small is not None
+    assert small.displacement_mm == pytest.approx(1e-3 * found.displacement_mm, abs=1e-7)
+    assert small.displacement_std_mm == pytest.approx(1e-3 * found.displacement_std_mm, rel=0.02)
+
+
 @pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9])
 def test_errors_that_go_together_count_as_fewer(correlation):
     generator = np.random.default_rng(3)

@@ -241,31 +241,37 @@ class SurfaceFinder:
             speed: what the speed exceeds its mean by, in units of the mean, shape (samples,); None
                 for one that is constant.
         """
-        first, last = float(displacement[0]), float(np.max(displacement))
-        stroke = max(last - first, 1e-6, 1e-9 * abs(first))  # more than the place's last digits
-        lower = np.array([first - 2.0 * stroke, 0.0, SMALLEST_EXPONENT])
+        first = float(displacement[0])
+        # More than the place's last digits.
+        stroke = max(float(np.max(displacement)) - first, 1e-6, 1e-9 * abs(first))
+        strongest = float(np.max(np.abs(force)))
+        # In units of the stroke and of the strongest force: the search ends at a gradient that is
+        # small as a number, and that of millinewtons is so before the first step.
+        place, pushed = (displacement - first) / stroke, force / strongest
+        lower = np.array([-2.0, 0.0, SMALLEST_EXPONENT])
         # The surface is not deeper than where contact was sure.
-        upper = np.array([first, np.inf, LARGEST_EXPONENT])
+        upper = np.array([0.0, np.inf, LARGEST_EXPONENT])
         if speed is not None:
             lower, upper = np.append(lower, 0.0), np.append(upper, 1.0)
 
         def misfit(x: FloatArray) -> FloatArray:
-            depth = np.maximum(displacement - x[0], 1e-9)
-            error: FloatArray = x[1] * depth ** x[2] - force
+            depth = np.maximum(place - x[0], 1e-9)
+            error: FloatArray = x[1] * depth ** x[2] - pushed
             if speed is not None:
                 error += x[1] * depth ** x[2] * x[3] * speed
             return error
 
-        start = np.array([first - 0.1 * stroke, force[-1] / stroke**1.5, 1.5, 0.2])[: len(lower)]
-        scale = np.array([stroke, start[1], 1.0, 1.0])[: len(lower)]
+        start = np.array([-0.1, max(pushed[-1], 1e-3), 1.5, 0.2])[: len(lower)]
+        scale = np.array([1.0, start[1], 1.0, 1.0])[: len(lower)]
         fit = self._least_squares(misfit, start, bounds=(lower, upper), x_scale=scale)
         freedom = max(len(force) - len(lower), 1)
         jacobian: FloatArray = np.asarray(fit.jac)
         # A few residuals are small by chance, and no smaller than the noise of which they are.
-        residual = max(2.0 * float(fit.cost) / freedom, self._variance) * (1.0 + 2.0 / freedom)
+        noise = self._variance / strongest**2
+        residual = max(2.0 * float(fit.cost) / freedom, noise) * (1.0 + 2.0 / freedom)
         covariance = residual * np.linalg.pinv(jacobian.T @ jacobian)
         variance = max(float(covariance[0, 0]), 0.0) * samples_for_one(np.asarray(fit.fun))
-        return float(fit.x[0]), variance
+        return first + stroke * float(fit.x[0]), stroke**2 * variance
 
     def _speed(self, displacement: FloatArray, degree: int) -> FloatArray | None:
         """Return the speed of an approach as what it exceeds its mean by, in units of the mean.
