@@ -76,7 +76,7 @@ def test_one_line_in_one_file_is_enough(tmp_path):
     )
     assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
-    assert found["rows"] == 10
+    assert found["rows"] == 12
     assert (found["last"], found["surface"]) == ("CHANGED", "SURFACE_MOVES")
     assert found["active"] == 1
     assert abs(found["stiffness"] / found["true"] - 1.0) < 0.1

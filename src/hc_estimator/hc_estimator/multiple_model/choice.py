@@ -17,6 +17,9 @@ from hc_estimator.multiple_model.hypotheses import (
     FITTED,
     FRESH,
     OWN,
+    PLAIN,
+    REFINED_FROM,
+    REFINES,
     RESERVE,
     STEADY_SURFACE_ROW,
     SURFACE,
@@ -29,6 +32,7 @@ FORGIVEN = 10.0  # mean square over the best up to which an old error counts
 MISFIT_MARGIN = 3.0  # the same for a row that claims to fit, over one with a model error
 FREE_MARGIN = 1.5  # the same for one that may drift, which can follow a misfit for a while
 REFUTED = 5.0  # log likelihood ratio
+LIKELIER = 2.0  # the same by which a row that refines another must be likelier than to stay
 REFUTED_AFTER = 1.5  # time in contact before which nobody is refuted [s]
 FLOOR = 15.0  # of the log likelihoods below the best: what was long ago is forgiven
 CLAIM = 1.0  # mean square over what a row claims up to which its errors are its ignorance
@@ -71,9 +75,10 @@ def stands_by(judge: Any, m: int) -> bool:
     """True for rows by which nobody is measured until they are chosen.
 
     A surface at a steady speed passes for the flank of a lump for a moment, and would refute the
-    row that follows the lump; one under a tissue that varies as well can follow anything.
+    row that follows the lump; one under a tissue that varies as well can follow anything. And what
+    refines another row stands for that one.
     """
-    return bool((m == STEADY_SURFACE_ROW or RESERVE[m]) and m != judge.chosen)
+    return bool(REFINES[m] or ((m == STEADY_SURFACE_ROW or RESERVE[m]) and m != judge.chosen))
 
 
 @compiled
@@ -102,9 +107,15 @@ def trusted_motion(judge: Any, rows: Any) -> int:
 
 
 @compiled
+def _is_consistent(row: Any, clock: float, steadiest: float) -> bool:
+    """True for a row that counts and whose innovations are not far from those of the best."""
+    return bool(counts(row, clock) and row.recent_nis <= CONSISTENT * steadiest)
+
+
+@compiled
 def _is_eligible(row: Any, clock: float, steadiest: float, likeliest: float) -> bool:
     """True if nothing speaks against the row but, perhaps, its predictions."""
-    if not counts(row, clock) or row.recent_nis > CONSISTENT * steadiest:
+    if not _is_consistent(row, clock, steadiest):
         return False
     if row.model_error > 0.0 or _still_learns(row):
         return True
@@ -123,11 +134,9 @@ def explains(judge: Any, rows: Any, m: int, clock: float, steadiest: float) -> b
         steadiest: what `steadiest_nis` says.
     """
     row = rows[m]
-    if row.model_error > 0.0 or not counts(row, clock):
-        return False
     if stands_by(judge, m) and not _is_steady(row, clock):
         return False
-    return bool(row.recent_nis <= CONSISTENT * steadiest)
+    return bool(row.model_error == 0.0 and _is_consistent(row, clock, steadiest))
 
 
 @compiled
@@ -166,7 +175,7 @@ def _is_steady(row: Any, clock: float) -> bool:
 @compiled
 def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> None:
     """The calmest eligible row that predicts as well as the best, preferably without misfit."""
-    steadiest = steadiest_nis(judge, rows)
+    steadiest, before = steadiest_nis(judge, rows), judge.chosen
     likeliest = -math.inf
     for m in range(FRESH if clock > REFUTED_AFTER else 0):
         if stands_by(judge, m):
@@ -201,7 +210,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
     limit = MARGIN * (best_fitting if must_fit else best)
     for m in range(FRESH):
         row = rows[m]
-        if must_fit and row.model_error > 0.0:
+        if REFINES[m] or (must_fit and row.model_error > 0.0):
             continue
         likelier = must_fit and row.log_likelihood >= likeliest + REFUTED
         if stands_by(judge, m) and not (likelier and _is_steady(row, clock)):
@@ -210,6 +219,7 @@ def choose(settings: Any, judge: Any, rows: Any, tool: Any, clock: float) -> Non
             judge.chosen = m
             break
     _prefer_found(judge, rows, clock, best)
+    _prefer_refined(judge, rows, clock, steadiest, before)
     _prefer_possible(settings, judge, rows, tool, clock)
     _prefer_far_better(judge, rows, clock)
 
@@ -223,6 +233,21 @@ def _prefer_found(judge: Any, rows: Any, clock: float, best: float) -> None:
     row = rows[found]
     if row.active != 0 and row.model_error == 0.0 and _cost(row) <= FREE_MARGIN * best:
         judge.chosen = found
+
+
+@compiled
+def _prefer_refined(judge: Any, rows: Any, clock: float, steadiest: float, before: int) -> None:
+    """A row that refines the chosen one, as long as its likelihood speaks for it."""
+    plain = rows[judge.chosen]
+    for m in range(FRESH):
+        row = rows[m]
+        if not REFINES[m] or PLAIN[m] != plain.index or row.model_error > 0.0:
+            continue
+        needed = REFINED_FROM[m] + (0.0 if m == before else LIKELIER)
+        likely = row.log_likelihood >= plain.log_likelihood + needed
+        as_good = likely and _cost(row) <= MARGIN * _cost(plain)
+        if as_good and _is_consistent(row, clock, steadiest):
+            judge.chosen = m
 
 
 @compiled

@@ -31,6 +31,7 @@ from hc_estimator.multiple_model.choice import (
     trusted_motion,
 )
 from hc_estimator.multiple_model.hypotheses import (
+    COUNTS,
     DEPTH,
     DRIVES,
     EXPONENT,
@@ -105,11 +106,10 @@ def _write(judge: Any, rows: Any, slot: int) -> None:
         if SURFACE[m]:
             said[4] = row.state[OWN]
             said[5] = row.state[OWN + 1]
-            said[6] = _shrunk(row, 2)
         else:
             said[4] = _shrunk(row, 0)
             said[5] = _shrunk(row, 1)
-            said[6] = 0.0
+        said[6] = _shrunk(row, 2)
 
 
 @compiled
@@ -137,12 +137,12 @@ def _expected(settings: Any, said: Any, m: int, ahead: float, tool: Any) -> floa
     if SURFACE[m]:
         depth -= said[4] + ahead * said[5]
         velocity -= said[5]
-        k = said[0] + ahead * DRIVES[m, 2, 0] * said[6]
-        b = said[1] + ahead * DRIVES[m, 2, 1] * said[6]
-        return force_of(settings, depth, velocity, k, b, said[2], said[3])
-    k = said[0] + ahead * (DRIVES[m, 0, 0] * said[4] + DRIVES[m, 1, 0] * said[5])
-    b = said[1] + ahead * (DRIVES[m, 0, 1] * said[4] + DRIVES[m, 1, 1] * said[5])
-    n = said[2] + ahead * (DRIVES[m, 0, 2] * said[4] + DRIVES[m, 1, 2] * said[5])
+    k, b, n = said[0], said[1], said[2]
+    for own in range(2 if SURFACE[m] else 0, COUNTS[m] - OWN):
+        gone = ahead * said[4 + own]
+        k += DRIVES[m, own, 0] * gone
+        b += DRIVES[m, own, 1] * gone
+        n += DRIVES[m, own, 2] * gone
     return force_of(settings, depth, velocity, k, b, n, said[3])
 
 

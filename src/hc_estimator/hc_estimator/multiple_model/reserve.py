@@ -1,11 +1,12 @@
 """Hypotheses in reserve: two things at once, tried only while one alone does not do.
 
-A lump on a surface that sinks, or under a zero that is off, needs a row in which both are states.
-It is the freest of all, and on constant tissue it would only cost time. So such rows take no part
-until a freer row than constant tissue has been chosen for a while, or a misfit told; they begin
-from the row in charge, wait before they count, and leave once constant tissue has done for long.
-(Variable-structure multiple-model estimation: Li and Bar-Shalom, IEEE Trans. AC 41(4), 1996; when
-is ours, see `hc bench accuracy together`.)
+A lump on a surface that sinks, or under a zero that is off, needs a row in which both are states;
+a damping that goes its own way needs a rate of its own beside that of the stiffness. Such rows are
+the freest of all, and on constant tissue they would only cost time. So they take no part until a
+freer row than constant tissue has been chosen for a while, or a misfit told; they begin from the
+row in charge, or from the one that they refine, wait before they count, and leave once constant
+tissue has done for long. (Variable-structure multiple-model estimation: Li and Bar-Shalom, IEEE
+Trans. AC 41(4), 1996; when is ours, see `hc bench accuracy together` and `scan`.)
 """
 
 from __future__ import annotations
@@ -17,17 +18,21 @@ from hc_estimator.multiple_model.choice import seed_behind
 from hc_estimator.multiple_model.hypotheses import (
     FITTED,
     FRESH,
+    LOG_DAMPING,
     OWN,
+    PLAIN,
+    REFINES,
     RESERVE,
     SURFACE,
     is_tried,
 )
-from hc_estimator.multiple_model.rows import free_parameters
+from hc_estimator.multiple_model.rows import free_parameters, is_held
 
 NEEDED_TIME = 0.3  # in contact for which constant tissue must not do [s]
 UNNEEDED_TIME = 10.0  # in contact for which it must have done [s]
 # Of ln K, ln B, n and p about those of the chosen row: with one thing wrong, n is wrong by as much.
 DEVIATIONS = (1.0, 1.0, 0.3, 0.1)
+DAMPING_DEVIATION = 0.3  # of ln B, once it has gone its own way for some tenths of a second
 
 
 @compiled
@@ -42,19 +47,25 @@ def review(settings: Any, bank: Any) -> None:
         judge.needed_time = 0.0
         judge.unneeded_time += elapsed
     for m in range(FRESH):
-        if not RESERVE[m] or not is_tried(settings, m):
+        if not RESERVE[m] or not is_tried(settings, m) or not is_tried(settings, PLAIN[m]):
             continue
         if rows[m].active == 0 and judge.needed_time > NEEDED_TIME:
-            _begin(settings, chosen, rows[m], bank.tool.contact_clock)
+            source = rows[PLAIN[m]] if REFINES[m] else chosen
+            _begin(settings, source, rows[m], bank.tool.contact_clock)
         elif judge.unneeded_time > UNNEEDED_TIME:
             rows[m].active = 0
 
 
 @compiled
-def _begin(settings: Any, chosen: Any, row: Any, clock: float) -> None:
-    """Begin a row from the chosen one."""
-    seed_behind(chosen, row, clock)
-    free_parameters(settings, row, DEVIATIONS)
-    if SURFACE[row.index] and SURFACE[chosen.index]:
-        row.state[OWN] = chosen.state[OWN]
+def _begin(settings: Any, source: Any, row: Any, clock: float) -> None:
+    """Begin a row from the chosen one, or from the one that it refines."""
+    seed_behind(source, row, clock)
+    if not REFINES[row.index]:
+        free_parameters(settings, row, DEVIATIONS)
+    else:  # it has a freedom that the other's misfit may be for lack of
+        row.model_error = 0.0
+        if not is_held(settings, 1):
+            row.covariance[LOG_DAMPING, LOG_DAMPING] += DAMPING_DEVIATION**2
+    if SURFACE[row.index] and SURFACE[source.index]:
+        row.state[OWN] = source.state[OWN]
     row.active = 1

@@ -11,6 +11,7 @@ from typing import Any
 
 from hc_estimator.estimate import Hypothesis
 from hc_estimator.multiple_model.hypotheses import (
+    REFINES,
     RESERVE,
     ROWS,
     STEADY_SURFACE_ROW,
@@ -22,7 +23,8 @@ def _without(hypothesis: Hypothesis) -> Mapping[str, Any]:
     return {"without_hypotheses": without(hypothesis)}
 
 
-_IN_RESERVE = [m for m in range(len(ROWS)) if RESERVE[m]]
+_BOTH_AT_ONCE = [m for m in range(len(ROWS)) if RESERVE[m] and not REFINES[m]]
+_REFINED = [m for m in range(len(ROWS)) if REFINES[m]]
 
 # Name of the mechanism, and the settings that switch it off. The first row is the filter itself.
 MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
@@ -32,8 +34,9 @@ MECHANISMS: tuple[tuple[str, Mapping[str, Any]], ...] = (
     ("layers that vary", _without(Hypothesis.ALL_DRIFT)),
     ("surfaces that move", _without(Hypothesis.SURFACE_MOVES)),
     ("surface at a steady speed", {"without_hypotheses": 2**STEADY_SURFACE_ROW}),
-    ("two things at once", {"without_hypotheses": sum(2**m for m in _IN_RESERVE)}),
-    ("a lump in an organ that breathes", {"without_hypotheses": 2 ** _IN_RESERVE[-1]}),
+    ("two things at once", {"without_hypotheses": sum(2**m for m in _BOTH_AT_ONCE)}),
+    ("a lump in an organ that breathes", {"without_hypotheses": 2 ** _BOTH_AT_ONCE[-1]}),
+    ("damping that goes its own way", {"without_hypotheses": sum(2**m for m in _REFINED)}),
     ("search for the surface", {"search_surface": False}),
     ("no force beyond what was felt", {"possible_forces": False}),
     ("changes of the tissue", _without(Hypothesis.CHANGED)),
