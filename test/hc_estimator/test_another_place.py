@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hc_estimator as hc
-from hc_evaluation.accuracy import multirate
+from hc_evaluation.accuracy import multirate, separation
 from hc_evaluation.accuracy.catalogue import CHANNEL_FAULTS
 from hc_evaluation.accuracy.misfit import misfit_contact
 from hc_evaluation.accuracy.scenarios import simulate
@@ -174,3 +174,16 @@ def test_a_height_that_was_not_known_before_is_no_other_tissue(seed):
     assert abs(series.contact_position[-1] - 0.5) < 0.05
     off = abs(series.parameters[-1, 0] - scenario.tissue.stiffness)
     assert off < 4.0 * series.parameters_std[-1, 0]
+
+
+@pytest.mark.parametrize("seed", [100000, 100015, 100024])
+def test_a_tissue_that_lets_go_of_the_tool_is_not_left(seed):
+    """Regression of 2026-11-27: felt again within the tissue, another height was found (K 99 %)."""
+    scenario = next(s for s in separation.SEPARATIONS if s.name == "soft_200hz")
+    contact = simulate(scenario, seed)
+    series = hc.create_estimator(FILTER).run(
+        contact.time_s, contact.displacement_mm, contact.force_n
+    )
+    np.testing.assert_array_equal(series.contact_position, 0.0)
+    end = np.searchsorted(contact.time_s, 10.0) - 1
+    assert abs(series.parameters[end, 0] / contact.parameters[end, 0] - 1.0) < 0.006

@@ -25,8 +25,8 @@ from hc_estimator.multiple_model import place_average, place_delay, place_fit, p
 from hc_estimator.multiple_model.change import is_different
 from hc_estimator.multiple_model.delay_records import GRID
 from hc_estimator.multiple_model.history import TOUCHING
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE
-from hc_estimator.multiple_model.kalman import probability
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, OWN, SURFACE
+from hc_estimator.multiple_model.kalman import force_at, probability
 from hc_estimator.multiple_model.model_error import THRESHOLD
 from hc_estimator.multiple_model.place_fit import POSITION
 from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
@@ -43,7 +43,7 @@ SPECIFICATIONS = (
     ),
 )
 
-OUT_TIME = 0.05  # without a force before a contact is a new one [s]
+OUT_TIME = 0.05  # without a force, though there is one by the law, before a contact is new [s]
 MORE = 1.25  # times as many points at which it is asked again
 UNEVEN = 0.03  # of a surface that is level [mm]
 DOUBTED = 0.3  # share of an alarm from which on it is asked
@@ -114,7 +114,10 @@ def look(settings: Any, bank: Any) -> bool:
     here = finder.grid_count - 1 - max(-round(finder.delay / finder.grid_step), 0)
     if here < max(finder.grid_count - GRID, 0):
         return False
-    if finder.grid[here % GRID, 3] < TOUCHING * math.sqrt(bank.sensor_noise[1]):
+    least = TOUCHING * math.sqrt(bank.sensor_noise[1])
+    if finder.grid[here % GRID, 3] < least:
+        if _has_let_go(settings, bank, here, least):
+            return False
         before = place.away
         place.away += finder.grid_step
         if not (before <= OUT_TIME and place.away > OUT_TIME):
@@ -150,6 +153,28 @@ def look(settings: Any, bank: Any) -> bool:
         clear_matrix(place.open)  # by now the rows have learnt what the contact says
         return False
     return _ask(settings, bank)
+
+
+@compiled
+def _has_let_go(settings: Any, bank: Any, here: int, least: float) -> bool:
+    """True if the law expects no force, for the tool withdraws faster than the tissue follows.
+
+    Such a tool is still within the tissue, and cannot be anywhere else when it is felt again.
+
+    Args:
+        settings: settings record.
+        bank: record of the bank.
+        here: point of the grid that the force is of.
+        least: force that is felt [N].
+    """
+    finder, row = bank.delay, bank.rows[bank.judge.chosen]
+    there = here - round(finder.delay / finder.grid_step)
+    if not max(finder.grid_count - GRID, 0) <= there < finder.grid_count:
+        return False
+    depth, velocity = finder.grid[there % GRID, 0], finder.grid[there % GRID, 1]
+    if SURFACE[row.index]:
+        depth -= row.state[OWN]
+    return bool(depth > 0.0 > velocity and force_at(settings, row, depth, velocity) < least)
 
 
 @compiled
