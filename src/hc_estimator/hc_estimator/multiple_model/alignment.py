@@ -156,7 +156,7 @@ def _not_before(clock: Any, place: float) -> float:
     """A place [s], or that of the state if it stands beyond: with a force that was ahead of it."""
     if clock.started == 0 or clock.restart != 0:
         return place
-    return max(place, clock.state_time)
+    return max(place, clock.state_time)  # type: ignore[no-any-return]
 
 
 @compiled
