@@ -72,7 +72,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--local-cluster", type=natural, metavar="N", help="start a Dask cluster of N processes"
     )
     add_rule_options(parser)
-    add_sites_option(parser)
+    add_sites_option(parser, of_many=True)
     recording_input.add_reading_options(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
