@@ -175,10 +175,9 @@ def test_a_change_that_a_reading_held_back_shows_is_told(seed, plant):
     assert series.parameters[-1, 0] == pytest.approx(after[0], rel=0.02)
 
 
-@pytest.mark.parametrize(
-    ("late_samples", "halved"), [(8, "displacement"), (8, "force"), (-8, "displacement")]
-)
-def test_a_reading_that_was_used_in_a_pair_is_not_used_again_alone(late_samples, halved, plant):
+@pytest.mark.parametrize("halved", ["displacement", "force", "now and then both"])
+@pytest.mark.parametrize("late_samples", [8, -8])
+def test_a_reading_counts_once_whether_it_comes_in_a_pair_or_alone(late_samples, halved, plant):
     """Regression of 2026-11-27: pairs and single readings by turns, the held reading used twice.
 
     At every change from a pair to a single reading: its noise was called a half of what it is, and
@@ -188,7 +187,11 @@ def test_a_reading_that_was_used_in_a_pair_is_not_used_again_alone(late_samples,
     time = np.arange(count + abs(late_samples)) / rate
     motion = plant.motion(time[:count])
     readings = plant.noisy(motion[0], plant.force(*motion, *TISSUE), seed=5)
-    readings[0 if halved == "displacement" else 1][1::2] = np.nan
+    if halved == "now and then both":
+        number = np.arange(count)
+        readings[0][number % 11 == 5], readings[1][number % 11 == 8] = np.nan, np.nan
+    else:
+        readings[0 if halved == "displacement" else 1][1::2] = np.nan
     in_step = hc.create_estimator("self_tuning_ukf", missing_readings=True, channel_delay=0.0)
     expected = in_step.run(time[:count], *readings)
     shifted = np.full((2, time.size), np.nan)
