@@ -17,7 +17,7 @@ def test_files_with_other_endings_are_not_left_out_silently(
     folder = tmp_path / "study"
     bag = folder / "bag"
     bag.mkdir(parents=True)
-    for name in ("a.csv", "b.lvm", "c.txt", "notes.md", "bag/metadata.yaml", "bag/x.db3"):
+    for name in ("a.csv", "b.lvm", "c.txt", "notes.tex", "bag/metadata.yaml", "bag/x.db3"):
         (folder / name).write_text("time_s,displacement_mm,force_N\n0,0,0\n")
     (tmp_path / "out").mkdir()
     found = sources.left_out([str(folder), str(folder / "a.csv")], tmp_path / "out")
