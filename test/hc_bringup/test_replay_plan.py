@@ -151,7 +151,7 @@ def test_of_the_bag_of_two_arms_what_makes_one_of_it_is_told(tmp_path: Path, cap
         assert main(command) == 1
         said = capsys.readouterr().err
         typed = shlex.split(said.rpartition("make a bag of one: hc ")[2])
-        assert typed == [*words[:3], "NEW", *words[4:]], said
+        assert typed == [*words[:2], "BAG", "NEW", *words[4:]], said
     with pytest.raises(UserError, match="make a bag of one"):
         plan_of(bag, "--estimator")
     assert plan_of(bag).node("player") is not None

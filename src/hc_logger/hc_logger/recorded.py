@@ -265,7 +265,7 @@ def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:
         pattern = f"{own}/*" if own != names[0] else names[0]
         raise BagError(
             f"{bag.path} has several topics of type {type_name}: {', '.join(names)}; make a bag of "
-            f"one: hc bag filter {shlex.quote(str(bag.path))} NEW --topics {shlex.quote(pattern)}"
+            f"one: hc bag filter BAG NEW --topics {shlex.quote(pattern)}"
         )
     return names[0] if names else None
 
