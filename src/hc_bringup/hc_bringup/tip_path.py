@@ -146,4 +146,5 @@ def _path_of_frame(bag: Bag, recording: Recording, name: str, axes: str) -> TipP
     stamp_ns = np.array([nanoseconds_from_stamp(m.header.stamp) for m in messages], np.int64)
     places = [[getattr(m.transform.translation, axis) for axis in axes] for m in messages]
     times = (stamp_ns - int(recording.stamps[0])) * 1e-9
-    return TipPath(times, np.float64(METRE_IN_MM) * np.array(places, np.float64))
+    position_mm = np.float64(METRE_IN_MM) * np.array(places, np.float64)
+    return TipPath(np.asarray(times, np.float64), position_mm)
