@@ -81,7 +81,7 @@ def add_rule_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tip",
         metavar="TOPIC",
-        help="position of the tip (default: indenter/tip, or a bag's only pose)",
+        help="position of the tip (default: indenter/tip, or a bag's only pose or transform)",
     )
     parser.add_argument(
         "--tip-axes",
