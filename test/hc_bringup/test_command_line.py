@@ -371,3 +371,28 @@ def test_a_type_that_is_not_there_is_one_line(
     assert (ended, out) == (status, "")
     assert one_line(err)
     assert told in err
+
+
+@pytest.mark.parametrize(
+    "words", [["estimate", "INPUT", "--filter", "LONG"], ["run", "--duration", "LONG"], ["LONG"]]
+)
+def test_a_value_of_thousands_of_characters_does_not_hide_what_is_wrong(
+    capsys: pytest.CaptureFixture[str], recording: Path, words: list[str]
+) -> None:
+    """Regression: it was repeated whole, forty lines of it before the reason."""
+    named = {"INPUT": str(recording), "LONG": "v" * 3000}
+    try:
+        status = main([named.get(word, word) for word in words])
+    except SystemExit as ended:
+        status = int(ended.code or 0)
+    told = " ".join(capsys.readouterr().err.split())
+    assert status == 2
+    assert len(told) < 600
+    assert "characters)...vvv" in told
+    assert any(reason in told for reason in ("not one of", "is not seconds", "invalid choice"))
+
+
+def test_a_long_path_is_told_whole(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = str(tmp_path / ("a" * 120) / ("b" * 100))
+    assert main(["estimate", path]) == 1
+    assert path in capsys.readouterr().err

@@ -22,7 +22,8 @@ def test_beside_a_stopped_run_it_is_said_how_that_ends(processes, ros_domain):
     held = processes.start("-c", HOLDS, str(ros_domain))
     try:
         assert held.stdout.readline() == "held\n"
-        with pytest.raises(UserError, match=f"process {held.pid} .*: end it first"):
+        told = f"process {held.pid} .*: end it first.*a second robot in this one: a node"
+        with pytest.raises(UserError, match=told):
             DomainLock(ros_domain).__enter__()
         os.kill(held.pid, signal.SIGSTOP)
         while not is_stopped(held.pid):

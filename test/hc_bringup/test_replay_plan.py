@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
 
+from hc_bringup.cli import main
 from hc_bringup.commands import replay
 from hc_bringup.errors import UserError
 from hc_estimator.ros.node_settings import LARGEST_BACKLOG
@@ -43,6 +47,20 @@ def write_bag(folder: Path, *, arrays: bool) -> Path:
             for i in range(COUNT):
                 data = one.encode(int(stamps[i]), i, float(depth[i]), float(force[i]))
                 writer.write(topic, int(stamps[i]), data)
+    return folder
+
+
+def write_arms(folder: Path, *names: str) -> Path:
+    """Write what the nodes of arms in namespaces say: samples, an event, and the robot's own."""
+    with BagWriter(folder) as writer:
+        for name in names:
+            topic = writer.add_topic(f"/{name}/indenter/sample", SAMPLE_TYPE)
+            encode = SampleEncoder().encode
+            for i in range(100):
+                writer.write(topic, START + i * 10**6, encode(START + i * 10**6, i, 0.1 * i, 0.2))
+            for other in ("hc/events", "mode"):
+                topic = writer.add_topic(f"/{name}/{other}", "std_msgs/msg/String")
+                writer.write(topic, START, serialize_message(String(data=name)))
     return folder
 
 
@@ -110,6 +128,35 @@ def test_what_is_given_twice_is_refused(tmp_path: Path, words: list[str]) -> Non
     bag = write_bag(tmp_path / "bag", arrays=True)
     with pytest.raises(UserError, match="given twice"):
         plan_of(str(bag), *words)
+
+
+def test_an_estimator_takes_the_samples_of_a_namespace(tmp_path: Path) -> None:
+    """Regression: it waited for /indenter/sample and the player for /left/indenter/sample."""
+    bag = str(write_arms(tmp_path / "left", "left"))
+    told = plan_of(bag, "--estimator").node("player").parameters
+    assert told["remap"] == ["/left/indenter/sample:=/indenter/sample"]
+    assert "/left/hc/*" in told["exclude"]
+    assert "/hc/*" in told["exclude"]
+    alone = plan_of(bag).node("player").parameters  # without one all is played as it was
+    assert (alone["remap"], alone["exclude"]) == ([""], [""])
+    plain = plan_of(str(write_bag(tmp_path / "plain", arrays=False)), "--estimator")
+    assert plain.node("player").parameters["remap"] == [""]
+
+
+def test_of_the_bag_of_two_arms_what_makes_one_of_it_is_told(tmp_path: Path, capsys: Any) -> None:
+    """Regression: every command said "name one", and none has an option for that."""
+    bag = str(write_arms(tmp_path / "two arms", "left", "right"))
+    words = ["bag", "filter", bag, str(tmp_path / "one"), "--topics", "/left/*"]
+    for command in (["estimate", bag], ["report", bag, "-o", str(tmp_path / "r.html")]):
+        assert main(command) == 1
+        said = capsys.readouterr().err
+        typed = shlex.split(said.rpartition("make a bag of one: hc ")[2])
+        assert typed == [*words[:2], "BAG", "NEW", *words[4:]], said
+    with pytest.raises(UserError, match="make a bag of one"):
+        plan_of(bag, "--estimator")
+    assert plan_of(bag).node("player") is not None
+    assert main(words) == 0
+    assert len(read_recording(tmp_path / "one").time_s) == 100
 
 
 def test_what_is_no_bag_is_said_before_anything_starts(tmp_path: Path) -> None:

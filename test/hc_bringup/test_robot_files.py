@@ -59,3 +59,15 @@ def test_a_delay_that_several_places_said_is_written_down(tmp_path):
     write_files(path, *streams, found, {"channel_delay": -0.006})
     told = yaml.safe_load(path.read_text())["estimator"]["ros__parameters"]
     assert told["channel_delay"] == -0.006
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_the_time_of_a_simulation_is_written_down(tmp_path, simulated):
+    """Regression: of sensors stamped by /clock the node said for ever that clocks differ."""
+    time_s = np.arange(100) * 1e-2
+    found = SetupProposal(FORCE, JOINT, time_s, np.zeros(100), np.ones(100), ())
+    path = tmp_path / "arm.yaml"
+    streams = (Stream("/ft", "wrench", 1e3, "ft"), Stream("/joints", "joint", 100.0, ""))
+    write_files(path, *streams, found, {}, simulated=simulated)
+    told = yaml.safe_load(path.read_text())["estimator"]["ros__parameters"]
+    assert told.get("use_sim_time", False) == simulated

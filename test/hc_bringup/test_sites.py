@@ -122,22 +122,26 @@ def test_where_the_tip_is_known_its_way_sideways_counts_and_not_the_pause(table:
     assert len(find_sites(recording, TipPath(time_s, np.zeros((len(time_s), 2))))) == 1
 
 
+@pytest.mark.parametrize("kind", ["PoseStamped", "TransformStamped"])
 def test_of_a_robot_the_only_pose_says_where_the_tip_was(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    from geometry_msgs.msg import PoseStamped, WrenchStamped
+    """Regression of a tracker, which tells transforms: its contacts were nowhere, without a map."""
+    from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
     from rclpy.serialization import serialize_message
 
     with BagWriter(tmp_path / "robot") as writer:
         wrench = writer.add_topic("/arm/ft", "geometry_msgs/msg/WrenchStamped")
-        pose = writer.add_topic("/arm/tool", "geometry_msgs/msg/PoseStamped")
+        pose = writer.add_topic("/arm/tool", f"geometry_msgs/msg/{kind}")
         for t, d, x, f in zip(*map(np.ndarray.tolist, palpation()), strict=True):
             stamp = START_NS + round(t * 1e9)
-            pushed, at = WrenchStamped(), PoseStamped()
+            pushed = WrenchStamped()
+            at = PoseStamped() if kind == "PoseStamped" else TransformStamped(child_frame_id="tip")
             for message in (pushed, at):
                 message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
             pushed.wrench.force.z = f
-            at.pose.position.z, at.pose.position.y = 0.2 - 1e-3 * d, 0.4 + 1e-3 * x
+            place = at.pose.position if kind == "PoseStamped" else at.transform.translation
+            place.z, place.y = 0.2 - 1e-3 * d, 0.4 + 1e-3 * x
             writer.write(wrench, stamp, serialize_message(pushed))
             writer.write(pose, stamp, serialize_message(at))
     words = ["contacts", str(tmp_path / "robot"), "-o", str(tmp_path / "c.csv")]

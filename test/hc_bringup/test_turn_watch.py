@@ -5,12 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
 from rclpy.serialization import serialize_message
 
 from hc_bringup.cli import main
 from hc_bringup.turn_watch import bag_turn_deg
 from hc_logger.writer import BagWriter
+from tf2_msgs.msg import TFMessage
 
 START_NS = 1_700_000_000_000_000_000
 
@@ -55,3 +56,46 @@ def test_doctor_says_of_a_bag_that_the_tool_turned(tmp_path, capsys, reading, tu
     told = [line for line in said if line.startswith("the tool turned by up to 20 degrees")]
     assert len(told) == (turn_deg > 0.0), said
     assert status == 1 or not told
+
+
+def frames_bag(path: Path, turn_deg: float, names: tuple[str, ...], *, tf: bool) -> Path:
+    """A bag that tells the tool's place in TransformStamped, or in frames of tf alone."""
+    kind = "tf2_msgs/msg/TFMessage" if tf else "geometry_msgs/msg/TransformStamped"
+    with BagWriter(path) as writer:
+        force = writer.add_topic("/wrench", "geometry_msgs/msg/WrenchStamped")
+        topic = writer.add_topic("/tf" if tf else "/tracker", kind)
+        for k in range(600):
+            stamp = START_NS + k * 5_000_000
+            wrench = WrenchStamped()
+            wrench.header.stamp.sec, wrench.header.stamp.nanosec = divmod(stamp, 10**9)
+            wrench.header.frame_id = "ft"
+            writer.write(force, stamp, serialize_message(wrench))
+            for name in names:
+                at = TransformStamped(header=wrench.header, child_frame_id=name)
+                at.header.frame_id = "base"
+                half = np.radians(turn_deg) / 2.0 * (k / 600) * (name == names[0])
+                turned = at.transform.rotation
+                turned.y, turned.w = float(np.sin(half)), float(np.cos(half))
+                at.transform.translation.z = 1e-6 * k
+                message = TFMessage(transforms=[at]) if tf else at
+                writer.write(topic, stamp, serialize_message(message))
+    return path
+
+
+@pytest.mark.parametrize("tf", [True, False])
+def test_the_turn_of_a_bag_is_that_of_its_transforms_and_frames(tmp_path, tf) -> None:
+    """Regression: a bag of /tf or TransformStamped was not looked into."""
+    one = frames_bag(tmp_path / "one", 40.0, ("tool0",), tf=tf)
+    assert bag_turn_deg(one) == pytest.approx(20.0, abs=0.5)
+    still = frames_bag(tmp_path / "still", 0.0, ("tool0",), tf=tf)
+    assert bag_turn_deg(still) < 1.0
+    two = frames_bag(tmp_path / "two", 40.0, ("tool0", "camera"), tf=tf)
+    assert bag_turn_deg(two) == 0.0  # which is the tool's is not known
+    sensor = frames_bag(tmp_path / "sensor", 40.0, ("ft",), tf=tf)
+    assert bag_turn_deg(sensor) == pytest.approx(20.0, abs=0.5)
+
+
+def test_of_several_transforms_the_tool_can_be_named(tmp_path) -> None:
+    two = frames_bag(tmp_path / "two", 40.0, ("tool0", "camera"), tf=False)
+    assert bag_turn_deg(two, "tracker", "tool0") == pytest.approx(20.0, abs=0.5)
+    assert bag_turn_deg(two, "tracker", "camera") < 1.0

@@ -9,6 +9,7 @@ import pytest
 from table_text import DEPTH, FORCE, TIME, rows, write
 
 from hc_logger.csv_options import CsvOptions
+from hc_logger.errors import BagError
 from hc_logger.recording import read_recording
 
 NANO = [divmod(1_700_000_000_000_000_000 + 2_000_000 * k, 10**9) for k in range(60)]
@@ -61,3 +62,29 @@ def test_a_time_since_1970_says_its_unit_by_its_size(
     recording = read_recording(path)
     np.testing.assert_allclose(recording.time_s - recording.time_s[0], TIME, atol=1e-6)
     assert f"has no unit: taken for the time since 1970 in {unit}" in str(recording.findings.notes)
+
+
+@pytest.mark.parametrize("missing", ["", "NaN", "-"])
+def test_topics_that_were_joined_by_their_times_are_read(tmp_path: Path, missing: str) -> None:
+    """Regression: of PlotJuggler's exports no row holds both, and "no rows of three numbers"."""
+    names = "__time,/ft/wrench/force/z,/arm/pose/position/z\n"
+    lines = [
+        line
+        for t, d, f in zip(TIME, DEPTH, FORCE, strict=True)
+        for line in (
+            f"{1.7e9 + t:.6f},{f:.5f},{missing}\n",
+            f"{1.7e9 + t + 7e-4:.6f},{missing},{d * 1e-3:.8f}\n",
+        )
+    ]
+    recording = read_recording(write(tmp_path / "joined.csv", names + "".join(lines)))
+    force = np.isfinite(recording.force_n)
+    np.testing.assert_allclose(recording.force_n[force], FORCE, atol=1e-5)
+    np.testing.assert_allclose(recording.displacement_mm[~force], DEPTH, atol=1e-4)
+    assert np.isnan(recording.displacement_mm[force]).all()
+
+
+def test_a_column_that_is_always_empty_is_no_quantity(tmp_path: Path) -> None:
+    lines = [f"{t:.4f},{f:.5f},\n" for t, f in zip(TIME, FORCE, strict=True)]
+    path = write(tmp_path / "two.csv", "time_s,force_N,note\n" + "".join(lines))
+    with pytest.raises(BagError, match="displacement is missing"):
+        read_recording(path)

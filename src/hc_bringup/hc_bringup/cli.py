@@ -16,7 +16,7 @@ from types import FrameType
 from typing import Any, Final, NoReturn
 
 from hc_bringup import heartbeat, last_resort
-from hc_bringup.errors import FAILURE, WRONG_USE, UserError
+from hc_bringup.errors import FAILURE, WRONG_USE, UserError, shortened
 from hc_bringup.guard import explain
 from hc_bringup.wrapping import wrapped
 from hc_msgs_py.interface_class import UnknownInterfaceError
@@ -79,7 +79,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         line = _nearer(message[:1].lower() + message[1:], self)
-        self.exit(WRONG_USE, f"{self.prog}: {line} (see {self.prog} --help)\n")
+        self.exit(WRONG_USE, f"{self.prog}: {shortened(line)} (see {self.prog} --help)\n")
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         """Refuse --option=--: argparse drops the -- and gives an empty list for the value."""

@@ -56,6 +56,7 @@ class DomainLock:
                 way_out = f"it is stopped: kill -CONT {number} lets it go on, kill -9 ends it"
             if free is not None:
                 way_out += f", or take another domain: ROS_DOMAIN_ID={free} hc ..."
+            way_out += " (a second robot in this one: a node in a namespace, docs/node.md, Limits)"
             raise UserError(
                 f"{owner} has a run in ROS domain {self._domain} already, and two would mix "
                 f"their samples: {way_out}",

@@ -55,6 +55,21 @@ class FrameListener:
             self._graph.node.destroy_subscription(subscription)
 
 
+def tool_frames(poses: FramePoses, wrench_frames: Iterable[str]) -> list[tuple[str, str, str]]:
+    """Return frames that may be the tool's, best first: each with its root, and what moves it.
+
+    Args:
+        poses: knows the frames.
+        wrench_frames: frames of the wrenches that there are.
+    """
+    moving = poses.moving()
+    parents = {poses.parent(frame) for frame in moving}
+    wrenches = [frame for frame in map(plain_name, wrench_frames) if frame in moving]
+    leaves = [frame for frame in reversed(moving) if frame not in parents]
+    chosen = list(dict.fromkeys([*wrenches, *leaves]))[:MOST]
+    return [(frame, moving[frame], poses.mover(frame)) for frame in chosen]
+
+
 class FrameSearch:
     """Finds the frames of one topic that move.
 
@@ -88,12 +103,7 @@ class FrameSearch:
         Args:
             wrench_frames: frames of the wrenches that there are.
         """
-        moving = self._poses.moving()
-        parents = {self._poses.parent(frame) for frame in moving}
-        wrenches = [frame for frame in map(plain_name, wrench_frames) if frame in moving]
-        leaves = [frame for frame in reversed(moving) if frame not in parents]
-        chosen = list(dict.fromkeys([*wrenches, *leaves]))[:MOST]
-        return [(frame, moving[frame], self._poses.mover(frame)) for frame in chosen]
+        return tool_frames(self._poses, wrench_frames)
 
     def close(self) -> None:
         """Listen no more."""

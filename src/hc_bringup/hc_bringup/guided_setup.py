@@ -14,7 +14,8 @@ from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.frame_streams import FRAMES
 from hc_bringup.graph import Graph
 from hc_bringup.press_monitor import PressMonitor, resting
-from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, best, find_streams, unusable
+from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, find_streams, unusable
+from hc_bringup.sensor_choice import best
 from hc_bringup.wrapping import say
 
 LOOK_S = 1.5
@@ -38,13 +39,23 @@ _HELP = (
 
 
 class Recorded(NamedTuple):
-    """What was recorded: both streams, their readings, until when the tool rested, its turn."""
+    """What was recorded: both streams, their readings, until when the tool rested, its turn.
+
+    Attributes:
+        force: the force stream.
+        position: the position stream.
+        readings: of both.
+        rest_s: until when the tool rested, on the clock of the readings; None if it was not asked.
+        turned_deg: by how much it turned [degree].
+        simulated: the sensors are stamped by /clock.
+    """
 
     force: Stream
     position: Stream
     readings: tuple[Any, Any]
     rest_s: float | None
     turned_deg: float
+    simulated: bool = False
 
 
 class GoneSilentError(Exception):
@@ -78,7 +89,21 @@ def at_once(
         heartbeat.doing(FINDING)
         if recorder.silent():
             raise UserError(f"{recorder.silent()}: is its driver still running?", FAILURE)
-        return Recorded(chosen[0], chosen[1], recorder.readings(), None, recorder.turned_deg)
+        return _recorded(recorder, chosen[0], chosen[1], None)
+
+
+def _recorded(
+    recorder: Recorder, force: Stream, position: Stream, rest_s: float | None
+) -> Recorded:
+    """Return what a recorder of two streams holds."""
+    return Recorded(
+        force,
+        position,
+        recorder.readings(),
+        rest_s,
+        recorder.turned_deg,
+        recorder.follows_clock,
+    )
 
 
 def look(graph: Graph) -> list[Stream]:
@@ -96,8 +121,10 @@ def look(graph: Graph) -> list[Stream]:
     return streams
 
 
-def _given(streams: list[Stream], name: str | None, what: str) -> Stream:
-    """Return the stream of a name, or else the one to propose.
+def _given(
+    streams: list[Stream], name: str | None, what: str, beside: Stream | None = None
+) -> Stream:
+    """Return the stream of a name, or else the one to propose beside another one.
 
     Raises:
         UserError: if there is none, or it sends nothing.
@@ -105,7 +132,7 @@ def _given(streams: list[Stream], name: str | None, what: str) -> Stream:
     fitting = [s for s in streams if s.kind in KINDS[what]]
     names = ", ".join(s.name for s in fitting) or "none"
     if name is None:
-        proposed = best(streams, KINDS[what])
+        proposed = best(streams, KINDS[what], beside)
         if proposed is None:
             kinds = {"force": "WrenchStamped", "position": _position_types()}[what]
             raise UserError(
@@ -137,10 +164,11 @@ def _proposed(streams: list[Stream], force: str | None, position: str | None) ->
     Raises:
         UserError: if there is none, or it sends nothing.
     """
-    pushes = _given(streams, force, "force")
+    named = _given(streams, position, "position") if position is not None else None
+    pushes = _given(streams, force, "force", named)
     if pushes.kind != "effort":
-        return [pushes, _given(streams, position, "position")]
-    if position is not None and _given(streams, position, "position").topic != pushes.topic:
+        return [pushes, named or _given(streams, None, "position", pushes)]
+    if named is not None and named.topic != pushes.topic:
         raise UserError(f"the effort of {pushes.topic} goes with the position of its own joints")
     return [pushes, pushes._replace(kind="joint")]
 
@@ -219,7 +247,9 @@ class Guide:
                 pushes = self._pick(streams, pushes, "force")
             if pushes.kind == "effort":
                 return pushes, pushes._replace(kind="joint")
-            return pushes, place if position is not None else self._pick(streams, place, "position")
+            if position is None:
+                place = self._pick(streams, _given(streams, None, "position", pushes), "position")
+            return pushes, place
 
     def _pick(self, streams: list[Stream], proposed: Stream, what: str) -> Stream:
         alive = [s for s in streams if s.kind in KINDS[what] and s.rate_hz > 0.0]
@@ -257,8 +287,7 @@ class Guide:
                     continue
                 if monitor.has_pressed:
                     say(f"felt: {monitor.sentence}")
-                    readings, turned_deg = recorder.readings(), recorder.turned_deg
-                    return Recorded(force, position, readings, rest_s, turned_deg)
+                    return _recorded(recorder, force, position, rest_s)
                 self.again(
                     f"no press was felt: {monitor.sentence}. Does the tool touch the tissue, and "
                     f"is {force.topic} its sensor?",

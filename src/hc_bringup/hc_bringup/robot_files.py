@@ -64,6 +64,8 @@ def write_files(
     position: Stream,
     found: SetupProposal,
     offsets: dict[str, float],
+    *,
+    simulated: bool = False,
 ) -> Path:
     """Write both files; returns that of the run.
 
@@ -74,13 +76,14 @@ def write_files(
         found: how they are to be read.
         offsets: time offsets [s] of "force" and "position"; under CHANNEL_DELAY a delay that is to
             be taken as it is.
+        simulated: the sensors are stamped by /clock.
 
     Raises:
         UserError: if they exist or cannot be written.
     """
     run = check_free(parameters)
     day = date.today().isoformat()
-    text = _parameters(parameters.stem, day, force, position, found, offsets)
+    text = _parameters(parameters.stem, day, force, position, found, offsets, simulated)
     try:
         write_new_text(parameters, [text])
         write_new_text(run, [_RUN.format(name=parameters.stem, run=run, day=day)])
@@ -96,6 +99,7 @@ def _parameters(
     position: Stream,
     found: SetupProposal,
     offsets: dict[str, float],
+    simulated: bool,
 ) -> str:
     peak = float(np.nanmax(np.abs(found.force_n)))
     if force.kind == "effort":
@@ -109,6 +113,7 @@ def _parameters(
         "# docs/node.md explains every setting; hc doctor looks whether they still fit.",
         "estimator:",
         "  ros__parameters:",
+        *(_SIMULATED if simulated else ()),
         _limit(found.force_limit),
         *_deviation(found.position.zero_std),
         *_delay(offsets),
@@ -185,6 +190,7 @@ def _number(value: float) -> str:
     return text.replace("e", ".0e") if "e" in text else f"{text}.0"
 
 
+_SIMULATED = ("    use_sim_time: true   # the sensors are stamped by /clock",)
 _ONE_MESSAGE = ("    channel_delay: 0.0   # s; both are of one message: none is looked for",)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from hc_bringup.errors import FAILURE, UserError
 from hc_bringup.frame_streams import FRAMES, FrameListener, FrameSearch
 from hc_bringup.graph import Graph
+from hc_bringup.simulated_clock import ClockListener
 from hc_bringup.turning import turned_deg
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_estimator.stream.readings import FloatArray
@@ -144,18 +145,6 @@ def unusable(graph: Graph) -> list[str]:
     ]
 
 
-def best(streams: list[Stream], kinds: tuple[str, ...]) -> Stream | None:
-    """Return the stream of some kinds to propose: of the first kind that lives, the fastest.
-
-    Frames of tf are in the order in which they are proposed.
-    """
-    for kind in kinds:
-        alive = [s for s in streams if s.kind == kind and s.rate_hz > 0.0]
-        if alive:
-            return alive[0] if kind == "tf" else max(alive, key=lambda s: s.rate_hz)
-    return None
-
-
 class Recorder:
     """Records a force and a position stream into arrays. Use as a context manager."""
 
@@ -172,6 +161,7 @@ class Recorder:
         self._attitudes: list[tuple[float, ...]] = []
         self._names: tuple[str, ...] = ()
         self._origin_ns: int | None = None
+        self._clock = ClockListener(graph)
         types = {kind: name for name, kind in POSITIONS.items()}
         read: dict[str, Callable[[Any], tuple[float, ...] | None]] = {
             "pose": lambda m: self._place(m.pose.position, m.pose.orientation),
@@ -204,6 +194,7 @@ class Recorder:
             self._graph.node.destroy_subscription(subscription)
         if self._frames is not None:
             self._frames.close()
+        self._clock.close()
 
     def start(self) -> None:
         """Forget what was recorded so far."""
@@ -285,6 +276,7 @@ class Recorder:
 
     def _time_s(self, stamp_ns: int) -> float:
         """Return the time since the first reading."""
+        self._clock.stamped(stamp_ns)
         if self._origin_ns is None:
             self._origin_ns = stamp_ns
         return (stamp_ns - self._origin_ns) * 1e-9
@@ -293,6 +285,11 @@ class Recorder:
     def turned_deg(self) -> float:
         """By how much the tool turned; 0 where nothing tells its attitude."""
         return turned_deg(self._attitudes)
+
+    @property
+    def follows_clock(self) -> bool:
+        """Whether the sensors are stamped by /clock, not by the computer's."""
+        return self._clock.is_followed
 
     def _place(self, point: Any, turned: Any) -> tuple[float, ...]:
         """Return a pose's place, and keep its attitude."""

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_logger.bag import Bag
+from hc_logger.decoder import decoder
 from hc_logger.layout import REAL, records, stamps
 from hc_logger.recording import Recording
 from hc_logger.selection import full_name
-from hc_logger.type_names import POSE_TYPE
+from hc_logger.type_names import POSE_TYPE, TRANSFORM_TYPE
 from hc_msgs_py.topics import TIP
-from hc_msgs_py.units import METRE_IN_MM
+from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ class TipSource(NamedTuple):
     """Where a bag has the tip's position.
 
     Attributes:
-        topic: its topic; empty takes the rig's, or the bag's only pose.
+        topic: its topic; empty takes the rig's, or the bag's only pose or transform.
         axes: its two components that are sideways.
     """
 
@@ -74,16 +75,21 @@ def tip_of(bag: Bag, recording: Recording, source: TipSource | None) -> TipPath 
         if source is None:
             return None
         topic = bag.topics.get(source.topic)
-    if topic is None or topic.definition.name not in TIP_FIELDS:
+    if topic is None or topic.definition.name not in (*TIP_FIELDS, TRANSFORM_TYPE):
         if source is not None:
-            kinds = " or ".join(kind.split("/")[-1] for kind in TIP_FIELDS)
+            kinds = " or ".join(kind.split("/")[-1] for kind in (*TIP_FIELDS, TRANSFORM_TYPE))
             raise UserError(f"{bag.path} has no {kinds} on {full_name(name)}", WRONG_USE)
         return None
     return _path(bag, recording, topic.name, (source or TipSource()).axes)
 
 
 def _poses(bag: Bag) -> list[str]:
-    return [t.name for t in bag.topics.values() if t.definition.name == POSE_TYPE]
+    """Return the topics of poses; where there is none, those of transforms."""
+    poses, transforms = (
+        [t.name for t in bag.topics.values() if t.definition.name == kind]
+        for kind in (POSE_TYPE, TRANSFORM_TYPE)
+    )
+    return poses or transforms
 
 
 def _pose_with_depth(bag: Bag, recording: Recording) -> TipSource | None:
@@ -115,8 +121,13 @@ def _pose_with_depth(bag: Bag, recording: Recording) -> TipSource | None:
 
 
 def _path(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | None:
-    """Return components of the positions on a topic; None without one."""
+    """Return components of the positions on a topic; None without one.
+
+    None for transforms of several frames too: which is the tool's, they do not say.
+    """
     definition = bag.topics[name].definition
+    if definition.name == TRANSFORM_TYPE:
+        return _path_of_frame(bag, recording, name, axes)
     fields = [TIP_FIELDS[definition.name] + axis for axis in axes]
     table = records(definition, bag.columns(name), dict.fromkeys(fields, REAL))
     if not len(table):
@@ -124,3 +135,16 @@ def _path(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | Non
     position = np.column_stack([table[field] for field in fields])
     times = (stamps(table) - int(recording.stamps[0])) * 1e-9
     return TipPath(np.asarray(times, np.float64), np.float64(METRE_IN_MM) * position)
+
+
+def _path_of_frame(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | None:
+    """Return components of the positions of the only frame that a topic of transforms tells."""
+    decode = decoder(bag.topics[name].definition)
+    messages = [decode(message.data) for message in bag.messages({name})]
+    if len({message.child_frame_id for message in messages}) != 1:
+        return None
+    stamp_ns = np.array([nanoseconds_from_stamp(m.header.stamp) for m in messages], np.int64)
+    places = [[getattr(m.transform.translation, axis) for axis in axes] for m in messages]
+    times = (stamp_ns - int(recording.stamps[0])) * 1e-9
+    position_mm = np.float64(METRE_IN_MM) * np.array(places, np.float64)
+    return TipPath(np.asarray(times, np.float64), position_mm)

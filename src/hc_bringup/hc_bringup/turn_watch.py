@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any, Final
 
 import numpy as np
 
-from hc_bringup.frame_streams import FrameListener
+from hc_bringup.frame_streams import FRAMES, FrameListener, tool_frames
 from hc_bringup.graph import Graph
 from hc_bringup.robot_streams import POSITIONS
 from hc_bringup.turning import turned_deg
 from hc_estimator.stream.frame_poses import FramePoses
+from hc_logger.bag import Bag
+from hc_logger.decoder import decoder
 from hc_logger.foreign import open_bag
 from hc_logger.layout import REAL, records
 from hc_logger.selection import full_name
-from hc_logger.type_names import POSE_TYPE
+from hc_logger.type_names import FORCE_TYPE, POSE_TYPE, TRANSFORM_TYPE
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
 
 _ATTITUDE: Final = [f"pose.orientation.{component}" for component in "xyzw"]
+_MOST_MESSAGES: Final = 100_000
+"""Of transforms of a bag, which are opened one by one: enough for a tool that turns."""
 
 
 class TurnWatch:
@@ -66,24 +71,80 @@ class TurnWatch:
         return turned_deg(self._attitudes)
 
 
-def bag_turn_deg(path: str | os.PathLike[str], topic: str = "") -> float:
-    """Return by how much the tool of a bag turned [degree]; 0 where no single PoseStamped tells it.
+def bag_turn_deg(path: str | os.PathLike[str], topic: str = "", child: str = "") -> float:
+    """Return by how much the tool of a bag turned [degree]; 0 where it is not told which it is.
+
+    That is told by the only topic of poses or transforms, and else by frames of tf of which one
+    alone may be the tool's.
 
     Args:
         path: a bag.
-        topic: that of its poses; empty takes the only one.
+        topic: that of its poses or transforms; empty takes the only one.
+        child: of transforms, the tool's frame; empty takes the only one.
 
     Raises:
         BagError: if it cannot be read.
     """
     with open_bag(path) as bag:
-        names = [
-            one.name
-            for one in bag.topics.values()
-            if one.definition.name == POSE_TYPE and (not topic or one.name == full_name(topic))
-        ]
-        if len(names) != 1:
+        kinds = {one.name: one.definition.name for one in bag.topics.values()}
+        names = [name for name, kind in kinds.items() if kind in (POSE_TYPE, TRANSFORM_TYPE)]
+        if topic:
+            names = [name for name in names if name == full_name(topic)]
+        if len(names) > 1:
             return 0.0
+        if not names:
+            return turned_deg(_of_frames(bag, kinds)) if not topic else 0.0
         definition = bag.topics[names[0]].definition
+        if definition.name == TRANSFORM_TYPE:
+            return turned_deg(_of_transforms(bag, names[0], child))
         table = records(definition, bag.columns(names[0]), dict.fromkeys(_ATTITUDE, REAL))
     return turned_deg(np.column_stack([table[field] for field in _ATTITUDE]))
+
+
+def _of_transforms(bag: Bag, topic: str, child: str) -> list[tuple[float, ...]]:
+    """Return the attitudes of a frame; none where a topic tells several and none is named."""
+    decode = decoder(bag.topics[topic].definition)
+    found: dict[str, list[tuple[float, ...]]] = {}
+    for message in islice(bag.messages({topic}), _MOST_MESSAGES):
+        transform = decode(message.data)
+        turned = transform.transform.rotation
+        attitude = (turned.x, turned.y, turned.z, turned.w)
+        found.setdefault(transform.child_frame_id, []).append(attitude)
+    if child:
+        return found.get(child, [])
+    return next(iter(found.values())) if len(found) == 1 else []
+
+
+def _of_frames(bag: Bag, kinds: Mapping[str, str]) -> list[tuple[float, ...]]:
+    """Return the attitudes of the only frame of tf that may be the tool's; none if it is open."""
+    frames = [name for name, kind in kinds.items() if kind == FRAMES]
+    moving = [name for name in frames if not name.endswith("_static")]
+    if len(moving) != 1:
+        return []
+    found: list[tuple[float, ...]] = []
+    poses = FramePoses(lambda _ns, _base, _place, turned: found.append(tuple(turned)))
+
+    def take() -> None:
+        for name in (*(n for n in frames if n not in moving), *moving):
+            decode = decoder(bag.topics[name].definition)
+            add = poses.take_moving if name in moving else poses.take_fixed
+            for message in islice(bag.messages({name}), _MOST_MESSAGES):
+                add(decode(message.data))
+
+    take()
+    candidates = tool_frames(poses, _wrench_frames(bag, kinds))
+    if len(candidates) != 1:
+        return []
+    poses.follow(*candidates[0][:2])
+    found.clear()
+    take()
+    return found
+
+
+def _wrench_frames(bag: Bag, kinds: Mapping[str, str]) -> list[str]:
+    """Return the frames in which the wrenches of a bag are told."""
+    found = []
+    for name in (name for name, kind in kinds.items() if kind == FORCE_TYPE):
+        decode = decoder(bag.topics[name].definition)
+        found += [decode(m.data).header.frame_id for m in islice(bag.messages({name}), 1)]
+    return found

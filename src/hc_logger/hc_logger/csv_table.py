@@ -92,7 +92,8 @@ def _first_row(rows: list[list[str]], is_number: Callable[[str], bool], least: i
     """Return the first line that is a row: so many numbers, as many cells as the last ones.
 
     A few such rows above a line that names the quantities are a summary of the test, no readings.
-    Rows above it in which a reading is missing, and all else are numbers, belong to it.
+    Rows above it in which a reading is missing, and all else are numbers, belong to it. Where no
+    row has all of them (topics that were joined by their times), such rows are all there are.
     """
     widths = [len(row) for row in rows if row][-20:]
     usual = max(set(widths), key=widths.count)
@@ -106,6 +107,9 @@ def _first_row(rows: list[list[str]], is_number: Callable[[str], bool], least: i
             count += 1
         elif count <= LARGEST_SUMMARY and not numbers and names_quantities(row):
             first, count = None, 0
+    if first is None and usual >= least:
+        lacking = (n for n, row in enumerate(rows) if _lacks_a_reading(row, usual, is_number))
+        return next(lacking, None)
     while first is not None and first > 0 and _lacks_a_reading(rows[first - 1], usual, is_number):
         first -= 1
     return first

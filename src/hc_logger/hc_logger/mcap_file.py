@@ -25,6 +25,7 @@ from mcap.records import Channel, Metadata, Schema
 
 from hc_logger.errors import BagError
 from hc_logger.mcap_chunk import CHUNK_HEAD, RECORD_HEAD, DamageError, Messages, parse, unpack
+from hc_logger.other_files import what_it_is
 
 MAGIC = b"\x89MCAP0\r\n"
 LOOSE_BYTES = 1024 * 1024
@@ -109,7 +110,7 @@ class McapFile:
             raise BagError(
                 f"{path} is empty: its recorder wrote nothing"
                 if not magic
-                else f"{path} is not an MCAP file"
+                else f"{path} {what_it_is(path) or 'is not an MCAP file'}"
             )
         self.damaged: list[DamagedChunk] = []
         self._checked: set[int] = set()

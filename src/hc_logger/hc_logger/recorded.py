@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -259,8 +260,12 @@ def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:
     if full_name(usual) in names:
         return full_name(usual)
     if len(names) > 1:
+        # What belongs to one of them is in its namespace.
+        own = names[0].removesuffix(full_name(usual))
+        pattern = f"{own}/*" if own != names[0] else names[0]
         raise BagError(
-            f"{bag.path} has several topics of type {type_name}: {', '.join(names)}; name one"
+            f"{bag.path} has several topics of type {type_name}: {', '.join(names)}; make a bag of "
+            f"one: hc bag filter BAG NEW --topics {shlex.quote(pattern)}"
         )
     return names[0] if names else None
 

@@ -19,6 +19,7 @@ from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
+from hc_logger.other_files import what_it_is
 from hc_logger.recorded import Recording, findings_of, has_sensors, has_several_sensors, only_topic
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, SEQUENCE, STAMP, all_samples
 from hc_logger.selection import full_name
@@ -61,6 +62,8 @@ def read_recording(
             "with the header time_s,displacement_mm,force_N"
         )
     if not is_text(path):
+        if path.is_file() and (said := what_it_is(path)):
+            raise BagError(f"{path} {said}")
         raise BagError(
             f"{path} is neither a CSV file (.csv) nor a bag (a folder, or .mcap); a table in text "
             f"ends in one of {' '.join(TEXT_SUFFIXES)}"

@@ -186,6 +186,12 @@ def test_words_for_losses(make_run: MakeRun) -> None:
     words = said(data)
     assert "7 samples are missing." in words
     assert any(text.startswith("4 samples were refused") for text in words)
+    one = make_run(seconds=3.0)  # regression: "1 samples were refused"
+    one.estimates["rejected"][5] = 1
+    one.estimates["sequence"][100:] += 1
+    words = said(one)
+    assert "1 sample is missing." in words
+    assert any(text.startswith("1 sample was refused") for text in words)
 
 
 def test_sequence_numbers_that_do_not_count_are_no_losses(make_run: MakeRun) -> None:

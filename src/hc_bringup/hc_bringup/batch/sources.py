@@ -12,10 +12,13 @@ from pathlib import Path
 from typing import Final
 
 from hc_bringup.errors import WRONG_USE, UserError
+from hc_logger.recording import TEXT_SUFFIXES
 
 BAG_SUFFIX: Final = ".mcap"
 _SUFFIXES: Final = (".csv", ".tsv", BAG_SUFFIX)
 """Of recordings in a folder; other endings must be named, or be in the pattern (*.dat)."""
+_MAY_BE: Final = (*TEXT_SUFFIXES, ".db3", ".bag", ".mat", ".xls", ".xlsx", ".tdms", ".gz", ".zst")
+"""Endings of files in a folder that somebody may take for recordings of the batch."""
 MANIFEST: Final = "manifest.json"
 """What every folder of results has."""
 _BLOCK: Final = 1024 * 1024
@@ -43,6 +46,25 @@ def find_recordings(patterns: Sequence[str], besides: Path) -> list[Path]:
             raise UserError(f"{pattern} names no recording (CSV, .mcap or bag folder)", WRONG_USE)
         found |= some
     return sorted(p for p in found if p.suffix.lower() != BAG_SUFFIX or p.parent not in found)
+
+
+def left_out(patterns: Sequence[str], besides: Path) -> list[Path]:
+    """Return the files of folders that may be recordings and are not taken, for their ending.
+
+    Args:
+        patterns: as for `find_recordings`.
+        besides: folder of the results.
+    """
+    folders = [Path(pattern).absolute() for pattern in patterns if Path(pattern).is_dir()]
+    return sorted(
+        path
+        for folder in folders
+        for path in _all_below(folder)
+        if path.suffix.lower() in _MAY_BE
+        and path.suffix.lower() not in _SUFFIXES
+        and not path.is_relative_to(besides)
+        and not _is_bag(path)
+    )
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:
@@ -89,6 +111,14 @@ def _named_by(pattern: str) -> Iterator[Path]:
 
 
 def _below(folder: Path) -> Iterator[Path]:
+    """Yield what is taken of a folder: bag folders, and files whose ending says what they are."""
+    for path in _all_below(folder):
+        if path.name.lower().endswith(_SUFFIXES) or _is_bag(path):
+            yield path
+
+
+def _all_below(folder: Path) -> Iterator[Path]:
+    """Yield bag folders and files below a folder, none of what a bag or a batch made."""
     if _is_bag(folder):
         yield folder
         return
@@ -99,7 +129,7 @@ def _below(folder: Path) -> Iterator[Path]:
             elif _is_bag(Path(path, name)):
                 folders.remove(name)
                 yield Path(path, name)
-        yield from (Path(path, name) for name in files if name.lower().endswith(_SUFFIXES))
+        yield from (Path(path, name) for name in files)
 
 
 def _is_bag(folder: Path) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +16,7 @@ from hc_bringup.commands.contacts import add_rule_options, add_sites_option
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.file_preset import CSV_OPTIONS
 from hc_bringup.options import natural
+from hc_bringup.wrapping import wrapped
 
 HELP = "run thousands of recordings through the estimator into tables; resumes, sweeps, clusters"
 COMPILES = True
@@ -72,7 +74,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--local-cluster", type=natural, metavar="N", help="start a Dask cluster of N processes"
     )
     add_rule_options(parser)
-    add_sites_option(parser)
+    add_sites_option(parser, of_many=True)
     recording_input.add_reading_options(parser)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
 
@@ -81,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.batch.campaign import Campaign, has_pyarrow
     from hc_bringup.batch.engines import SchedulerGoneError
-    from hc_bringup.batch.sources import find_recordings, names_of
+    from hc_bringup.batch.sources import find_recordings, left_out, names_of
     from hc_bringup.batch.variants import variants
     from hc_bringup.batch.work import ResultError, WrongSoftwareError
     from hc_bringup.progress import long_bar
@@ -98,6 +100,13 @@ def run(arguments: argparse.Namespace) -> int:
     recording_input.check(arguments)
     folder = Path(os.path.abspath(arguments.output))
     paths = find_recordings(arguments.patterns, folder)
+    if others := left_out(arguments.patterns, folder):
+        names = ", ".join(sorted({path.name for path in others})[:3])
+        line = (
+            f"left out for their ending: {len(others)} (such as {names}); of a folder .csv, .tsv, "
+            f".mcap and bags are taken, others by a pattern in quotes: '**/*{others[0].suffix}'"
+        )
+        print(wrapped(line, stream=sys.stderr), file=sys.stderr, flush=True)
     ways = variants(arguments, arguments.sweep)
     campaign = Campaign(
         folder,

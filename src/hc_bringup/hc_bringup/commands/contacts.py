@@ -40,15 +40,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print what was found as JSON")
 
 
-def add_sites_option(parser: argparse.ArgumentParser) -> None:
-    """Declare --sites."""
+def add_sites_option(parser: argparse.ArgumentParser, *, of_many: bool = False) -> None:
+    """Declare --sites, of one recording or of many."""
+    beside = "" if of_many else " (of many recordings: hc batch --sites)"
     parser.add_argument(
         "--sites",
         action="store_true",
         help="several places were pressed one after another, each with a surface of its own: where "
         "the tip went sideways by 2 mm between two touches (or was in the air for 1 s, if no "
-        "position is recorded) the surface is looked for and the estimator begins anew (of many "
-        "recordings: hc batch --sites)",
+        f"position is recorded) the surface is looked for and the estimator begins anew{beside}",
     )
 
 
@@ -81,7 +81,7 @@ def add_rule_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tip",
         metavar="TOPIC",
-        help="position of the tip (default: indenter/tip, or a bag's only pose)",
+        help="position of the tip (default: indenter/tip, or a bag's only pose or transform)",
     )
     parser.add_argument(
         "--tip-axes",

@@ -119,9 +119,10 @@ def _turning_line(arguments: argparse.Namespace) -> str:
     from hc_bringup.turning import turning_line
     from hc_logger.errors import BagError
 
-    topic = dict(arguments.sensors).get("position.topic", "")
+    given = dict(arguments.sensors)
+    tool = (given.get("position.topic", ""), given.get("position.child_frame", ""))
     try:
-        return turning_line(bag_turn_deg(arguments.input, topic))
+        return turning_line(bag_turn_deg(arguments.input, *tool))
     except BagError as error:
         raise UserError(str(error)) from error
 

@@ -105,7 +105,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     settings = each_once([*options, *arguments.param], "--param")
     with_estimator = arguments.estimator or bool(settings)
     file = config_folder() / "estimator.yaml"
-    kinds = _types_of(source)
+    kinds, samples, usual = _look_into(source, alone=with_estimator)
     arrays = SAMPLES_TYPE in kinds and SAMPLE_TYPE not in kinds  # the player plays either
     if with_estimator and arrays:
         estimator = NodePlan("estimator", "", parameter_files=(file,), parameters=settings)
@@ -123,7 +123,8 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
                 "loop": arguments.loop,
                 "start_offset": arguments.start,
                 "duration": arguments.duration,
-                "exclude": DERIVED_TOPICS if with_estimator else [""],
+                "exclude": _derived(samples, usual) if with_estimator else [""],
+                "remap": [f"{samples}:={usual}" if usual else ""],
                 "start_paused": True,
                 "exit_when_done": True,
                 "expected_sample_subscribers": listeners,
@@ -167,17 +168,41 @@ def _plan(arguments: argparse.Namespace) -> tuple[Any, Path | None]:
     return RunPlan(tuple(nodes)), bag
 
 
-def _types_of(source: Path) -> set[str]:
-    """Return the types of a bag's messages.
+def _derived(samples: str, usual: str) -> list[str]:
+    """Return what an estimator makes anew: of its own names, and of those beside its samples."""
+    namespace = samples.removesuffix(usual) if usual else ""
+    return [*DERIVED_TOPICS, *(f"{namespace}{t}" for t in DERIVED_TOPICS if namespace != "")]
+
+
+def _look_into(source: Path, *, alone: bool) -> tuple[set[str], str, str]:
+    """Return the types of a bag's messages, and the topic of its samples with that for a node.
+
+    Args:
+        source: the bag.
+        alone: whether an estimator is to take its samples, and those of one source only.
+
+    Returns:
+        types, and topic and usual topic of the samples; both empty where the topic is the usual
+        one, or nobody takes them.
 
     Raises:
-        UserError: if it is no bag.
+        UserError: if it is no bag, or has the samples of several.
     """
     from hc_logger.errors import BagError
     from hc_logger.foreign import open_bag
+    from hc_logger.recording import sample_topic
+    from hc_logger.selection import full_name
+    from hc_logger.type_names import SAMPLE_TYPE
+    from hc_msgs_py.topics import SAMPLE, SAMPLES
 
     try:
         with open_bag(source) as bag:
-            return {topic.definition.name for topic in bag.topics.values()}
+            types = {topic.definition.name for topic in bag.topics.values()}
+            topic = sample_topic(bag) if alone else None
+            if topic is None:
+                return types, "", ""
+            kind = bag.topics[topic].definition.name
+            usual = full_name(SAMPLE if kind == SAMPLE_TYPE else SAMPLES)
+            return types, topic, usual if usual != topic else ""
     except BagError as error:
         raise UserError(str(error)) from error

@@ -114,7 +114,10 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
     if arguments.yes:
         with Graph() as graph:
             recorded = at_once(graph, *names, arguments.seconds or ONE_GO_S, tell)
-        return write_files(output, recorded.force, recorded.position, *_judge(recorded, scales))
+        judged = _judge(recorded, scales)
+        return write_files(
+            *(output, recorded.force, recorded.position, *judged), simulated=recorded.simulated
+        )
     from hc_bringup.asking import Asker
 
     with Graph() as graph:
@@ -129,7 +132,7 @@ def _set_up(arguments: argparse.Namespace, output: Path) -> Path:
                     guide.again(str(error))
                     continue
                 if guide.accepts(f"write this to {output}"):
-                    return write_files(output, *streams, *judged)
+                    return write_files(output, *streams, *judged, simulated=recorded.simulated)
             except BackError:
                 streams = guide.choose(None, None)
 
@@ -201,6 +204,8 @@ def _judge(recorded: Any, scales: tuple[float, float]) -> tuple[Any, dict[str, f
         say(line)
     if line := turning_line(recorded.turned_deg):
         say(line)
+    if recorded.simulated:
+        say("the sensors are stamped by /clock: use_sim_time: true")
     say("\n".join(estimate_lines(diagnosis)))
     if effort:  # both channels of one message, both through one filter
         say(

@@ -257,12 +257,14 @@ def _losses(data: RunData) -> list[Sentence]:
     sentences = []
     if refused:
         share = 100.0 * refused / len(data.time_s)
-        sentences.append(Sentence(Level.NOTE, f"{refused} samples were refused ({share:.2g} %)."))
+        were = "sample was" if refused == 1 else "samples were"
+        sentences.append(Sentence(Level.NOTE, f"{refused} {were} refused ({share:.2g} %)."))
     steps = np.diff(data.estimates["sequence"].astype(np.int64))
     onward = (steps > 0) & (steps <= LONGEST_COUNTED_GAP + 1)
     missing = int(np.sum(steps[onward] - 1))
     if missing and counts(len(steps) + 1, int(np.count_nonzero(~onward))):
-        sentences.append(Sentence(Level.NOTE, f"{missing} samples are missing."))
+        are = "sample is" if missing == 1 else "samples are"
+        sentences.append(Sentence(Level.NOTE, f"{missing} {are} missing."))
     return sentences
 
 

@@ -11,6 +11,7 @@ and Morrison, Introduction to Sequential Smoothing and Prediction, 1969) and set
 gains once these are the larger. A member whose innovations have a bias no longer follows the
 motion: it starts anew from its quicker neighbour. So the bank is quick where the tool turns, and
 calm again as soon as the readings since then allow it. Only members that have settled are chosen.
+Readings that come in bursts are hardly ever a usual step apart; then nothing is known.
 
 A real motion is smoother than white jerk at the scale of one sample. Where the force tells the
 velocity better than the displacement does, the bank's density is therefore too large, and the
@@ -45,6 +46,10 @@ MEMBERS = INDICES.size
 FIRST_READINGS = 3  # the bank starts from the parabola through them
 SETTLED_READINGS = 100  # in the mean before a member's motion is used
 CHOICE_PERIOD = 8  # samples between two choices
+REGULAR_WORTH = 7.0  # a regular step against others: one in eight does
+FEW_REGULAR = 8.0  # score of the latest steps below which hardly any was regular
+LARGEST_SCORE = 64.0
+FEW_AFTER = 24  # readings since the start, before which that says nothing
 RUN_AWAY = 1e6  # an innovation beyond is that of gains for another step than the readings have [mm]
 CORRECTION_RATE = 0.05  # per sample
 SMALLEST_CORRECTION = -4.0  # of the logarithm of the factor
@@ -120,7 +125,9 @@ MOTION = record_type(
         Field("step", np.float64, (), 0.0),  # mean step [s]
         # Displacement, velocity step, acceleration step^2.
         Field("states", np.float64, (MEMBERS, 3)),
-        Field("age", np.float64, (MEMBERS,)),  # readings since a member's start, at least
+        # Readings since a member's start, at least. The quickest is always settled: its own is the
+        # score of the latest steps, above the readings after which it is.
+        Field("age", np.float64, (MEMBERS,)),
         Field("bias", np.float64, (MEMBERS, 2)),  # cumulative sums upward and downward
         # Mean squared innovations over variance [mm^2].
         Field("squares", np.float64, (MEMBERS,), 0.0),
@@ -216,13 +223,15 @@ def learn(
     cautious_noise = noise
     if channel.count > 0:  # a noise that just rose is no turn of the tool
         cautious_noise = max(noise, difference_noise.latest(channel))
+    few = _has_few(motion, regular)
     states = motion.states
     ran_away = False
     for m in range(MEMBERS - 1, -1, -1):
         predicted = states[m, 0] + steps * states[m, 1] + half * states[m, 2]
         innovation = displacement - predicted
         ran_away = ran_away or not abs(innovation) < RUN_AWAY
-        motion.age[m] += 1.0
+        if m < MEMBERS - 1:
+            motion.age[m] += 1.0
         age = motion.age[m]
         if age < SETTLED[m]:  # gains of the parabola through all readings since the start
             scale = 1.0 / (age * (age + 1.0) * (age + 2.0))
@@ -246,8 +255,24 @@ def learn(
     if ran_away:  # where readings come more slowly than before, by the time that the step is learnt
         motion.weighted = 0
         restart(motion)
+    elif few:
+        motion.density = 0.0
     elif count % CHOICE_PERIOD == 0 and motion.weighted >= CHOICE_PERIOD:
         _choose(motion, noise)
+
+
+@compiled
+def _has_few(motion: Any, regular: bool) -> bool:
+    """Note whether a step was regular; True if hardly any of the latest ones were.
+
+    What the bank says is old then, and members that learn nothing more grow old enough to be
+    chosen: the jerk of a tool that moves at 10 mm/s was called that of one at rest.
+    """
+    last = MEMBERS - 1
+    lowest = SETTLED[last]
+    moved = motion.age[last] + (REGULAR_WORTH if regular else -1.0)
+    motion.age[last] = min(max(moved, lowest), lowest + LARGEST_SCORE)
+    return bool(motion.count >= FEW_AFTER and motion.age[last] < lowest + FEW_REGULAR)
 
 
 @compiled

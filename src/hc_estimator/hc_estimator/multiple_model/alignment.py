@@ -4,7 +4,9 @@ The channel that is ahead is held back by the delay in use, found by `delay` or 
 stands in the displacement's time: a force of stamp t belongs to the displacement of t - delay. With
 samples that hold both readings the held reading nearest in time goes with the present one; what is
 left between them is a small offset that the measurement function takes into account. Readings that
-come alone are used alone, each at its own place in time, in order.
+come alone, and held ones that none goes with, are used alone, each at its own place in time, in
+order. Each counts once; only the first one after a delay was taken goes with the samples shortly
+before its place as well, as long as all hold both readings.
 """
 
 from __future__ import annotations
@@ -36,6 +38,8 @@ from hc_estimator.screening import ACCEPTED
 from hc_estimator.specification import ParameterSpecification
 
 BEGIN_ANEW = 0.002  # change of the delay from which on the rows begin anew [s]
+NEAR = 0.75  # of the time between two samples, within which a held reading goes with a time
+FIRST_NEAR = 2.0  # the same as long as none was in its place
 
 SPECIFICATIONS = (
     ParameterSpecification(
@@ -68,7 +72,7 @@ def take_setting(settings: Any, bank: Any) -> None:
     if math.isnan(given):
         return
     if given != finder.delay:
-        bank.held.first = bank.held.count
+        _hold_none(bank.held)
     finder.delay = given
     finder.deviation = 0.0
     finder.doubt = 0.0
@@ -80,7 +84,7 @@ def use(settings: Any, bank: Any, time: float) -> int:
     clock, held = bank.clock, bank.held
     bank.change.detected = 0
     if clock.restart != 0:
-        held.first = held.count
+        _hold_none(held)
         # Across a short gap the parabolas only grow wider. At the start nothing is known (NaN).
         if not 0.0 < time - clock.channel_time[0] <= settings.longest_gap:
             grids.restart(bank.delay)
@@ -102,6 +106,13 @@ def use(settings: Any, bank: Any, time: float) -> int:
 
 
 @compiled
+def _hold_none(held: Any) -> None:
+    """Give up what is held."""
+    held.first = held.count
+    held.used = 0
+
+
+@compiled
 def _use_pair(settings: Any, bank: Any, time: float) -> int:
     """Use a sample with both readings, of which one is held back."""
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
@@ -109,25 +120,43 @@ def _use_pair(settings: Any, bank: Any, time: float) -> int:
     _hold(held, time, clock.measurement[ahead])
     wanted = time - abs(delay)
     # After lost readings a force that is held would put the state ahead of the next displacement.
-    near = clock.period if ahead == 1 and clock.period > 0.0 else clock.elapsed
-    slot = _nearest(held, wanted, near)
-    if slot < 0:
-        clock.present[ahead] = 0
-        partner = wanted
+    steady = clock.period > 0.0 and (ahead == 1 or held.used > 0)
+    near = clock.period if steady else clock.elapsed
+    number = _nearest(held, wanted, NEAR * near)
+    if held.used > 0:
+        _use_waiting(settings, bank, time, number)
+        goes = held.time[number % HELD] <= wanted + NEAR * near
     else:
-        partner = held.time[slot]
-        clock.measurement[ahead] = held.value[slot]
-        held.used = held.first + 1
+        held.first = number
+        goes = abs(held.time[number % HELD] - wanted) <= FIRST_NEAR * near
+    if goes:
+        partner = held.time[number % HELD]
+        clock.measurement[ahead] = held.value[number % HELD]
+        if held.used > 0 or abs(partner - wanted) <= 0.5 * near:
+            held.first = number + 1
+            held.used = number + 1
+    else:
+        clock.present[ahead] = 0
+        clock.channel_time[ahead] = time
+        partner = wanted
     # The state stands where the force belongs.
     if ahead == 0:
         place = wanted
         clock.offset = partner - place
         extrapolated = 0.0
     else:
-        place = partner + abs(delay) if slot >= 0 else time
+        place = _not_before(clock, partner + abs(delay) if goes else time)
         clock.offset = time - place
         extrapolated = time + abs(delay) - place
     return _use_at(settings, bank, time, place, extrapolated)
+
+
+@compiled
+def _not_before(clock: Any, place: float) -> float:
+    """A place [s], or that of the state if it stands beyond: with a force that was ahead of it."""
+    if clock.started == 0 or clock.restart != 0:
+        return place
+    return max(place, clock.state_time)  # type: ignore[no-any-return]
 
 
 @compiled
@@ -144,39 +173,71 @@ def _use_single(settings: Any, bank: Any, time: float) -> int:
     """Use a reading that comes alone, after those held back whose place lies before it."""
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
     ahead = 0 if delay > 0.0 else 1
-    arrived = 0 if clock.present[0] != 0 else 1
-    reading = clock.measurement[arrived] + bank.onset.zero[arrived]  # the zeros may move meanwhile
-    now = time - max(delay, 0.0)
     restart = clock.restart
-    held.first = max(held.first, held.used)  # with the other one's, in a pair
-    stamp = clock.channel_time[ahead]
-    decision = ACCEPTED
-    while held.first < held.count:
-        slot = held.first % HELD
-        place = held.time[slot] + (0.0 if ahead == 0 else abs(delay))
-        if place > now:
-            break
-        held.first += 1
-        clock.present[ahead] = 1
-        clock.present[1 - ahead] = 0
-        clock.measurement[ahead] = held.value[slot]
-        clock.restart = restart
-        restart = 0
-        decision = _use_at(settings, bank, time, place, 0.0)
-    clock.channel_time[ahead] = stamp  # what was held came before this sample
-    clock.present[arrived] = 1
-    clock.present[1 - arrived] = 0
-    reading -= bank.onset.zero[arrived]
-    clock.measurement[arrived] = reading
-    if arrived == ahead:
-        _hold(held, time, reading)
+    now = time - max(delay, 0.0)
+    until = held.first
+    while until < held.count and _place_of(bank, until) <= now:
+        until += 1
+    decision = _use_waiting(settings, bank, time, until)
+    held.used = max(held.used, held.first, 1)  # from now on each counts once
+    if clock.present[ahead] != 0:
+        _hold(held, time, clock.measurement[ahead])
         if restart != 0:  # across a gap nothing is foretold
             bank.motion_anew = 1
             clock.state_time = now
         sample.note_held(bank, time)
         return decision
+    place = now
+    if ahead == 1:
+        place = _not_before(clock, now)
+        clock.offset = time - place
+    return _use_at(settings, bank, time, place, 0.0)
+
+
+@compiled
+def _place_of(bank: Any, number: int) -> float:
+    """Where a held reading belongs in the displacement's time [s]."""
+    return bank.held.time[number % HELD] + max(-bank.delay.delay, 0.0)  # type: ignore[no-any-return]
+
+
+@compiled
+def _use_waiting(settings: Any, bank: Any, time: float, until: int) -> int:
+    """Use the held readings up to one alone; what is in bank.clock is the sample's own afterwards.
+
+    Args:
+        settings: settings record.
+        bank: changed.
+        time: stamp of the sample [s].
+        until: number of the first that is not used.
+
+    Returns:
+        ACCEPTED, or the reason for which the last one was refused.
+    """
+    clock, held, decision = bank.clock, bank.held, ACCEPTED
+    if held.first >= until:
+        return decision
+    ahead = 0 if bank.delay.delay > 0.0 else 1
+    restart, stamp = clock.restart, clock.channel_time[ahead]
+    present = (clock.present[0], clock.present[1])
+    readings = (
+        clock.measurement[0] + bank.onset.zero[0],
+        clock.measurement[1] + bank.onset.zero[1],
+    )
+    clock.present[ahead] = 1
+    clock.present[1 - ahead] = 0
+    while held.first < until:
+        number = held.first
+        held.first += 1
+        clock.measurement[ahead] = held.value[number % HELD]
+        decision = _use_at(settings, bank, time, _place_of(bank, number), 0.0)
+        restart = 0
+        clock.restart = 0
     clock.restart = restart
-    return _use_at(settings, bank, time, now, 0.0)
+    clock.channel_time[ahead] = stamp  # what was held came before this sample
+    for i in range(2):
+        clock.present[i] = present[i]
+        clock.measurement[i] = readings[i] - bank.onset.zero[i]  # the zeros may have moved
+    return decision
 
 
 @compiled
@@ -189,24 +250,19 @@ def _hold(held: Any, time: float, reading: float) -> None:
 
 
 @compiled
-def _nearest(held: Any, wanted: float, period: float) -> int:
-    """Slot of the held reading nearest to a time, the ones before it given up; -1 if none is near.
+def _nearest(held: Any, wanted: float, near: float) -> int:
+    """Number of the held reading nearest to a time [s].
 
     The next one is preferred as long as it is not far off, so that jitter of the stamps does not
-    take one reading twice and leave out another.
+    take one reading twice and leave out another. The newest is held by now, so that there is one.
     """
-    if held.first >= held.count:
-        return -1
-    while held.first + 1 < held.count:
-        now, following = held.time[held.first % HELD], held.time[(held.first + 1) % HELD]
-        if abs(following - wanted) <= abs(now - wanted) or now < wanted - 0.75 * period:
-            held.first += 1
-        else:
+    number = held.first
+    while number + 1 < held.count:
+        now, following = held.time[number % HELD], held.time[(number + 1) % HELD]
+        if abs(following - wanted) > abs(now - wanted) and now >= wanted - near:
             break
-    slot = held.first % HELD
-    if abs(held.time[slot] - wanted) > 2.0 * period:
-        return -1
-    return slot  # type: ignore[no-any-return]
+        number += 1
+    return number  # type: ignore[no-any-return]
 
 
 @compiled
@@ -224,7 +280,7 @@ def _take_point(settings: Any, bank: Any) -> None:
         if another_place.look(settings, bank):
             beginning.begin_at_place(settings, bank)
         elif place_delay.is_found(finder, bank.place):
-            bank.held.first = bank.held.count
+            _hold_none(bank.held)
             delay_evidence.reset(finder)
             beginning.begin_aligned(settings, bank)
             another_place.begin_in_step(bank.place)
@@ -252,7 +308,7 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     changes = delays.learn_window(settings, finder, noise)
     if not (changes or refined):
         return
-    bank.held.first = bank.held.count
+    _hold_none(bank.held)
     anew = abs(finder.delay - before) > BEGIN_ANEW
     if refined or not anew:
         delay_sensitivity.correct(rows, finder.delay - before)

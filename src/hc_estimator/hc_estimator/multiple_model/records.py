@@ -223,7 +223,7 @@ HELD_READINGS = record_type(
         Field("value", np.float64, (HELD,)),
         Field("count", np.int64, (), 0),  # held so far
         Field("first", np.int64, (), 0),  # number of the oldest that is still waiting
-        Field("used", np.int64, (), 0),  # number after the one that was used last, in a pair
+        Field("used", np.int64, (), 0),  # number after the one used last in a pair; 0: none in step
     )
 )
 

@@ -1,0 +1,44 @@
+"""Files that hold a recording in a form that is not read: what they are, what makes them one."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+_AS_TABLE: Final = "write its columns as a table with the header time_s,displacement_mm,force_N"
+_BEGINNINGS: Final = (
+    (
+        b"#ROSBAG V",
+        "is a bag of ROS 1: rosbags-convert --src OLD.bag --dst NEW (in .venv/bin; pip install "
+        "rosbags) makes a folder of it that is read",
+    ),
+    (b"\xd0\xcf\x11\xe0", "is a workbook: save its sheet as CSV"),
+    (b"MATLAB 5", f"holds variables of MATLAB: {_AS_TABLE} (writetable)"),
+    (b"\x89HDF", f"is written as HDF5: {_AS_TABLE}"),
+    (b"TDSm", "is written as TDMS: export it as .lvm or CSV"),
+    (b"PAR1", f"is written as Parquet: {_AS_TABLE}"),
+    (b"SQLite format 3", "is a database: of a bag give the folder, with its metadata.yaml"),
+    (b"\x1f\x8b", "is compressed: unpack it first (gunzip -k)"),
+    (b"BZh", "is compressed: unpack it first (bunzip2 -k)"),
+    (b"\xfd7zXZ", "is compressed: unpack it first (unxz -k)"),
+    (b"\x28\xb5\x2f\xfd", "is compressed: unpack it first (unzstd)"),
+)
+_ARCHIVE: Final = b"PK\x03\x04"
+_WORKBOOKS: Final = (".xlsx", ".xlsm", ".ods")
+
+
+def what_it_is(path: str | os.PathLike[str]) -> str:
+    """Say by its first bytes what a file is that is no recording; nothing if that is not known.
+
+    Args:
+        path: a file that can be read.
+    """
+    path = Path(path)
+    with path.open("rb") as file:
+        first = file.read(max(len(beginning) for beginning, _ in _BEGINNINGS))
+    if first.startswith(_ARCHIVE):
+        if path.suffix.lower() in _WORKBOOKS:
+            return "is a workbook: save its sheet as CSV"
+        return "is an archive: unpack it first (unzip)"
+    return next((said for beginning, said in _BEGINNINGS if first.startswith(beginning)), "")

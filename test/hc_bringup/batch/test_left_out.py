@@ -1,0 +1,29 @@
+"""hc batch says which files of a folder it does not take for recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hc_bringup.batch import sources
+from hc_bringup.cli import main
+
+
+def test_files_with_other_endings_are_not_left_out_silently(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Regression: of a folder with .lvm and .txt files the batch took the others without a word."""
+    folder = tmp_path / "study"
+    bag = folder / "bag"
+    bag.mkdir(parents=True)
+    for name in ("a.csv", "b.lvm", "c.txt", "notes.tex", "bag/metadata.yaml", "bag/x.db3"):
+        (folder / name).write_text("time_s,displacement_mm,force_N\n0,0,0\n")
+    (tmp_path / "out").mkdir()
+    found = sources.left_out([str(folder), str(folder / "a.csv")], tmp_path / "out")
+    assert [path.name for path in found] == ["b.lvm", "c.txt"]
+    assert sources.left_out([str(folder / "*.lvm")], tmp_path / "out") == []
+    main(["batch", str(folder), "--filter", "ukf", "-o", str(tmp_path / "results"), "-j", "1"])
+    said = " ".join(capsys.readouterr().err.split())
+    assert "left out for their ending: 2 (such as b.lvm, c.txt)" in said
+    assert "'**/*.lvm'" in said

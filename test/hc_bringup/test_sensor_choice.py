@@ -1,0 +1,86 @@
+"""Which pair of sensors `hc setup` proposes where there are several, and by whose clock they go."""
+
+import time
+
+import pytest
+from builtin_interfaces.msg import Time
+from rosgraph_msgs.msg import Clock
+
+from hc_bringup.robot_streams import Stream
+from hc_bringup.sensor_choice import best
+from hc_bringup.simulated_clock import ClockListener
+
+FORCE, PLACE = ("wrench", "effort"), ("pose", "transform", "tf", "joint")
+LEFT, RIGHT = (
+    Stream(f"/{side}/ft/wrench", "wrench", 500.0, f"{side}_ft") for side in ("left", "right")
+)
+
+
+def frames(*names):
+    return [Stream("/tf", "tf", 125.0, "base", name) for name in names]
+
+
+@pytest.mark.parametrize("force", [LEFT, RIGHT])
+def test_each_of_two_arms_gets_its_own_tool(force):
+    """Regression: the wrench of the left arm was recorded beside the tool of the right one."""
+    side = force.frame.removesuffix("_ft")
+    told = best([LEFT, RIGHT, *frames("right_tool0", "left_tool0")], PLACE, force)
+    assert told is not None
+    assert told.child == f"{side}_tool0"
+    rates = {"right": 125.0, "left": 90.0}
+    poses = [Stream(f"/{s}/pose", "pose", rate, "world") for s, rate in rates.items()]
+    told = best([*poses, force], PLACE, force)
+    assert told is not None
+    assert told.topic == f"/{side}/pose"
+    told = best([LEFT, RIGHT], FORCE, poses[side == "left"])
+    assert told is force
+
+
+def test_where_no_name_tells_the_fastest_and_the_first_frame_are_proposed():
+    wrench = Stream("/ft_sensor/wrench", "wrench", 500.0, "ft")
+    poses = [Stream("/slow", "pose", 40.0, "base"), Stream("/fast", "pose", 500.0, "base")]
+    assert best(poses, PLACE, wrench) == poses[1]
+    assert best(poses, PLACE) == poses[1]
+    of_tf = frames("tool0", "camera")
+    assert best(of_tf, PLACE, wrench) == of_tf[0]
+    assert best([poses[0]._replace(rate_hz=0.0)], PLACE, wrench) is None
+
+
+class OneSubscription:
+    """A graph whose node hands out what listens."""
+
+    def __init__(self):
+        self.node = self
+        self.take = None
+
+    def create_subscription(self, _kind, topic, take, _qos):
+        assert topic == "/clock"
+        self.take = take
+        return take
+
+    def destroy_subscription(self, subscription):
+        assert subscription == self.take
+        self.take = None
+
+
+@pytest.mark.parametrize(
+    ("clock_s", "stamp_s", "simulated"),
+    [
+        (12.0, 12.004, True),  # a simulation that counts from its start
+        (None, 12.004, False),  # the same, and nobody publishes /clock
+        (12.0, "now", False),  # a driver that stamps by the computer's clock beside a simulation
+        ("now", "now", False),  # a simulation at the computer's own time needs nothing
+    ],
+)
+def test_what_is_stamped_by_the_clock_of_a_simulation(clock_s, stamp_s, simulated):
+    graph, now_ns = OneSubscription(), time.time_ns()
+    stamp_ns, clock_ns = (now_ns if s == "now" else int((s or 0) * 1e9) for s in (stamp_s, clock_s))
+    listener = ClockListener(graph)
+    listener.stamped(stamp_ns)
+    if clock_s is not None:
+        seconds, rest = divmod(clock_ns, 10**9)
+        graph.take(Clock(clock=Time(sec=seconds, nanosec=rest)))
+    listener.stamped(stamp_ns)
+    assert listener.is_followed == simulated
+    listener.close()
+    assert graph.take is None
