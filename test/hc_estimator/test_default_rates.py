@@ -7,7 +7,7 @@ import hc_estimator as hc
 from hc_estimator.multiple_model import kalman
 from hc_estimator.multiple_model.hypotheses import (
     COUNTS,
-    EXPONENT,
+    DRIVES,
     LOG_STIFFNESS,
     OWN,
     OWN_WALKS,
@@ -37,7 +37,7 @@ def test_in_the_air_a_rate_comes_to_rest(m, bank):
     row.state[OWN : COUNTS[m]] = 0.5
     for i in range(OWN, COUNTS[m]):
         row.covariance[i, i] = 1.0
-    driven = [LOG_STIFFNESS, EXPONENT][: COUNTS[m] - OWN]
+    driven = [LOG_STIFFNESS + k for k in range(3) if np.any(DRIVES[m, :, k])]  # ln K, ln B, n
     row.covariance[driven, driven] = KNOWN  # what is held fixed has none
     for _ in range(1000):
         kalman.predict(row, 0.001, 0.0, True, True)

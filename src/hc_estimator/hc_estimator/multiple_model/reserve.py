@@ -18,7 +18,6 @@ from hc_estimator.multiple_model.choice import seed_behind
 from hc_estimator.multiple_model.hypotheses import (
     FITTED,
     FRESH,
-    LOG_DAMPING,
     OWN,
     PLAIN,
     REFINES,
@@ -26,7 +25,7 @@ from hc_estimator.multiple_model.hypotheses import (
     SURFACE,
     is_tried,
 )
-from hc_estimator.multiple_model.rows import free_parameters, is_held
+from hc_estimator.multiple_model.rows import free_damping, free_parameters
 
 NEEDED_TIME = 0.3  # in contact for which constant tissue must not do [s]
 UNNEEDED_TIME = 10.0  # in contact for which it must have done [s]
@@ -60,12 +59,10 @@ def review(settings: Any, bank: Any) -> None:
 def _begin(settings: Any, source: Any, row: Any, clock: float) -> None:
     """Begin a row from the chosen one, or from the one that it refines."""
     seed_behind(source, row, clock)
-    if not REFINES[row.index]:
+    if REFINES[row.index]:
+        free_damping(settings, row, DAMPING_DEVIATION)
+    else:
         free_parameters(settings, row, DEVIATIONS)
-    else:  # it has a freedom that the other's misfit may be for lack of
-        row.model_error = 0.0
-        if not is_held(settings, 1):
-            row.covariance[LOG_DAMPING, LOG_DAMPING] += DAMPING_DEVIATION**2
     if SURFACE[row.index] and SURFACE[source.index]:
         row.state[OWN] = source.state[OWN]
     row.active = 1

@@ -190,6 +190,14 @@ def seed(source: Any, row: Any, since: float, counts_from: float) -> None:
 
 
 @compiled
+def free_damping(settings: Any, row: Any, deviation: float) -> None:
+    """Let ln B go by so much more; what the law leaves may have been for lack of that."""
+    row.model_error = 0.0
+    if not is_held(settings, 1):
+        row.covariance[LOG_DAMPING, LOG_DAMPING] += deviation * deviation
+
+
+@compiled
 def free_parameters(settings: Any, row: Any, deviations: tuple[float, float, float, float]) -> None:
     """Let the parameters go: their mean stays, their deviations are the given ones."""
     for i in range(4):
