@@ -46,8 +46,9 @@ def mixture(bank, weights):
     return total / (1.0 + sum(weights.values()))
 
 
-def found(bank):
-    spread.find(bank.judge, bank.rows, CLOCK)
+def found(bank, **settings):
+    estimator = hc.create_estimator("self_tuning_ukf", **settings)
+    spread.find(estimator._settings.view(np.recarray)[0], bank.judge, bank.rows, CLOCK)
     return np.array(bank.judge.spread)
 
 
@@ -68,6 +69,10 @@ def test_a_row_that_does_not_explain_what_was_felt_leaves_nothing_open(bank):
         before, row[name] = row[name], value
         assert not np.any(found(bank))
         row[name] = before
+
+
+def test_it_can_be_left_out(bank):
+    assert not np.any(found(bank, mixture_covariance=False))
 
 
 def test_where_the_chosen_row_does_not_fit_likelihoods_are_not_asked(bank):

@@ -125,9 +125,8 @@ MOTION = record_type(
         Field("step", np.float64, (), 0.0),  # mean step [s]
         # Displacement, velocity step, acceleration step^2.
         Field("states", np.float64, (MEMBERS, 3)),
-        # Readings since a member's start, at least. The quickest is always settled: its own is the
-        # score of the latest steps, above the readings after which it is.
-        Field("age", np.float64, (MEMBERS,)),
+        Field("age", np.float64, (MEMBERS,)),  # readings since a member's start, at least
+        Field("regularity", np.float64, (), 0.0, LARGEST_SCORE),  # score of the latest steps
         Field("bias", np.float64, (MEMBERS, 2)),  # cumulative sums upward and downward
         # Mean squared innovations over variance [mm^2].
         Field("squares", np.float64, (MEMBERS,), 0.0),
@@ -161,6 +160,7 @@ def _start(motion: Any, displacement: float) -> None:
     first = motion.first
     first[motion.count - 1] = displacement
     motion.weighted = 0
+    motion.regularity = 0.0
     if motion.count < FIRST_READINGS:
         return
     bend = first[2] - 2.0 * first[1] + first[0]
@@ -230,8 +230,7 @@ def learn(
         predicted = states[m, 0] + steps * states[m, 1] + half * states[m, 2]
         innovation = displacement - predicted
         ran_away = ran_away or not abs(innovation) < RUN_AWAY
-        if m < MEMBERS - 1:
-            motion.age[m] += 1.0
+        motion.age[m] += 1.0
         age = motion.age[m]
         if age < SETTLED[m]:  # gains of the parabola through all readings since the start
             scale = 1.0 / (age * (age + 1.0) * (age + 2.0))
@@ -268,11 +267,9 @@ def _has_few(motion: Any, regular: bool) -> bool:
     What the bank says is old then, and members that learn nothing more grow old enough to be
     chosen: the jerk of a tool that moves at 10 mm/s was called that of one at rest.
     """
-    last = MEMBERS - 1
-    lowest = SETTLED[last]
-    moved = motion.age[last] + (REGULAR_WORTH if regular else -1.0)
-    motion.age[last] = min(max(moved, lowest), lowest + LARGEST_SCORE)
-    return bool(motion.count >= FEW_AFTER and motion.age[last] < lowest + FEW_REGULAR)
+    score = motion.regularity + (REGULAR_WORTH if regular else -1.0)
+    motion.regularity = min(max(score, 0.0), LARGEST_SCORE)
+    return bool(motion.count >= FEW_AFTER and motion.regularity < FEW_REGULAR)
 
 
 @compiled

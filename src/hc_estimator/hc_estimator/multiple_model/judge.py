@@ -222,7 +222,7 @@ def learn(settings: Any, bank: Any) -> None:
             judge.varied_at = clock
         _seed_anew(judge, rows, clock, judge.waited)
         reserve.review(settings, bank)
-        spread.find(judge, rows, clock)
+        spread.find(settings, judge, rows, clock)
     judge.waited = 0.0
 
 

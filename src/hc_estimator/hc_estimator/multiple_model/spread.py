@@ -16,6 +16,16 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_matrix
 from hc_estimator.multiple_model.choice import REFUTED, explains, steadiest_nis
 from hc_estimator.multiple_model.hypotheses import FITTED, FRESH, LOG_STIFFNESS
+from hc_estimator.specification import ParameterSpecification
+
+SPECIFICATIONS = (
+    ParameterSpecification(
+        "mixture_covariance",
+        "bool",
+        True,
+        "Count into the covariance what hypotheses that were not chosen leave open.",
+    ),
+)
 
 VARIED_FOR = 10.0  # time in contact for which tissue that varied may vary again [s]
 # Logarithm of the largest odds of another row: the chosen one was chosen for its predictions.
@@ -23,13 +33,14 @@ LARGEST_ODDS = 3.0
 
 
 @compiled
-def find(judge: Any, rows: Any, clock: float) -> None:
+def find(settings: Any, judge: Any, rows: Any, clock: float) -> None:
     """Find what the other rows leave open of the chosen one's ln K, ln B, n and p.
 
     The odds of a row are its likelihood's over the chosen one's, and e^-REFUTED of that if it is a
     freer one.
 
     Args:
+        settings: settings record.
         judge: its `spread` is changed.
         rows: the hypotheses.
         clock: contact clock [s].
@@ -37,7 +48,7 @@ def find(judge: Any, rows: Any, clock: float) -> None:
     spread, chosen = judge.spread, judge.chosen
     clear_matrix(spread)
     row, is_calm = rows[chosen], chosen <= FITTED
-    if row.model_error == 0.0:
+    if row.model_error == 0.0 and settings.mixture_covariance != 0:
         steadiest, total = steadiest_nis(judge, rows), 1.0
         for m in range(FITTED + 1 if is_calm else 0, FRESH):
             if m == chosen or not explains(judge, rows, m, clock, steadiest):
