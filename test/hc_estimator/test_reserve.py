@@ -7,11 +7,16 @@ import hc_estimator as hc
 from hc_estimator.multiple_model import choice, reserve
 from hc_estimator.multiple_model.hypotheses import (
     EXPONENT,
+    EXPONENT_ROW,
     FITTED,
     FRESH,
+    LOG_DAMPING,
     OWN,
+    PLAIN,
+    REFINES,
     RESERVE,
     SURFACE,
+    TREND_ROW,
 )
 
 IN_RESERVE = [m for m in range(FRESH) if RESERVE[m]]
@@ -61,15 +66,23 @@ def review(settings, bank, clock, times):
 def test_the_reserve_is_called_and_sent_away(parts):
     settings, bank = parts
     judge, rows = bank.judge, bank.rows
-    judge.chosen = 2
-    rows[2].state[EXPONENT] = 1.9
+    judge.chosen = TREND_ROW
+    rows[TREND_ROW].state[EXPONENT] = 1.9
+    rows[EXPONENT_ROW].state[EXPONENT] = 1.7
     review(settings, bank, 5.0, 59)
     assert not any(rows[m].active for m in IN_RESERVE)
     review(settings, bank, 5.0, 2)
     for m in IN_RESERVE:
         assert rows[m].active == 1
-        assert rows[m].state[EXPONENT] == 1.9
-        assert rows[m].covariance[EXPONENT, EXPONENT] == pytest.approx(0.09)  # let go
+        source, variances = rows[PLAIN[m] if REFINES[m] else TREND_ROW], rows[m].covariance
+        assert rows[m].state[EXPONENT] == source.state[EXPONENT]
+        if REFINES[m]:  # begins from the row that it refines, and lets ln B go
+            known = source.covariance
+            assert variances[EXPONENT, EXPONENT] == known[EXPONENT, EXPONENT]
+            more = known[LOG_DAMPING, LOG_DAMPING] + reserve.DAMPING_DEVIATION**2
+            assert variances[LOG_DAMPING, LOG_DAMPING] == pytest.approx(more)
+        else:
+            assert variances[EXPONENT, EXPONENT] == pytest.approx(0.09)  # let go
         assert rows[m].covariance[OWN, OWN] > 0.0
         assert not choice.counts(rows[m], 5.0 + 0.9 * choice.WAIT)
         assert choice.counts(rows[m], 5.0 + 1.1 * choice.WAIT)
@@ -87,7 +100,7 @@ def test_it_begins_where_a_surface_was_found(parts):
     judge.chosen = next(m for m in range(FRESH) if SURFACE[m])
     rows[judge.chosen].state[OWN] = -0.7
     review(settings, bank, 5.0, 61)
-    assert all(rows[m].state[OWN] == -0.7 for m in IN_RESERVE)
+    assert all(rows[m].state[OWN] == -0.7 for m in IN_RESERVE if SURFACE[m])
 
 
 def test_a_hypothesis_that_is_off_is_not_called(records_of):
