@@ -15,6 +15,7 @@ from hc_estimator.multiple_model.hypotheses import (
     PLAIN,
     REFINES,
     RESERVE,
+    STEADY_SURFACE_ROW,
     SURFACE,
     TREND_ROW,
 )
@@ -101,6 +102,17 @@ def test_it_begins_where_a_surface_was_found(parts):
     rows[judge.chosen].state[OWN] = -0.7
     review(settings, bank, 5.0, 61)
     assert all(rows[m].state[OWN] == -0.7 for m in IN_RESERVE if SURFACE[m])
+
+
+@pytest.mark.parametrize("off", [STEADY_SURFACE_ROW, TREND_ROW, EXPONENT_ROW])
+def test_only_what_refines_a_hypothesis_is_off_with_it(off, records_of):
+    """Regression: without the surface at a steady speed no lump on one was tried either."""
+    settings, bank = records_of(hc.create_estimator("self_tuning_ukf", without_hypotheses=2**off))
+    bank.judge.chosen = FITTED
+    bank.rows[FITTED].model_error = 1e-4
+    review(settings, bank, 5.0, 200)
+    called = [m for m in IN_RESERVE if bank.rows[m].active == 1]
+    assert called == [m for m in IN_RESERVE if not REFINES[m] or PLAIN[m] != off]
 
 
 def test_a_hypothesis_that_is_off_is_not_called(records_of):

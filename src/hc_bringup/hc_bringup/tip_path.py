@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_logger.bag import Bag
-from hc_logger.decoder import decoder
 from hc_logger.layout import REAL, records, stamps
 from hc_logger.recording import Recording
 from hc_logger.selection import full_name
+from hc_logger.transforms import of_one_frame
 from hc_logger.type_names import POSE_TYPE, TRANSFORM_TYPE
 from hc_msgs_py.topics import TIP
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp
@@ -139,9 +139,8 @@ def _path(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | Non
 
 def _path_of_frame(bag: Bag, recording: Recording, name: str, axes: str) -> TipPath | None:
     """Return components of the positions of the only frame that a topic of transforms tells."""
-    decode = decoder(bag.topics[name].definition)
-    messages = [decode(message.data) for message in bag.messages({name})]
-    if len({message.child_frame_id for message in messages}) != 1:
+    messages = of_one_frame(bag, name)
+    if not messages:
         return None
     stamp_ns = np.array([nanoseconds_from_stamp(m.header.stamp) for m in messages], np.int64)
     places = [[getattr(m.transform.translation, axis) for axis in axes] for m in messages]

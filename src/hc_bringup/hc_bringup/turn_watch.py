@@ -19,6 +19,7 @@ from hc_logger.decoder import decoder
 from hc_logger.foreign import open_bag
 from hc_logger.layout import REAL, records
 from hc_logger.selection import full_name
+from hc_logger.transforms import of_one_frame
 from hc_logger.type_names import FORCE_TYPE, POSE_TYPE, TRANSFORM_TYPE
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
@@ -103,16 +104,8 @@ def bag_turn_deg(path: str | os.PathLike[str], topic: str = "", child: str = "")
 
 def _of_transforms(bag: Bag, topic: str, child: str) -> list[tuple[float, ...]]:
     """Return the attitudes of a frame; none where a topic tells several and none is named."""
-    decode = decoder(bag.topics[topic].definition)
-    found: dict[str, list[tuple[float, ...]]] = {}
-    for message in islice(bag.messages({topic}), _MOST_MESSAGES):
-        transform = decode(message.data)
-        turned = transform.transform.rotation
-        attitude = (turned.x, turned.y, turned.z, turned.w)
-        found.setdefault(transform.child_frame_id, []).append(attitude)
-    if child:
-        return found.get(child, [])
-    return next(iter(found.values())) if len(found) == 1 else []
+    found = of_one_frame(bag, topic, child, _MOST_MESSAGES)
+    return [(t.x, t.y, t.z, t.w) for t in (message.transform.rotation for message in found)]
 
 
 def _of_frames(bag: Bag, kinds: Mapping[str, str]) -> list[tuple[float, ...]]:

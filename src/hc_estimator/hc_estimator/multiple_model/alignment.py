@@ -106,6 +106,12 @@ def use(settings: Any, bank: Any, time: float) -> int:
 
 
 @compiled
+def _ahead(bank: Any) -> int:
+    """Channel that is held back: 0 the displacement, 1 the force."""
+    return 0 if bank.delay.delay > 0.0 else 1
+
+
+@compiled
 def _hold_none(held: Any) -> None:
     """Give up what is held."""
     held.first = held.count
@@ -116,7 +122,7 @@ def _hold_none(held: Any) -> None:
 def _use_pair(settings: Any, bank: Any, time: float) -> int:
     """Use a sample with both readings, of which one is held back."""
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
-    ahead = 0 if delay > 0.0 else 1
+    ahead = _ahead(bank)
     _hold(held, time, clock.measurement[ahead])
     wanted = time - abs(delay)
     # After lost readings a force that is held would put the state ahead of the next displacement.
@@ -172,7 +178,7 @@ def _use_at(settings: Any, bank: Any, time: float, place: float, extrapolated: f
 def _use_single(settings: Any, bank: Any, time: float) -> int:
     """Use a reading that comes alone, after those held back whose place lies before it."""
     clock, held, delay = bank.clock, bank.held, bank.delay.delay
-    ahead = 0 if delay > 0.0 else 1
+    ahead = _ahead(bank)
     restart = clock.restart
     now = time - max(delay, 0.0)
     until = held.first
@@ -216,7 +222,7 @@ def _use_waiting(settings: Any, bank: Any, time: float, until: int) -> int:
     clock, held, decision = bank.clock, bank.held, ACCEPTED
     if held.first >= until:
         return decision
-    ahead = 0 if bank.delay.delay > 0.0 else 1
+    ahead = _ahead(bank)
     restart, stamp = clock.restart, clock.channel_time[ahead]
     present = (clock.present[0], clock.present[1])
     readings = (

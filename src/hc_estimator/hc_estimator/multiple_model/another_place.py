@@ -111,12 +111,13 @@ def look(settings: Any, bank: Any) -> bool:
     place.delay_learnt = 0
     if settings.find_places == 0 or is_held(settings, 0):
         return False
-    here = finder.grid_count - 1 - max(-round(finder.delay / finder.grid_step), 0)
+    shift = round(finder.delay / finder.grid_step)
+    here = finder.grid_count - 1 - max(-shift, 0)
     if here < max(finder.grid_count - GRID, 0):
         return False
     least = TOUCHING * math.sqrt(bank.sensor_noise[1])
     if finder.grid[here % GRID, 3] < least:
-        if _has_let_go(settings, bank, here, least):
+        if _has_let_go(settings, bank, here - shift, least):
             return False
         before = place.away
         place.away += finder.grid_step
@@ -156,7 +157,7 @@ def look(settings: Any, bank: Any) -> bool:
 
 
 @compiled
-def _has_let_go(settings: Any, bank: Any, here: int, least: float) -> bool:
+def _has_let_go(settings: Any, bank: Any, there: int, least: float) -> bool:
     """True if the law expects no force, for the tool withdraws faster than the tissue follows.
 
     Such a tool is still within the tissue, and cannot be anywhere else when it is felt again.
@@ -164,11 +165,10 @@ def _has_let_go(settings: Any, bank: Any, here: int, least: float) -> bool:
     Args:
         settings: settings record.
         bank: record of the bank.
-        here: point of the grid that the force is of.
+        there: point of the grid that the displacement is of.
         least: force that is felt [N].
     """
     finder, row = bank.delay, bank.rows[bank.judge.chosen]
-    there = here - round(finder.delay / finder.grid_step)
     if not max(finder.grid_count - GRID, 0) <= there < finder.grid_count:
         return False
     depth, velocity = finder.grid[there % GRID, 0], finder.grid[there % GRID, 1]

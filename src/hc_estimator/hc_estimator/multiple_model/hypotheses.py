@@ -46,7 +46,8 @@ class HypothesisRow:
         waits: True if it takes no part until something has begun it: a fit, an alarm.
         reserve: True if it takes part only while constant tissue does not do; see `reserve`.
         refines: logarithm of the likelihood ratio over the first row with the same hypothesis from
-            which on it is chosen in place of that, and never else; NaN for rows that refine none.
+            which on it is chosen in place of that, or where it predicts far better than all; NaN
+            for rows that refine none.
     """
 
     hypothesis: Hypothesis
@@ -172,8 +173,8 @@ WAITS = np.array([row.waits for row in ROWS])
 RESERVE = np.array([row.reserve for row in ROWS])
 REFINED_FROM = np.array([row.refines for row in ROWS])
 REFINES = np.isfinite(REFINED_FROM)
-# The first row with the same hypothesis: of a row that refines another, that one.
-PLAIN = np.array([next(m for m in range(len(ROWS)) if CODES[m] == code) for code in CODES])
+# Of a row that refines another, that one; of others, themselves.
+PLAIN = np.array([list(CODES).index(CODES[m]) if REFINES[m] else m for m in range(len(ROWS))])
 TREND_ROW = next(m for m, row in enumerate(ROWS) if row.own == 1)
 EXPONENT_ROW = next(m for m, row in enumerate(ROWS) if row.hypothesis == Hypothesis.ALL_DRIFT)
 STEADY_SURFACE_ROW = int(np.flatnonzero(SURFACE)[0])
