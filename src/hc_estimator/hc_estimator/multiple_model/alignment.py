@@ -22,6 +22,7 @@ from hc_estimator.multiple_model import (
     delay_evidence,
     delay_points,
     delay_sensitivity,
+    moving_delay,
     moving_fit,
     place_delay,
     plausible,
@@ -286,9 +287,7 @@ def _take_point(settings: Any, bank: Any) -> None:
         if another_place.look(settings, bank):
             beginning.begin_at_place(settings, bank)
         elif place_delay.is_found(finder, bank.place):
-            _hold_none(bank.held)
-            delay_evidence.reset(finder)
-            beginning.begin_aligned(settings, bank)
+            _begin_with_delay(settings, bank)
             another_place.begin_in_step(bank.place)
         if batch_fit.update(settings, bank) and zero_fit.look(settings, bank):
             beginning.begin_with_zeros(settings, bank)
@@ -298,9 +297,20 @@ def _take_point(settings: Any, bank: Any) -> None:
             bank.judge.chosen = 0
             choose(settings, bank.judge, rows, bank.tool, bank.tool.contact_clock)
         moving_fit.look(settings, bank)
+        if moving_delay.is_found(bank):
+            _begin_with_delay(settings, bank)
+            moving_fit.begin_moving(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
     place_delay.note_none(finder, bank.place)
+
+
+@compiled
+def _begin_with_delay(settings: Any, bank: Any) -> None:
+    """Begin anew with another delay than before."""
+    _hold_none(bank.held)
+    delay_evidence.reset(bank.delay)
+    beginning.begin_aligned(settings, bank)
 
 
 @compiled
@@ -310,8 +320,10 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     before = finder.delay
     # What the innovations say is of the filter's own row, not of the fit beside it.
     row = rows[0 if bank.judge.chosen <= FITTED else bank.judge.chosen]
-    refined = settings.delay_by_innovations != 0 and delay_evidence.learn(finder, rows, row)
-    changes = delays.learn_window(settings, finder, noise)
+    moves = moving_delay.has_moved(bank.moving, bank.tool.contact_clock)
+    by_innovations = settings.delay_by_innovations != 0 and not moves
+    refined = by_innovations and delay_evidence.learn(finder, rows, row)
+    changes = delays.learn_window(settings, finder, noise, moves)
     if not (changes or refined):
         return
     _hold_none(bank.held)

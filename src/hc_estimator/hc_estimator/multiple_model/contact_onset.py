@@ -24,7 +24,13 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
-from hc_estimator.multiple_model import air_window, place_delay, zero_fit, zero_moves
+from hc_estimator.multiple_model import (
+    air_window,
+    moving_delay,
+    place_delay,
+    zero_fit,
+    zero_moves,
+)
 from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
@@ -99,6 +105,9 @@ def learn(settings: Any, bank: Any, time: float) -> bool:
     """
     onset = bank.onset
     if onset.decided != 0 or bank.calibrated == 0:
+        return False
+    if moving_delay.has_moved(bank.moving, bank.tool.contact_clock):
+        onset.decided = 1  # where a surface is that moves says its row, and no rise of the force
         return False
     onset.shift[0] = 0.0
     onset.shift[1] = 0.0

@@ -74,7 +74,7 @@ def forget(finder: Any) -> None:
 
 
 @compiled
-def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
+def learn_window(settings: Any, finder: Any, sensor_noise: Any, moves: bool) -> bool:
     """Take a full window into what is known; True if the delay in use is to change.
 
     The new delay is then finder.delay, and K, B and n at it are finder.fit.
@@ -83,6 +83,7 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
         settings: settings record.
         finder: changed.
         sensor_noise: variances of displacement and force [mm^2], [N^2].
+        moves: True if the surface moves, so that one for each half second says nothing.
     """
     if delay_points.find_contact(finder) < max(LEAST_CONTACT * finder.points, FEWEST_IN_CONTACT):
         return False
@@ -94,7 +95,7 @@ def learn_window(settings: Any, finder: Any, sensor_noise: Any) -> bool:
         clear = delay_points.go_both_ways(finder, False)
         if clear:
             _fit(settings, finder, count)
-            clear = finder.varies == 0 or delay_points.go_both_ways(finder, True)
+            clear = finder.varies == 0 or (not moves and delay_points.go_both_ways(finder, True))
             clear = clear and _is_clear(finder, count)
         finder.fitted = finder.kept
         finder.clear = 1 if clear else 0

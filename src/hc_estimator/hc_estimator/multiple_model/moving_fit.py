@@ -23,7 +23,7 @@ import numpy as np
 
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_vector
-from hc_estimator.multiple_model import delay_sensitivity, spline
+from hc_estimator.multiple_model import delay_sensitivity, moving_delay, spline
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.choice import trusted_motion
@@ -130,6 +130,7 @@ def reset(moving: Any) -> None:
     """Nothing is looked for."""
     moving.looked_at = -math.inf
     moving.stage = 0
+    moving_delay.reset(moving)
 
 
 @compiled
@@ -162,6 +163,10 @@ def look(settings: Any, bank: Any) -> None:
         for m in range(k + 1, ORDER.size):
             moving.evidence[m] = -math.inf
             moving.left[m] = math.inf
+    elif moving.stage > ORDER.size + 1:
+        moving.stage = 0
+        first = _oldest(bank.history, moving.last)
+        moving_delay.ask(settings, bank, first, _most_likely(moving))
     else:
         moving.stage = 0
         judge.found = 0
@@ -170,6 +175,13 @@ def look(settings: Any, bank: Any) -> None:
             judging.keep_to_fit(judge, bank.rows, clock, RELAXES_FOR)
         elif found >= 0:
             _begin_found(settings, bank, found)
+        if found >= 0 and ORDER[found] & MOVES != 0:
+            moving.moved_at = clock
+        varies = found < 0 or ORDER[found] & (VARIES + MOVES) != 0
+        if varies and math.isnan(settings.channel_delay):
+            moving.stage = ORDER.size + 2
+        else:
+            moving.agreeing = 0
 
 
 @compiled
@@ -239,11 +251,18 @@ def _relaxes(moving: Any, found: int) -> bool:
 
 
 @compiled
-def _likeliest(moving: Any) -> int:
-    """Number of the calmest of the likely kinds; -1 if none explains all but the noise."""
+def _most_likely(moving: Any) -> float:
+    """Largest logarithm of the evidence of any kind."""
     best = -math.inf
     for k in range(ORDER.size):
         best = max(best, moving.evidence[k])
+    return best
+
+
+@compiled
+def _likeliest(moving: Any) -> int:
+    """Number of the calmest of the likely kinds; -1 if none explains all but the noise."""
+    best = _most_likely(moving)
     if best == -math.inf:
         return -1
     found = 0
@@ -275,6 +294,20 @@ def _begin_found(settings: Any, bank: Any, found: int) -> None:
             judge.found = m
             judge.found_at = bank.tool.contact_clock
             _take(settings, bank, bank.rows[m], bank.tool.contact_clock)
+
+
+@compiled
+def begin_moving(settings: Any, bank: Any) -> None:
+    """Begin with the last fit, of tissue that stays under a surface that moves."""
+    judge, clock = bank.judge, bank.tool.contact_clock
+    for m in range(FRESH):
+        if KINDS_OF[m] == MOVES and is_tried(settings, m):
+            _note_outcome(bank.fit, bank.moving, bank.clock.state_time)
+            judge.chosen = m
+            judge.found = m
+            judge.found_at = clock
+            bank.moving.moved_at = clock
+            _take(settings, bank, bank.rows[m], clock)
 
 
 @compiled

@@ -39,7 +39,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model import maneuver as maneuvers
 from hc_estimator.multiple_model.choice import WAIT
-from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, SURFACE
+from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, SURFACE, SURFACE_ROW
 from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
@@ -62,6 +62,7 @@ from hc_estimator.screening import ACCEPTED, NUMERICAL, OUTLIER, note_accepted
 PERIOD_SHARE = 0.05  # of a new interval in the usual one
 UNKNOWN = 1e12  # variance of a force whose noise is not known yet [N^2]
 TOUCHING_DEPTH = 0.02  # from which the judge counts contact [mm]
+PRESSED = 0.1  # of the largest force: more than a zero that moved [-]
 AWAY_TIME = 1.0  # the parameters go on walking for so long after contact is lost [s]
 FREE_DEVIATIONS = 3.0  # of the depth from which on free motion is certain
 STEADY_TIME = 0.5  # of contact before the jerk density is corrected [s]
@@ -270,6 +271,26 @@ def _keep_sound(settings: Any, bank: Any) -> bool:
 
 
 @compiled
+def _is_touching(bank: Any, chosen: Any) -> bool:
+    """True if there is contact, as the chosen row sees it, or as one whose surface may move does.
+
+    A row that expects no force where there is one must not stop what would refute it: where the
+    zero was a guess it slept beside half a newton for seconds. A force that is small beside what
+    was felt may be a zero that moved, and is left to the chosen row.
+    """
+    clock, noise = bank.clock, bank.sensor_noise[1]
+    pressed = clock.present[1] != 0 and clock.measurement[1] > beginning.SURE * math.sqrt(noise)
+    if depth_of(chosen) > TOUCHING_DEPTH:
+        return bool(chosen.predicted_force > 0.0 or pressed)
+    if not pressed or SURFACE[chosen.index]:
+        return bool(pressed)
+    surface = bank.rows[SURFACE_ROW]
+    if surface.active == 0 or clock.measurement[1] < PRESSED * bank.tool.largest_force:
+        return False
+    return bool(depth_of(surface) > TOUCHING_DEPTH and surface.predicted_force > 0.0)
+
+
+@compiled
 def _decide(settings: Any, bank: Any, time: float) -> None:
     """Learn from the innovations; choose a row; answer alarms."""
     clock, rows, tool = bank.clock, bank.rows, bank.tool
@@ -282,12 +303,7 @@ def _decide(settings: Any, bank: Any, time: float) -> None:
             if rows[m].position_deviation > 0.0 and SURFACE[m] and rows[m].model_error > 0.0:
                 let_surface_move(rows[m])
     chosen = rows[bank.judge.chosen]
-    # A row that expects no force where there is one must not stop what would refute it.
-    pressed = clock.present[1] != 0 and clock.measurement[1] > beginning.SURE * math.sqrt(
-        bank.sensor_noise[1]
-    )
-    touching = depth_of(chosen) > TOUCHING_DEPTH and (chosen.predicted_force > 0.0 or pressed)
-    touching = touching or (SURFACE[chosen.index] and pressed)
+    touching = _is_touching(bank, chosen)
     elapsed = clock.elapsed if clock.restart == 0 else clock.period  # a gap is no contact
     if touching:
         tool.away_time = 0.0

@@ -35,6 +35,7 @@ from hc_estimator.multiple_model.spline_records import (
 
 # Of the unknowns; the coefficients of ln K come after them, and then those of surface or exponent.
 LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
+DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
 KNOT = 0.25  # time between two knots of the stiffness [s]
 SECOND_KNOT = 0.5  # of surface or exponent [s]
 STRETCHED = 1.5  # factor on both up to which the points may lie apart
@@ -98,6 +99,8 @@ def free_all(settings: Any, fit: Any) -> None:
         fit.held[i] = 0
     fit.held[DELAY] = 0 if math.isnan(settings.channel_delay) else 1
     fit.position_deviation = math.inf
+    fit.delay_deviation = DELAY_DEVIATION
+    fit.shift = 0
 
 
 @compiled

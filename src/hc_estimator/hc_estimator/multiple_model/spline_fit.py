@@ -64,8 +64,21 @@ from hc_estimator.multiple_model.spline_records import (
 )
 
 PASSES = 3  # with other weights
+SAME_TIME = 0.1  # of the time between two points, by which they may be off
 SETTLED = 0.01  # relative change of the squares with which the weights hold
 HOPELESS = 10.0  # squares left over those of the noise at which other weights change nothing
+
+
+@compiled
+def _place_of(history: Any, fit: Any, k: int) -> int:
+    """Number of the point whose displacement belongs to a point's force; -1 if it has none."""
+    j = k - fit.shift
+    if j < fit.first or j >= fit.last or history.points[j % POINTS, 7] == UNKNOWN:
+        return -1
+    apart = history.points[k % POINTS, 8] - history.points[j % POINTS, 8]
+    if abs(apart - fit.shift * fit.spacing) > SAME_TIME * fit.spacing:
+        return -1
+    return j  # type: ignore[no-any-return]
 
 
 @compiled
@@ -75,7 +88,8 @@ def _law_at(settings: Any, fit: Any, values: Any, point: Any) -> float:
     damping = stiffness * math.exp(values[LOG_RATIO])
     velocity, acceleration = point[5], point[6]
     ago = point[8] - fit.latest
-    depth = point[0] - values[POSITION] - values[SPEED] * ago - values[DELAY] * velocity
+    depth = point[0] - values[POSITION] - values[SPEED] * ago
+    depth -= values[DELAY] * (velocity - 0.5 * values[DELAY] * acceleration)
     velocity -= values[SPEED] + values[DELAY] * acceleration
     n, p = values[EXPONENT], values[VELOCITY_EXPONENT]
     value, rate = second(fit, values)
@@ -103,13 +117,14 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
     gradient = fit.gradient
     expected = 0.0
     for k in range(fit.first, fit.last):
-        point = history.points[k % POINTS]
-        if point[7] == UNKNOWN:
+        number = _place_of(history, fit, k)
+        if number < 0:
             continue
-        locate(fit, point[8])
-        _law_at(settings, fit, fit.values, point)
+        point, place = history.points[k % POINTS], history.points[number % POINTS]
+        locate(fit, place[8])
+        _law_at(settings, fit, fit.values, place)
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
-        drag, cubic = gradient[1] * gradient[1], int(point[7])
+        drag, cubic = gradient[1] * gradient[1], int(place[7])
         point[3] = 1.0 / (variance + drag * history.velocity_noise[cubic])
         expected += point[3] * (noise[2] * variance + drag * history.velocity_std[cubic] ** 2)
     fit.expected = expected
@@ -126,11 +141,12 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
     total = 0.0
     count = 0
     for k in range(fit.first, fit.last):
-        point = history.points[k % POINTS]
-        if point[7] == UNKNOWN:
+        number = _place_of(history, fit, k)
+        if number < 0:
             continue
-        used = locate(fit, point[8])
-        force = _law_at(settings, fit, values, point) - relaxed(fit, values, point)
+        point, place = history.points[k % POINTS], history.points[number % POINTS]
+        used = locate(fit, place[8])
+        force = _law_at(settings, fit, values, place) - relaxed(fit, values, point)
         residual = point[2] - values[FORCE_ZERO] - force
         count += 1
         total += point[3] * residual * residual
@@ -139,8 +155,9 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
         slopes[VELOCITY_EXPONENT] = gradient[5]
         slopes[POSITION] = -gradient[0]
         slopes[FORCE_ZERO] = 1.0
-        slopes[DELAY] = -gradient[0] * point[5] - gradient[1] * point[6]
-        slopes[SPEED] = -gradient[0] * (point[8] - fit.latest) - gradient[1]
+        slopes[DELAY] = -gradient[0] * (place[5] - values[DELAY] * place[6])
+        slopes[DELAY] -= gradient[1] * place[6]
+        slopes[SPEED] = -gradient[0] * (place[8] - fit.latest) - gradient[1]
         _note_splines(fit, point)
         for i in range(used):
             row = places[i]

@@ -26,7 +26,6 @@ from hc_estimator.multiple_model.spline import (
 )
 from hc_estimator.multiple_model.spline_records import BAND, BENDS, RELAXES, SPLINE_FIRST, STEADY
 
-DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
 SPEED_DEVIATION = 0.1  # of a surface that sinks [mm/s]
 LEVEL_DEVIATION = 10.0  # of a coefficient of ln K: any stiffness is as likely
 SHARE_DEVIATION = 0.5  # of the force that a memory takes away
@@ -53,7 +52,7 @@ def _deviation(settings: Any, fit: Any, i: int) -> float:
     if i <= VELOCITY_EXPONENT:
         return prior_deviation(settings, i + 1)
     if i == DELAY:
-        return DELAY_DEVIATION
+        return float(fit.delay_deviation)
     if i == SPEED:
         return SPEED_DEVIATION
     if i == POSITION:

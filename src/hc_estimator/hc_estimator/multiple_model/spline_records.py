@@ -25,6 +25,10 @@ SPLINE_FIT = record_type(
         Field("fixed", np.int64, (SPLINE_FIRST,), 0, 1),  # held, or without a deviation
         Field("kind", np.int64, (), 0, 2 * STEADY - 1),
         Field("position_deviation", np.float64, (), 0.0, finite=False),  # of the prior [mm]
+        Field("delay_deviation", np.float64, (), 0.0),  # of the prior [s]
+        # By how many points the force is late beside the delay, and how far they are apart [s].
+        Field("shift", np.int64),
+        Field("spacing", np.float64, (), 0.0),
         Field("level", np.float64),  # ln K to begin with
         Field("begin", np.float64),  # time of the first point [s]
         Field("latest", np.float64),  # and of the last
@@ -60,12 +64,17 @@ SPLINE_FIT = record_type(
 MOVING = record_type(
     (
         Field("looked_at", np.float64, (), finite=False),  # contact clock of the last search [s]
-        Field("stage", np.int64, (), 0, KINDS + 1),  # fit that comes next; 0: none
+        Field("stage", np.int64, (), 0, KINDS + 2),  # fit that comes next; 0: none
         Field("last", np.int64, (), 0),  # number of the point after the last that is asked
         Field("evidence", np.float64, (KINDS,), finite=False),  # logarithm, by kind
         Field("left", np.float64, (KINDS,), finite=False),  # squares, in those of the noise
         Field("values", np.float64, (KINDS, UNKNOWNS)),  # of each fit
         Field("unknowns", np.int64, (KINDS,), 0, UNKNOWNS),  # number of those in use
+        Field("moved_at", np.float64, (), finite=False),  # contact clock: a surface moved [s]
+        # Delay beside the one in use beneath such a surface, and how many fits in a row say so.
+        Field("delay", np.float64),
+        Field("delay_variance", np.float64, (), 0.0),
+        Field("agreeing", np.int64, (), 0),
         # ln K, ln B, n, p; position and speed of the surface; rate of ln K.
         Field("outcome", np.float64, (7,)),
         Field("covariance", np.float64, (7, 7)),

@@ -30,7 +30,13 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector, copy_matrix, copy_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import place_delay, spline, zero_average, zero_sensitivity
+from hc_estimator.multiple_model import (
+    place_delay,
+    spline,
+    zero_average,
+    zero_rival,
+    zero_sensitivity,
+)
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
@@ -200,6 +206,8 @@ def look(settings: Any, bank: Any) -> bool:
 def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     """Fit tissue that stays, on a surface that sinks, or that varies; False if none explains all.
 
+    Or if a surface that moves does, and is likelier (`zero_rival`).
+
     The smallest squares left over those of the noise are in zeros.misfit.
     """
     history, zeros, fit = bank.history, bank.zeros, bank.fit
@@ -207,6 +215,9 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     last = history.points[(history.count - 1) % POINTS, 8]
     span = last - history.points[first % POINTS, 8]
     zeros.misfit = math.inf
+    rival, largest = -math.inf, _largest(history, first)
+    if span >= LEAST_TIME:
+        rival = zero_rival.evidence_of_surface(settings, bank, first)
     for kind in (STAYS, SINKS, VARIES):
         if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
             continue
@@ -217,7 +228,10 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
             continue
         spline.begin(fit, bank.rows[bank.judge.chosen])
         if _explains(settings, bank):
-            return True
+            return bool(
+                rival == -math.inf
+                or rival < zero_rival.evidence_of_zeros(fit, zeros.squares, largest)
+            )
     return False
 
 

@@ -102,6 +102,20 @@ def _palpated(name: str, seed: int) -> tuple[Scenario, np.random.Generator]:
     return _contact(name, motion, fastest, draw), draw
 
 
+def _slow(name: str, seed: int) -> tuple[Scenario, np.random.Generator]:
+    """A hand that palpates hardly more quickly than the organ breathes."""
+    draw = np.random.default_rng([seed, 64])
+    swing = float(draw.uniform(1.2, 3.6))
+    sines = (
+        (0.4 * swing, 0.2, float(draw.uniform(0.0, 6.28))),
+        (0.5 * swing, float(draw.uniform(0.4, 0.8)), float(draw.uniform(0.0, 6.28))),
+        (0.1 * swing, 1.4, float(draw.uniform(0.0, 6.28))),
+    )
+    motion = Motion(swing + float(draw.uniform(0.5, 2.0)), sines)
+    fastest = 2.0 * np.pi * sum(a * f for a, f, _ in sines) + 1.6
+    return _contact(name, motion, fastest, draw), draw
+
+
 def _out_of_step(scenario: Scenario, draw: np.random.Generator) -> Scenario:
     sign = float(draw.choice([-1.0, 1.0]))
     return replace(scenario, force_delay_s=sign * float(draw.uniform(0.008, 0.05)))
@@ -155,6 +169,8 @@ PAIRS: dict[str, tuple[Begun, tuple[Trouble, ...]]] = {
     "lumps, zeros off": (_palpated, (_lumps, _zeros_off)),
     "breathing, out of step": (_palpated, (_breathing, _out_of_step)),
     "breathing, lumps": (_palpated, (_breathing, _lumps)),
+    "slow, breathing": (_slow, (_breathing,)),
+    "slow, breathing, out of step": (_slow, (_breathing, _out_of_step)),
     "sinking, zeros off": (_palpated, (_sinking, _zeros_off)),
     "tissue drifts, zeros off": (_palpated, (_drifting, _zeros_off)),
 }

@@ -1,0 +1,123 @@
+"""Does a force that is late explain what a surface that moves leaves?
+
+`delay` gives each half second a K and a surface of its own where one law does not do. In an organ
+that breathes that leaves so little of the delay that none was found of 20 or 40 ms (16 contacts),
+and one of 49 ms where there was none. Over ten seconds least squares tell both: so where they say
+that the surface moves (`moving_fit`), tissue that stays is fitted once more beneath such a surface,
+with a delay that may be any, and believed if that is by far likelier than what was found in step,
+three times in a row. (Ours; `test_moving_delay.py`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.linear_algebra import clear_vector
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import spline
+from hc_estimator.multiple_model.delay import BEGINS, LARGEST, LEAD
+from hc_estimator.multiple_model.kalman import exp_limited
+from hc_estimator.multiple_model.levenberg_marquardt import solve
+from hc_estimator.multiple_model.spline_fit import solve_least_squares
+from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.spline_records import MOVES
+
+LATE_DEVIATION = 0.03  # of a delay that may be any [s]
+CONSISTENT = 1.5  # largest squares left, in those of the noise
+LASTING = 3  # fits in a row that must say the same
+SAME = 0.003  # difference, beside three deviations, up to which they do [s]
+LEAST = 0.004  # delay beside the one in use that is one [s]
+NEARER = 3  # searches for the points that belong to the forces
+REMEMBERED = 10.0  # time in contact for which a surface that moved is remembered [s]
+
+
+@compiled
+def reset(moving: Any) -> None:
+    """No surface was seen to move, and no delay beneath one."""
+    moving.moved_at = -math.inf
+    moving.delay = 0.0
+    moving.delay_variance = 0.0
+    moving.agreeing = 0
+
+
+@compiled
+def has_moved(moving: Any, clock: float) -> bool:
+    """True if the latest fits say that the surface moves: then `delay` is not the one to ask."""
+    return bool(clock - moving.moved_at < REMEMBERED)
+
+
+@compiled
+def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
+    """Fit tissue that stays under a surface that moves, with a delay, and note what it is.
+
+    Args:
+        settings: settings record.
+        bank: its records `moving` and `fit` are changed, and the weights of the points.
+        first: number of the oldest point.
+        likeliest: logarithm of the evidence for what was found in step.
+    """
+    moving, fit, history, finder = bank.moving, bank.fit, bank.history, bank.delay
+    before, agreeing = moving.delay, moving.agreeing
+    moving.agreeing = 0
+    spline.free_all(settings, fit)
+    fit.held[spline.FORCE_ZERO] = 1
+    fit.position_deviation = SURFACE_DEVIATION
+    fit.delay_deviation = LATE_DEVIATION
+    if not spline.lay_out(history, fit, first, moving.last, MOVES):
+        return
+    fit.spacing = finder.grid_step * history.every
+    spline.begin(fit, bank.rows[bank.judge.chosen])
+    noise = histories.noise_of_points(bank)
+    squares = solve_least_squares(settings, history, fit, noise)
+    count = fit.count
+    # Far from its own time a point says little of the motion; another one is nearer.
+    for _ in range(NEARER):
+        steps = round(fit.values[spline.DELAY] / fit.spacing) if math.isfinite(squares) else 0
+        if steps == 0:
+            break
+        fit.shift += steps
+        fit.values[spline.DELAY] -= steps * fit.spacing
+        fit.delay_deviation = fit.spacing
+        squares = solve_least_squares(settings, history, fit, noise)
+    if not squares < CONSISTENT * fit.expected:
+        return
+    delay = fit.shift * fit.spacing + fit.values[spline.DELAY]
+    column = fit.next
+    clear_vector(column)
+    column[spline.DELAY] = 1.0 / fit.weight
+    solve(fit.factor, column, fit.unknowns)
+    variance = max(column[spline.DELAY], 0.0)
+    if abs(delay) < max(LEAST, BEGINS * math.sqrt(variance)):
+        return
+    # Points that have none at that time would have left as much as the others.
+    lost = (count - fit.count) * fit.expected / max(fit.count, 1)
+    evidence = log_evidence(fit, squares) - 0.5 * (lost + (delay / LATE_DEVIATION) ** 2)
+    if abs(finder.delay + delay) > LARGEST or evidence < likeliest + LEAD:
+        return
+    same = agreeing > 0 and abs(delay - before) < SAME + 3.0 * math.sqrt(variance)
+    moving.agreeing = agreeing + 1 if same else 1
+    moving.delay = delay
+    moving.delay_variance = variance
+
+
+@compiled
+def is_found(bank: Any) -> bool:
+    """True if the fits agree on a delay; it is used from now on.
+
+    Args:
+        bank: its record `delay` is changed: delay, deviation and fit; `moving` asks anew.
+    """
+    moving, finder = bank.moving, bank.delay
+    if moving.agreeing < LASTING:
+        return False
+    values, fit = bank.fit.values, finder.fit
+    finder.delay += moving.delay
+    finder.deviation = math.sqrt(moving.delay_variance)
+    finder.doubt = moving.delay_variance
+    fit[0] = exp_limited(spline.log_stiffness(bank.fit, values))
+    fit[1] = fit[0] * exp_limited(values[spline.LOG_RATIO])
+    fit[2] = values[spline.EXPONENT]
+    moving.agreeing = 0
+    return True

@@ -1,0 +1,69 @@
+"""Does a surface that moves explain what zeros that are off would explain?
+
+A stiffness that varies as it likes, at zeros that are off, explains a surface that breathes to
+within the noise, and for two seconds even tissue that stays does: a force zero of half a newton was
+found so, nine seconds after the surface had been, and K stayed at a third. So where the row in
+charge says that the surface moves, least squares say the same with the zeros as they are, and that
+and the zeros that are off are compared by their evidence (`spline_prior.log_evidence`), for which
+they are as likely beforehand as for `zero_average`. (Ours; `test_zero_rival.py`.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import history as histories
+from hc_estimator.multiple_model import spline
+from hc_estimator.multiple_model.hypotheses import SURFACE
+from hc_estimator.multiple_model.moving_fit import CONSISTENT, KINDS_OF
+from hc_estimator.multiple_model.spline_fit import solve_least_squares
+from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.zero_average import LIKELY_POSITION, LIKELY_ZERO
+
+
+@compiled
+def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
+    """Logarithm of the evidence for what the row in charge says, if that is a surface that moves.
+
+    Args:
+        settings: settings record.
+        bank: its record `fit` is changed, and the weights of the points.
+        first: number of the oldest point.
+
+    Returns:
+        Minus infinity for another row, or where it leaves more than noise.
+    """
+    history, fit, row = bank.history, bank.fit, bank.rows[bank.judge.chosen]
+    if not SURFACE[row.index] or row.model_error > 0.0:
+        return -math.inf
+    spline.free_all(settings, fit)
+    fit.held[spline.FORCE_ZERO] = 1
+    fit.position_deviation = SURFACE_DEVIATION
+    if not spline.lay_out(history, fit, first, history.count, KINDS_OF[row.index]):
+        return -math.inf
+    spline.begin(fit, row)
+    squares = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
+    if not squares < CONSISTENT * fit.expected:
+        return -math.inf
+    return log_evidence(fit, squares)  # type: ignore[no-any-return]
+
+
+@compiled
+def evidence_of_zeros(fit: Any, squares: float, largest: tuple[float, float]) -> float:
+    """Logarithm of the evidence for the zeros of a fit that is solved.
+
+    Args:
+        fit: as `solve_least_squares` left it, any zero being as likely in it; overwritten.
+        squares: weighted sum of squares.
+        largest: depth [mm] and force [N].
+    """
+    deviations, cost = (LIKELY_POSITION * largest[0], LIKELY_ZERO * largest[1]), 0.0
+    for i in range(2):
+        zero = spline.POSITION + i
+        if fit.fixed[zero] == 0 and deviations[i] > 0.0:
+            relative = fit.values[zero] / deviations[i]
+            cost += 2.0 * math.log(deviations[i]) + relative * relative
+            fit.fixed[zero] = 1  # its prior is counted here
+    return log_evidence(fit, squares) - 0.5 * cost  # type: ignore[no-any-return]
