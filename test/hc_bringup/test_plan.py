@@ -80,7 +80,10 @@ nodes:
         ("nodes: [{name: a, module: b, namespace: 3}]", "namespace is 3; give a name, like left"),
         ("nodes: [{name: a, module: b, namespace: to the left}]", "namespace is 'to the left'"),
         ("nodes: [{name: a, module: b, namespace: a//b}]", "namespace is 'a//b'"),
-        ("nodes: [{name: recorder, module: b, namespace: c}]", "a recorder is for the topics of all namespaces"),
+        (
+            "nodes: [{name: recorder, module: b, namespace: c}]",
+            "a recorder is for the topics of all namespaces",
+        ),
         (
             "nodes: [{name: a, module: b, namespace: c}, {name: a, module: c, namespace: /c/}]",
             "two nodes have the same name among c/a, c/a",
