@@ -14,6 +14,7 @@ from hc_bringup.commands import run as run_command
 from hc_bringup.conclusion import conclude
 from hc_bringup.errors import UserError
 from hc_bringup.estimate_listener import EstimateListener
+from hc_bringup.live import _line_of_other
 from hc_bringup.plan import NodePlan, RunPlan, load_plan
 from hc_bringup.processes import NodeProcess
 from hc_bringup.run_state import RunState
@@ -116,6 +117,19 @@ def test_each_estimator_is_summed_up_and_judged(capsys: pytest.CaptureFixture[st
         "left/estimator:",
         "right/estimator:",
     ]
+
+
+def test_the_line_of_another_estimator_says_why_it_is_silent() -> None:
+    """And not that its source has ended, where the run has."""
+    said = {"right/estimator": {"level": "2", "message": "no usable sample for 1.0 s"}}
+    state = RunState(EstimateStatistics(), 0.0, diagnostics=said)
+    state.add_other("right/estimator", EstimateStatistics())
+    other = state.others[0]
+    assert _line_of_other(other).startswith("right/estimator: (no usable sample for 1.0 s) lost")
+    other.statistics.estimates, other.silent_s = 5, 0.1
+    assert _line_of_other(other).startswith("right/estimator: lost")
+    other.silent_s = 2.0
+    assert "silent for 2.0 s (no usable sample for 1.0 s) lost" in _line_of_other(other)
 
 
 @pytest.mark.slow

@@ -300,7 +300,8 @@ def _parameters(state: RunState) -> str:
 def _line_of_other(state: RunState) -> str:
     """Return what a further estimator of the run says."""
     silent = f"silent for {state.silent_s:.1f} s " if state.silent else ""
-    reason = state.silent_reason and f"({state.silent_reason}) "
+    wanted = state.silent or not state.statistics.estimates  # at the end all sources have stopped
+    reason = f"({state.silent_reason}) " if wanted and state.silent_reason else ""
     return f"{state.estimator}: {silent}{reason}lost {_lost(state)}  {_parameters(state)}"
 
 
