@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import sys
 from collections.abc import Iterator
@@ -90,7 +91,7 @@ def _how_to_close(bag: Path) -> str:
     """Say what makes a bag whole whose recorder could not end it; empty if it is."""
     if (bag / FILE_NAME).exists() or not bag.is_dir():
         return ""
-    return f"not closed: hc bag recover {bag} NEW makes it whole"
+    return f"not closed: hc bag recover {shlex.quote(str(bag))} NEW makes it whole"
 
 
 def _holds_no_data(bag: Path) -> bool:
