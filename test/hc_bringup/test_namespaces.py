@@ -67,6 +67,20 @@ def test_parameters_without_a_node_are_for_all_estimators(two_arms: RunPlan) -> 
     assert found == {"left/estimator": both, "right/estimator": both | {"initial_stiffness": 2}}
 
 
+def test_the_pace_is_that_of_one_rig() -> None:
+    def rigs(*names: str) -> RunPlan:
+        return RunPlan(tuple(NodePlan(name, "a_node") for name in names))
+
+    half = options("--rate", "0.5")
+    found = run_command.given_parameters(rigs("left/indenter", "left/estimator"), half)
+    assert found == {
+        "left/indenter": {"rate": 0.5, "time": "simulated"},
+        "left/estimator": {"use_sim_time": True},
+    }
+    with pytest.raises(UserError, match="left/indenter and right/indenter would each tell"):
+        run_command.given_parameters(rigs("left/indenter", "right/indenter"), half)
+
+
 def test_two_do_not_keep_their_states_in_one_folder(two_arms: RunPlan) -> None:
     run_command.check_state_folders(two_arms)
     same = run_command.with_parameters(two_arms, "right/estimator", {"state.folder": "./s"})

@@ -199,12 +199,17 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
             if name in found.setdefault(node, {}):
                 raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
             found[node][name] = value
+    rigs = [node.name for node in plan.of_kind("indenter")]
     if arguments.rate not in (None, 1.0):
         # The system's clock goes at one pace only.
-        found["indenter"].setdefault("time", "simulated")
-    if found.get("indenter", {}).get("time", "system") != "system":
+        for name in rigs:
+            found[name].setdefault("time", "simulated")
+    simulated = [r for r in rigs if found.get(r, {}).get("time", "system") != "system"]
+    if simulated and len(rigs) > 1:
+        raise UserError(f"{' and '.join(rigs)} would each tell the time of /clock", WRONG_USE)
+    if simulated:
         for name in names:  # else their clock seems to be another one than that of the samples
-            if name != "indenter":
+            if name not in simulated:
                 found.setdefault(name, {}).setdefault("use_sim_time", True)
     return found
 
