@@ -32,6 +32,13 @@ def test_nobody_is_told_to_delete_what_can_be_recovered(tmp_path):
     assert "delete it" not in said_of(bag)
 
 
+def test_what_is_to_be_typed_can_be_pasted(tmp_path):
+    """Regression: of a bag with a space in its name the command had two arguments too many."""
+    bag = tmp_path / "my bag"
+    bag.mkdir()
+    assert f"hc bag recover '{bag}' NEW makes it whole" in said_of(bag)
+
+
 def test_without_a_bag_nothing_is_added(tmp_path):
     assert said_of(None) == said_of(tmp_path / "none") == ""
 

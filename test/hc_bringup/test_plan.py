@@ -77,6 +77,17 @@ nodes:
         ("nodes: [{name: a, module: b, parameter_files: no.yaml}]", "must be a list of files"),
         ("nodes: [{name: a, module: b, parameters: 3}]", "must be names with values"),
         ("nodes: [{name: a, module: b, source: yes please}]", "give true or false"),
+        ("nodes: [{name: a, module: b, namespace: 3}]", "namespace is 3; give a name, like left"),
+        ("nodes: [{name: a, module: b, namespace: to the left}]", "namespace is 'to the left'"),
+        ("nodes: [{name: a, module: b, namespace: a//b}]", "namespace is 'a//b'"),
+        (
+            "nodes: [{name: recorder, module: b, namespace: c}]",
+            "a recorder is for the topics of all namespaces",
+        ),
+        (
+            "nodes: [{name: a, module: b, namespace: c}, {name: a, module: c, namespace: /c/}]",
+            "two nodes have the same name among c/a, c/a",
+        ),
     ],
 )
 def test_refuses_with_one_line_that_names_the_problem(
@@ -116,8 +127,7 @@ def test_refuses_a_missing_file(tmp_path: Path) -> None:
     [
         "a: {ros__parameters: {x: 1}}",
         "/**: {ros__parameters: {x: 1}}",
-        "/ns: {a: {ros__parameters: {}}}",
-        "/ns/a: {ros__parameters: {}}",
+        "/**/a: {ros__parameters: {}}",
         "b: {ros__parameters: {}}\n'*': {ros__parameters: {}}",
     ],
 )
@@ -135,7 +145,9 @@ def test_a_parameter_file_for_the_node_is_taken(tmp_path: Path, text: str) -> No
         ("- x", "is no ROS parameter file"),
         ("a: {parameters: {x: 1}}", "is no ROS parameter file"),
         ("a:\n\tx: 1", "is not valid YAML"),
-        ("aa: {ros__parameters: {x: 1}}", "has no parameters for node a, only for aa"),
+        ("aa: {ros__parameters: {x: 1}}", "has no parameters for node a, only for aa: name it"),
+        ("/ns: {a: {ros__parameters: {}}}", "has no parameters for node a, only for ns/a"),
+        ("/ns/a: {ros__parameters: {}}", "has no parameters for node a, only for ns/a"),
     ],
 )
 def test_a_parameter_file_that_would_be_passed_over_is_refused(

@@ -71,3 +71,11 @@ def test_the_time_of_a_simulation_is_written_down(tmp_path, simulated):
     write_files(path, *streams, found, {}, simulated=simulated)
     told = yaml.safe_load(path.read_text())["estimator"]["ros__parameters"]
     assert told.get("use_sim_time", False) == simulated
+
+
+def test_the_command_that_starts_the_run_can_be_pasted(tmp_path):
+    time_s = np.arange(100) * 1e-2
+    found = SetupProposal(FORCE, JOINT, time_s, np.zeros(100), np.ones(100), ())
+    streams = (Stream("/ft", "wrench", 1e3, "ft"), Stream("/joints", "joint", 100.0, ""))
+    run = write_files(tmp_path / "my arm.yaml", *streams, found, {})
+    assert f"start it with `hc run '{run}'`" in run.read_text()

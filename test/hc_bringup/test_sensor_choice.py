@@ -6,8 +6,9 @@ import pytest
 from builtin_interfaces.msg import Time
 from rosgraph_msgs.msg import Clock
 
-from hc_bringup.robot_streams import Stream
-from hc_bringup.sensor_choice import best
+from hc_bringup.errors import UserError
+from hc_bringup.robot_streams import Stream, unusable
+from hc_bringup.sensor_choice import Choice, best
 from hc_bringup.simulated_clock import ClockListener
 
 FORCE, PLACE = ("wrench", "effort"), ("pose", "transform", "tf", "joint")
@@ -84,3 +85,26 @@ def test_what_is_stamped_by_the_clock_of_a_simulation(clock_s, stamp_s, simulate
     assert listener.is_followed == simulated
     listener.close()
     assert graph.take is None
+
+
+class OneTopic:
+    """A graph in which a microcontroller publishes."""
+
+    def topics(self):
+        return [("/encoder", ("std_msgs/msg/Float32",)), ("/tf_static", ("std_msgs/msg/Int32",))]
+
+
+def test_readings_without_a_time_are_named_with_what_helps():
+    """Regression: "is the robot's driver running?", of topics that had just been listed."""
+    others = unusable(OneTopic())
+    assert list(others) == ["/encoder"]
+    choice = Choice([], others)
+    with pytest.raises(UserError, match="has a node that stamps them") as raised:
+        choice.proposed(None, None)
+    assert "driver running" not in str(raised.value)
+    with pytest.raises(UserError, match=r"/encoder .*Float32.: carries no time"):
+        choice.given("encoder", "position")
+    with pytest.raises(UserError, match="is the robot's driver running"):
+        Choice([], {}).proposed(None, None)
+    with pytest.raises(UserError, match="there is no force topic /wrench; there are: /left/ft"):
+        Choice([LEFT], others).given("wrench", "force")

@@ -159,3 +159,60 @@ def test_late_readings_are_used_again_after_the_clock_was_set_back(step_by_step,
     at = time[-1] - 0.0202
     late = estimator.step(at + 10.0, pose_at(at, time, d), None)
     assert late.rejected is hc.Rejection.ACCEPTED
+
+
+def without_poses(time, d, force, away, silent):
+    """Leave the poses of a time out, and all readings of another one."""
+    kept = ~((time >= away[0]) & (time < away[1]) & ~np.isnan(d))
+    kept &= ~((time >= silent[0]) & (time < silent[1]))
+    return time[kept], d[kept], force[kept]
+
+
+@pytest.mark.parametrize("step_by_step", [False, True], ids=["run", "step"])
+@pytest.mark.parametrize(
+    ("away", "silent"),
+    [((1.0, 1.1), (1.0, 1.07)), ((0.8, 1.5), (0.0, 0.0)), ((0.0, 0.03), (0.0, 0.0))],
+    ids=["after silence", "forces went on", "at the start"],
+)
+def test_forces_that_waited_for_a_late_displacement_are_used(away, silent, step_by_step, plant):
+    """The first pose after a gap came later than forces younger than it: those were lost."""
+    time, d, force = without_poses(*two_channels(plant), away, silent)
+    delay = np.where(np.isnan(d) | (time < away[1]) | (time > away[1] + 0.03), 0.0, 0.02)
+    order = np.argsort(time + delay, kind="stable")
+    in_order = hc.create_estimator("self_tuning_ukf", **LATE)
+    expected = in_order.run(time, d, force)
+    assert np.count_nonzero(expected.rejected) >= 10  # there was nothing to use them with
+    late = hc.create_estimator("self_tuning_ukf", **LATE)
+    if step_by_step:
+        for at in order:
+            late.step(time[at], d[at], force[at])
+    else:
+        late.run(time[order], d[order], force[order])
+    assert late.state()["memory"]["rows"] == in_order.state()["memory"]["rows"]
+    assert late.state()["memory"] == in_order.state()["memory"]
+
+
+def test_a_stamp_from_far_ahead_that_was_refused_does_not_end_the_going_back(plant):
+    time, d, force = two_channels(plant)
+    estimator = hc.create_estimator("ukf", **LATE)
+    for i in range(1000):
+        estimator.step(time[i], d[i], force[i])
+    for stamp in (1e6, np.inf):  # alone after so long a time it has no displacement to go with
+        assert estimator.step(stamp, None, 1.0).rejected is hc.Rejection.NOT_FINITE
+    for i in range(1000, len(time)):
+        estimator.step(time[i], d[i], force[i])
+    at = time[-1] - 0.0202
+    late = estimator.step(at, pose_at(at, time, d), None)
+    assert late.rejected is hc.Rejection.ACCEPTED
+
+
+def test_what_is_kept_while_no_displacement_comes_is_bounded(plant):
+    """All samples of such a time were, for as long as it lasted."""
+    time, d, force = two_channels(plant)
+    estimator = hc.create_estimator("ukf", **LATE)
+    estimator.run(time, d, force)
+    later = time[-1] + 1.0 + np.arange(2000) / 500.0
+    for part in np.array_split(later, 100):
+        estimator.run(part, np.full(part.size, np.nan), np.ones(part.size))
+    kept = sum(sum(map(len, point.since)) for point in estimator._late._checkpoints)
+    assert kept < 200

@@ -49,10 +49,18 @@ def test_a_parabola_is_left_as_it_is(motion, load, rate):
     np.testing.assert_allclose(found[:, 3], np.polyval(load, at), atol=1e-5)
 
 
-def test_neighbours_fill_a_twentieth_of_a_second():
-    for step, width, expected in ((0.01, 0.03, 4), (0.01, 0.07, 2), (0.015, 0.105, 0)):
-        assert smoothing.neighbours(step, width) == expected
-    assert smoothing.neighbours(0.001, 0.03) == NEIGHBOURS
+def test_neighbours_fill_eighty_milliseconds_or_are_not_worth_it():
+    for step, expected in ((0.001, NEIGHBOURS), (0.01, 4), (0.0101, 4), (0.015, 3), (0.02, 0)):
+        assert smoothing.neighbours(step) == expected
+
+
+@pytest.mark.parametrize("rate", [66.0, 80.0, 100.0, 125.0])
+def test_a_smoothed_velocity_is_never_noisier_than_that_of_one_parabola(rate):
+    """Regression of 2026-11-27: 1.2 times at 100 Hz, for wide parabolas had fewer neighbours."""
+    noise = 0.01 * np.random.default_rng(7).standard_normal(round(1.6 * rate))
+    finder = window(noise, noise, rate)
+    said = smoothing.velocity_variance(finder, 0.01**2, grid.readings_of(finder))
+    assert said < 0.75 * grid.velocity_variance(finder, 0.01**2)
 
 
 def test_both_channels_are_smoothed_alike():

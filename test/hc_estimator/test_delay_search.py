@@ -222,7 +222,7 @@ def test_a_velocity_exponent_that_is_off_is_no_delay(seed):
 def test_what_is_not_known_of_the_delay_is_not_known_of_the_parameters():
     """Regression: 0.00 ± 21.7 ms, and all four "100 % known from the data" beside it."""
     (pair,) = (pair for pair in multirate.RATES if pair.pose == 125)
-    contact = multirate.readings(pair, True, 1012)
+    contact = multirate.readings(pair, True, 1031)
     estimator = hc.create_estimator(FILTER, **rates.DECLARED)
     series = estimator.run(contact.time_s, contact.displacement_mm, contact.force_n)
     doubtful = int(np.nanargmax(series.channel_delay_std))

@@ -30,7 +30,10 @@ def write(path: Path, text: str) -> Path:
         ("time_s,displacement_mm,torque_Nm\n0,1,2\n", "no column is known to be the force"),
         (HEADER, "has no rows"),
         (HEADER + "\n\n", "has no rows"),
-        (HEADER + "0,1,2\n0.1,one,2\n", "line 3: displacement_mm is 'one' instead of a number"),
+        (
+            HEADER + "0,1,2\n0.1,one,2\n",
+            "line 3: displacement_mm is 'one' instead of a number: where a reading is missing",
+        ),
         (HEADER + "0,1,2\n0.1,1\n", "line 3: 2 columns, force_N is number 3"),
     ],
 )

@@ -6,6 +6,7 @@ import runpy
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -164,3 +165,38 @@ def test_the_words_of_ros2_that_the_page_promises_exist(capsys):
             main([command, "--help"])
         shown = capsys.readouterr().out
         assert all(re.search(rf"^    {action}\b", shown, re.M) for action in actions.split(", "))
+
+
+def test_the_node_that_stamps_a_microcontrollers_readings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The guide's: what comes in as a number goes out as what the estimator reads."""
+    import rclpy
+    from builtin_interfaces.msg import Time
+    from std_msgs.msg import Float64
+
+    sent: list[tuple[str, Any]] = []
+    heard: dict[str, Any] = {}
+
+    class Node:
+        def __init__(self, _name: str) -> None:
+            self.get_clock = self.now = lambda: self
+
+        def to_msg(self) -> Time:
+            return Time(sec=7, nanosec=8)
+
+        def create_publisher(self, _kind: Any, topic: str, _depth: int) -> Any:
+            return SimpleNamespace(publish=lambda message: sent.append((topic, message)))
+
+        def create_subscription(self, _kind: Any, topic: str, take: Any, _depth: int) -> None:
+            heard[topic] = take
+
+    monkeypatch.setattr(rclpy, "init", lambda: None)
+    monkeypatch.setattr(rclpy, "spin", lambda _node: None)
+    monkeypatch.setattr("rclpy.node.Node", Node)
+    (code,) = re.findall(r"```python\n(import rclpy\n.*?)```", ROBOT, re.DOTALL)
+    exec(code, {})
+    heard["load_cell"](Float64(data=2.5))
+    heard["encoder"](Float64(data=0.003))
+    (force_topic, force), (place_topic, place) = sent
+    assert (force_topic, force.wrench.force.z) == ("stamped/wrench", 2.5)
+    assert (place_topic, list(place.position)) == ("stamped/joint", [0.003])
+    assert force.header.stamp == place.header.stamp == Time(sec=7, nanosec=8)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import sys
 from collections.abc import Iterator
@@ -15,7 +16,6 @@ from hc_bringup.wrapping import say, wrapped
 from hc_logger.errors import BagError
 from hc_logger.metadata import FILE_NAME, read_information
 from hc_logger.writer import numbered_bags
-from hc_msgs_py.topics import NODE_ESTIMATOR
 
 LONGEST_WITHOUT_ESTIMATE_S = 1.0
 _OF_NODES = ("diagnostics", "rosout", "parameter_events", "configuration")
@@ -37,15 +37,10 @@ def conclude(
     Raises:
         UserError: after printing, if the run went on to its end and failed all the same.
     """
-    if NODE_ESTIMATOR in node_names:
-        reason = _why_no_estimate(state)
-        if reason:
-            state.failures.append(reason)
-        statistics = state.statistics
-        misfit = statistics.mismatch / max(statistics.estimates, 1)
-        wrong = why_unusable((name.partition(" of ")[0] for name in state.suspicions), misfit)
-        if wrong:
-            state.failures.append(f"{wrong}: do what stands above them, or see hc doctor")
+    for one in (state, *state.others):
+        if one.estimator in node_names:
+            whose = f"{one.estimator}: " if state.others else ""
+            state.failures += [f"{whose}{reason}" for reason in _why_failed(one)]
     bags = []
     if bag is not None:
         bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
@@ -96,7 +91,7 @@ def _how_to_close(bag: Path) -> str:
     """Say what makes a bag whole whose recorder could not end it; empty if it is."""
     if (bag / FILE_NAME).exists() or not bag.is_dir():
         return ""
-    return f"not closed: hc bag recover {bag} NEW makes it whole"
+    return f"not closed: hc bag recover {shlex.quote(str(bag))} NEW makes it whole"
 
 
 def _holds_no_data(bag: Path) -> bool:
@@ -114,11 +109,20 @@ def _holds_no_data(bag: Path) -> bool:
     )
 
 
+def _why_failed(state: RunState) -> list[str]:
+    """Say why what an estimator says is nothing or of no use; empty if it is neither."""
+    statistics = state.statistics
+    misfit = statistics.mismatch / max(statistics.estimates, 1)
+    wrong = why_unusable((name.partition(" of ")[0] for name in state.suspicions), misfit)
+    advice = f"{wrong}: do what stands above them, or see hc doctor" if wrong else ""
+    return [reason for reason in (_why_no_estimate(state), advice) if reason]
+
+
 def _why_no_estimate(state: RunState) -> str:
     """Say why a run has no result, empty if it has one."""
     if state.statistics.estimates or state.elapsed_s < LONGEST_WITHOUT_ESTIMATE_S:
         return ""
-    said = state.problems.get(NODE_ESTIMATOR) or state.silent_reason
+    said = state.problems.get(state.estimator) or state.silent_reason
     if state.samples:
         return f"no estimate came of {state.samples} samples" + (f": {said}" if said else "")
     return (

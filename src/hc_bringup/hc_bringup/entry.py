@@ -35,10 +35,12 @@ def main() -> int:
     import warnings
 
     from hc_bringup import cli, last_resort
+    from hc_msgs_py.warnings_of_others import ignore_those_of_others
 
     _open_what_is_closed()
     if not sys.warnoptions:
         warnings.simplefilter("ignore")  # they are for developers: python -W default
+    ignore_those_of_others()
     signals = [signal.SIGINT, signal.SIGTERM]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as it is under nohup
         signals.append(signal.SIGHUP)

@@ -10,13 +10,12 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from hc_bringup.graph import Graph
-from hc_estimator.stream.frame_poses import FramePoses, plain_name
+from hc_estimator.stream.frame_poses import FramePoses, plain_name, tool_frames
+from hc_logger.type_names import FRAMES_TYPE
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import FIXED_FRAMES_QOS, SAMPLE_QOS
 
-FRAMES = "tf2_msgs/msg/TFMessage"
-MOST = 6
-"""Frames that are proposed."""
+FRAMES = FRAMES_TYPE
 
 
 class FrameListener:
@@ -53,21 +52,6 @@ class FrameListener:
         """Listen no more."""
         for subscription in self._subscriptions:
             self._graph.node.destroy_subscription(subscription)
-
-
-def tool_frames(poses: FramePoses, wrench_frames: Iterable[str]) -> list[tuple[str, str, str]]:
-    """Return frames that may be the tool's, best first: each with its root, and what moves it.
-
-    Args:
-        poses: knows the frames.
-        wrench_frames: frames of the wrenches that there are.
-    """
-    moving = poses.moving()
-    parents = {poses.parent(frame) for frame in moving}
-    wrenches = [frame for frame in map(plain_name, wrench_frames) if frame in moving]
-    leaves = [frame for frame in reversed(moving) if frame not in parents]
-    chosen = list(dict.fromkeys([*wrenches, *leaves]))[:MOST]
-    return [(frame, moving[frame], poses.mover(frame)) for frame in chosen]
 
 
 class FrameSearch:

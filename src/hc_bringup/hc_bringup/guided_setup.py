@@ -11,11 +11,10 @@ from typing import Any, NamedTuple
 from hc_bringup import heartbeat
 from hc_bringup.asking import Asker, yes_or_no
 from hc_bringup.errors import FAILURE, UserError
-from hc_bringup.frame_streams import FRAMES
 from hc_bringup.graph import Graph
 from hc_bringup.press_monitor import PressMonitor, resting
-from hc_bringup.robot_streams import POSITIONS, Recorder, Stream, find_streams, unusable
-from hc_bringup.sensor_choice import best
+from hc_bringup.robot_streams import Recorder, Stream, find_streams, unusable
+from hc_bringup.sensor_choice import KINDS, Choice, best
 from hc_bringup.wrapping import say
 
 LOOK_S = 1.5
@@ -31,11 +30,6 @@ LONGEST = 3.0
 SILENT_S = 8.0
 """A recording ends when a sensor has sent nothing for so long."""
 FINDING = "finding axes, signs, zeros and delay"
-KINDS = {"force": ("wrench", "effort"), "position": ("pose", "transform", "tf", "joint")}
-_HELP = (
-    "is the robot's driver running, in this ROS_DOMAIN_ID and on this machine "
-    "(ROS_AUTOMATIC_DISCOVERY_RANGE)?"
-)
 
 
 class Recorded(NamedTuple):
@@ -74,8 +68,7 @@ def at_once(
     Raises:
         UserError: if there are no such sensors, or they send nothing.
     """
-    streams = look(graph)
-    chosen = _proposed(streams, force, position)
+    chosen = look(graph).proposed(force, position)
     with Recorder(graph, *chosen) as recorder:
         names = " and ".join(dict.fromkeys(stream.name for stream in chosen))
         say(
@@ -106,7 +99,7 @@ def _recorded(
     )
 
 
-def look(graph: Graph) -> list[Stream]:
+def look(graph: Graph) -> Choice:
     """Look for sensors and say which there are."""
     say(f"looking for sensors (at most {PATIENCE_S:g} s) ...")
     heartbeat.doing("looking for sensors")
@@ -115,67 +108,11 @@ def look(graph: Graph) -> list[Stream]:
     for stream in streams:
         alive = f"{stream.rate_hz:.0f} Hz" if stream.rate_hz > 0.0 else "no message"
         say(f"  {stream.name} ({stream.kind}): {alive}")
+    others = unusable(graph)
     if not all(best(streams, kinds) for kinds in KINDS.values()):
-        for line in unusable(graph):
-            say(f"  {line}")
-    return streams
-
-
-def _given(
-    streams: list[Stream], name: str | None, what: str, beside: Stream | None = None
-) -> Stream:
-    """Return the stream of a name, or else the one to propose beside another one.
-
-    Raises:
-        UserError: if there is none, or it sends nothing.
-    """
-    fitting = [s for s in streams if s.kind in KINDS[what]]
-    names = ", ".join(s.name for s in fitting) or "none"
-    if name is None:
-        proposed = best(streams, KINDS[what], beside)
-        if proposed is None:
-            kinds = {"force": "WrenchStamped", "position": _position_types()}[what]
-            raise UserError(
-                f"no {what} topic of type {kinds} sends anything (there are: {names}): {_HELP}",
-                FAILURE,
-            )
-        return proposed
-    full = name if name.startswith("/") else f"/{name}"
-    stream = next((s for s in fitting if s.name == full), None) or _frame(fitting, full)
-    if stream is None:
-        raise UserError(f"there is no {what} topic {full}; there are: {names}", FAILURE)
-    if stream.rate_hz == 0.0:
-        raise UserError(f"{stream.topic} sends no message: is its driver running?", FAILURE)
-    return stream
-
-
-def _frame(streams: list[Stream], name: str) -> Stream | None:
-    """Return the stream of a frame that is not among the proposed ones: TOPIC:FRAME."""
-    topic, _, child = name.partition(":")
-    of_topic = [s for s in streams if s.kind == "tf" and s.topic == topic]
-    return of_topic[0]._replace(child=child) if of_topic and child else None
-
-
-def _proposed(streams: list[Stream], force: str | None, position: str | None) -> list[Stream]:
-    """Return force and position: those of a name, or else those to propose.
-
-    An effort and the position of its joint come in one message and are taken together.
-
-    Raises:
-        UserError: if there is none, or it sends nothing.
-    """
-    named = _given(streams, position, "position") if position is not None else None
-    pushes = _given(streams, force, "force", named)
-    if pushes.kind != "effort":
-        return [pushes, named or _given(streams, None, "position", pushes)]
-    if named is not None and named.topic != pushes.topic:
-        raise UserError(f"the effort of {pushes.topic} goes with the position of its own joints")
-    return [pushes, pushes._replace(kind="joint")]
-
-
-def _position_types() -> str:
-    *first, last = (name.rpartition("/")[2] for name in (*POSITIONS, FRAMES))
-    return f"{', '.join(first)} or {last}"
+        for name, why in others.items():
+            say(f"  {name} {why}")
+    return Choice(streams, others)
 
 
 class LiveLine:
@@ -233,10 +170,11 @@ class Guide:
             UserError: if the user does not want to look again.
         """
         while True:
-            streams = look(self._graph)
+            choice = look(self._graph)
+            streams = choice.streams
             try:
                 # Both are there before anything is asked.
-                proposed = _proposed(streams, force, position)
+                proposed = choice.proposed(force, position)
             except UserError as error:
                 say(str(error))
                 if not yes_or_no(self._asker, "look again?"):
@@ -248,7 +186,7 @@ class Guide:
             if pushes.kind == "effort":
                 return pushes, pushes._replace(kind="joint")
             if position is None:
-                place = self._pick(streams, _given(streams, None, "position", pushes), "position")
+                place = self._pick(streams, choice.given(None, "position", pushes), "position")
             return pushes, place
 
     def _pick(self, streams: list[Stream], proposed: Stream, what: str) -> Stream:

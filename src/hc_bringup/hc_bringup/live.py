@@ -26,7 +26,6 @@ from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.view import NO_SAMPLES, PanelHistory, PanelView
 from hc_estimator.stream.readings import MEANINGS
 from hc_msgs_py.diagnostics import number_said
-from hc_msgs_py.topics import NODE_ESTIMATOR
 from hc_msgs_py.units import METRE_IN_MM
 
 SYMBOLS: Final = {
@@ -140,6 +139,8 @@ class Display:
             return
         self._last_line_at, self._last_phase = now, state.phase
         line = _line(state, self._rate, self._with_latency)
+        if state.others and state.phase == RUNNING:
+            line = "\n".join((f"{state.estimator}: {line}", *map(_line_of_other, state.others)))
         sys.stderr.write((line if self._with_estimates else _load_line(state)) + "\n")
         sys.stderr.flush()
         heartbeat.spoke()
@@ -166,11 +167,13 @@ class Display:
                 sys.stderr.write(f"{name}: {problem}\n")
                 sys.stderr.flush()
             said |= parts
-        for name, sentence in state.suspicions.items():
-            if name not in self._doubted:  # its numbers change with every look
-                self._doubted.add(name)
-                sys.stderr.write(f"{sentence} ({MEANINGS})\n")
-                sys.stderr.flush()
+        for one in (state, *state.others):
+            whose = f"{one.estimator}: " if state.others else ""
+            for name, sentence in one.suspicions.items():
+                if whose + name not in self._doubted:  # its numbers change with every look
+                    self._doubted.add(whose + name)
+                    sys.stderr.write(f"{whose}{sentence} ({MEANINGS})\n")
+                    sys.stderr.flush()
 
     def _tell_silence(self, state: RunState) -> None:
         """Write a line when the estimates come no more, and one when they come again.
@@ -202,7 +205,7 @@ class Display:
                 self._history.parameters[i].append(float(getattr(latest, name)))
             self._history.force.append(statistics.force_n)
             self._history.depth.append(latest.displacement * METRE_IN_MM)
-        estimator = state.diagnostics.get(NODE_ESTIMATOR, {})
+        estimator = state.diagnostics.get(state.estimator, {})
         recorder = next((v for v in state.diagnostics.values() if "file_bytes" in v), {})
         latency = None
         if self._with_latency:
@@ -234,7 +237,7 @@ class Display:
             and sum(math.isfinite(s) for s in latest.hypothesis_scores) > 1,
             changes=statistics.changes,
             filter=estimator.get("filter", ""),
-            scenario=self._scenario,
+            scenario=state.estimator if state.others else self._scenario,
             bag=recorder.get("bag", "").rstrip("/").rpartition("/")[2],
             bag_bytes=number_said(recorder, "file_bytes", math.nan),
             bag_dropped=int(number_said(recorder, "dropped")),
@@ -243,6 +246,7 @@ class Display:
             suspicions=tuple(state.suspicions.values()),
             respawns=state.respawns,
             answer=state.answer,
+            others=tuple(map(_line_of_other, state.others)),
             keys=self._keys.legend if self._keys is not None else (),
             history=self._history,
         )
@@ -284,15 +288,27 @@ def _load_line(state: RunState) -> str:
     return f"{state.elapsed_s:6.1f} of {state.duration_s:.0f} s  of a core: {use}"
 
 
+def _parameters(state: RunState) -> str:
+    statistics = state.statistics
+    values, deviations = statistics.parameters(), statistics.parameters_std()
+    return " ".join(
+        f"{SYMBOLS[name][0]}={_figure(values[name], '.4g')}±{_figure(deviations[name], '.2g')}"
+        for name in PARAMETERS
+    )
+
+
+def _line_of_other(state: RunState) -> str:
+    """Return what a further estimator of the run says."""
+    silent = f"silent for {state.silent_s:.1f} s " if state.silent else ""
+    wanted = state.silent or not state.statistics.estimates  # at the end all sources have stopped
+    reason = f"({state.silent_reason}) " if wanted and state.silent_reason else ""
+    return f"{state.estimator}: {silent}{reason}lost {_lost(state)}  {_parameters(state)}"
+
+
 def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:
     if state.phase != "running":
         return state.phase
     statistics = state.statistics
-    values, deviations = statistics.parameters(), statistics.parameters_std()
-    parameters = " ".join(
-        f"{SYMBOLS[name][0]}={_figure(values[name], '.4g')}±{_figure(deviations[name], '.2g')}"
-        for name in PARAMETERS
-    )
     latency = ""
     if with_latency:
         latency = f"99 % {engineering(statistics.latency.quantile_s(0.99), 's')}  "
@@ -300,6 +316,6 @@ def _line(state: RunState, rate: _RateMeter, with_latency: bool) -> str:
     hz = 0.0 if state.silent else rate.hz
     return (
         f"{state.elapsed_s:6.1f} s  {hz:6.0f} Hz  {silent}lost {_lost(state)}  "
-        f"{latency}{parameters}  "
+        f"{latency}{_parameters(state)}  "
         f"force error {engineering(statistics.recent_force_rmse_n, 'N')}"
     )

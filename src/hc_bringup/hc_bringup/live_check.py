@@ -92,7 +92,7 @@ def listen(node: str, seconds: float) -> Heard:
             DiagnosticArray,
             DIAGNOSTICS,
             lambda message: statuses.extend(
-                s for s in message.status if s.name == name.rpartition("/")[2]
+                s for s in message.status if s.name == name.lstrip("/")
             ),
             DIAGNOSTICS_QOS,
         )

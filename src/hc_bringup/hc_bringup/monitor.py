@@ -6,33 +6,29 @@ import gc
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from hc_msgs.msg import EstimatorConfiguration, EstimatorEvent, HuntCrossleyEstimate
+from hc_msgs.msg import EstimatorEvent
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
-from hc_bringup.dashboard.parsing import EstimatesParser, RecordParser
+from hc_bringup.dashboard.parsing import RecordParser
 from hc_bringup.dashboard.security import TOKEN_VARIABLE
 from hc_bringup.dashboard.taps import Arrival, Taps
+from hc_bringup.estimate_listener import EstimateListener
 from hc_bringup.reach import speak_to_nodes
-from hc_bringup.statistics import PARAMETERS, EstimateStatistics, estimate_rows
-from hc_logger.type_names import ESTIMATES_TYPE
+from hc_bringup.statistics import PARAMETERS, EstimateStatistics
 from hc_msgs_py.clock_watch import ClockWatch
-from hc_msgs_py.conversion import configuration_from_message
 from hc_msgs_py.diagnostics import Level, number_said
-from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, ESTIMATE_QOS
+from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS
 from hc_msgs_py.topics import (
-    CONFIGURATION,
     DIAGNOSTICS,
-    ESTIMATE,
-    ESTIMATES,
     EVENTS,
     NODE_DASHBOARD,
     NODE_ESTIMATOR,
@@ -46,8 +42,6 @@ NOT_STARTED = "not started"
 _ERROR = str(int(Level.ERROR))
 SERVICE_TIMEOUT_S = 5.0
 REPEAT_S = 0.5
-ARRAYS_S = 1.0
-"""Whoever told estimates on hc/estimate so lately is not listened to on hc/estimates as well."""
 
 
 class _MonitorNode(Node):  # type: ignore[misc]  # rclpy ships no types
@@ -70,18 +64,25 @@ class Monitor:
     """Watches a run over ROS. Use as a context manager; everything happens inside spin().
 
     Attributes:
-        statistics: of the estimates.
+        statistics: of the estimates, those of the first estimator.
+        listeners: to the estimates of each estimator, by its name.
         diagnostics: what each node said last of itself, by name.
         dropped: messages that the recorder did not get, by the bag that it said it made.
     """
 
-    def __init__(self, *, with_estimates: bool = True, with_truth: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        with_estimates: bool = True,
+        with_truth: bool = False,
+        estimators: Sequence[str] = (NODE_ESTIMATOR,),
+    ) -> None:
         self._with_estimates = with_estimates
         self._with_truth = with_truth
-        self.statistics = EstimateStatistics()
+        self.listeners = {name: EstimateListener(name) for name in estimators or (NODE_ESTIMATOR,)}
+        self._estimator, self._first = next(iter(self.listeners.items()))
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.dropped: dict[str, int] = {}
-        self.last_estimate_at = self._estimate_at = 0.0  # the second: of hc/estimate
         self.answer = ""
         self._truth: list[float] | None = None
         self._heard_at: dict[str, float] = {}
@@ -90,21 +91,9 @@ class Monitor:
         speak_to_nodes()
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self._node = _MonitorNode()
-        self._subscription = None
         if self._with_estimates:
-            self._subscription = self._node.create_subscription(
-                HuntCrossleyEstimate, ESTIMATE, self._on_estimate, ESTIMATE_QOS
-            )
-            self._node.create_subscription(
-                EstimatorConfiguration, CONFIGURATION, self._on_configuration, CONFIGURATION_QOS
-            )
-            self._node.taps.acquire(
-                self._node.resolve_topic_name(ESTIMATES),
-                ESTIMATES_TYPE,
-                partial(self._on_arrays, EstimatesParser()),
-                local=False,
-                reliable=True,
-            )
+            for listener in self.listeners.values():
+                listener.listen(self._node, self._node.taps)
         self._node.create_subscription(
             DiagnosticArray, DIAGNOSTICS, self._on_diagnostics, DIAGNOSTICS_QOS
         )
@@ -117,7 +106,9 @@ class Monitor:
                 depth=1,
                 local=False,
             )
-        self._marks = self._node.create_publisher(EstimatorEvent, EVENTS, CONFIGURATION_QOS)
+        self._marks = self._node.create_publisher(
+            EstimatorEvent, self._first.full_name(EVENTS), CONFIGURATION_QOS
+        )
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._clients: dict[str, Any] = {}
@@ -133,9 +124,19 @@ class Monitor:
         rclpy.try_shutdown()
         # The middleware's participant lives until nothing refers to the node any more, and with it
         # its sockets.
-        del self._node, self._executor, self._subscription, self._clients, self._marks
+        del self._node, self._executor, self._clients, self._marks
         del self._clock_watch
         gc.collect()
+
+    @property
+    def statistics(self) -> EstimateStatistics:
+        """Of the estimates of the first estimator."""
+        return self._first.statistics
+
+    @property
+    def last_estimate_at(self) -> float:
+        """When the last estimate of any estimator came, by time.monotonic; 0 before it."""
+        return max(listener.last_at for listener in self.listeners.values())
 
     def problems(self) -> dict[str, str]:
         """Return what nodes call an error in their diagnostics, by node name."""
@@ -147,15 +148,16 @@ class Monitor:
 
     def silent_s(self) -> float:
         """Return the time since the last estimate; NaN before the first one."""
-        return time.monotonic() - self.last_estimate_at if self.last_estimate_at else math.nan
+        return self._first.silent_s()
 
     def mute_s(self, node_name: str) -> float:
         """Return the time since a node said anything of itself; NaN before it has."""
         return time.monotonic() - self._heard_at.get(node_name, math.nan)
 
     def namesakes(self, node_name: str) -> int:
-        """Return how many nodes of this name there are in the domain, outside namespaces."""
-        return int(self._node.get_node_names_and_namespaces().count((node_name, "/")))
+        """Return how many nodes of this name there are in the domain, in the same namespace."""
+        space, _, name = node_name.rpartition("/")
+        return int(self._node.get_node_names_and_namespaces().count((name, f"/{space}")))
 
     def is_there(self, node_name: str) -> bool:
         """Return True once a node's ~/ready can be asked; does not wait."""
@@ -175,7 +177,8 @@ class Monitor:
 
     def page(self) -> str:
         """Return the address of the live page with its token; empty as long as there is none."""
-        address = self.diagnostics.get(NODE_DASHBOARD, {}).get("address", "")
+        pages = (v for n, v in self.diagnostics.items() if n.split("/")[-1] == NODE_DASHBOARD)
+        address = next(pages, {}).get("address", "")
         token = os.environ.get(TOKEN_VARIABLE, "")
         return f"{address}#token={token}" if address and token else ""
 
@@ -184,7 +187,7 @@ class Monitor:
         if what == "mark":
             self._mark()
             return
-        client = self._client(Trigger, f"/{NODE_ESTIMATOR}/{what}")
+        client = self._client(Trigger, f"/{self._estimator}/{what}")
         if not client.service_is_ready():
             self.answer = f"{what}: the estimator does not answer"
             return
@@ -264,23 +267,6 @@ class Monitor:
         end = time.monotonic() + timeout_s
         while not condition() and (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=min(left, 0.05))
-
-    def _on_estimate(self, message: Any) -> None:
-        self.statistics.add(message)
-        self.last_estimate_at = self._estimate_at = time.monotonic()
-
-    def _on_arrays(self, parser: EstimatesParser, arrivals: list[Arrival]) -> None:
-        table, _stamps = parser.parse(arrivals)
-        now = time.monotonic()
-        if now - self._estimate_at < ARRAYS_S:
-            return  # they come on both topics
-        for row in estimate_rows(table):
-            self.statistics.add(row)
-        self.last_estimate_at = now if len(table) else self.last_estimate_at
-
-    def _on_configuration(self, message: Any) -> None:
-        configuration = configuration_from_message(message)
-        self.statistics.touch.configure(configuration.parameters, configuration.revision)
 
     def _on_diagnostics(self, message: Any) -> None:
         for status in message.status:

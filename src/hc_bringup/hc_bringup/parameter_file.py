@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from hc_bringup.errors import WRONG_USE, UserError
-from hc_msgs_py.parameter_sections import PARAMETERS_KEY, section_names
+from hc_msgs_py.parameter_sections import PARAMETERS_KEY, is_for, section_names
 from hc_msgs_py.plain_yaml import PlainYamlError, read_plain_yaml
-
-WILDCARDS = ("*", "**")
 
 
 def read_yaml(path: Path) -> Any:
@@ -33,18 +31,25 @@ def read_yaml(path: Path) -> Any:
 def check_parameter_file(path: Path, node_name: str) -> None:
     """See that a file has parameters for a node.
 
+    Args:
+        path: the file.
+        node_name: with its namespace, without the first slash.
+
     Raises:
         UserError: if it has none; the message says what it has.
     """
     data = read_yaml(path)
-    names = [n.removeprefix("/") for n in section_names(data)] if isinstance(data, dict) else []
+    names = section_names(data) if isinstance(data, dict) else []
     if not names:
         raise UserError(
             f"{path} is no ROS parameter file: give {node_name}: {PARAMETERS_KEY}: with the "
             "parameters below",
             WRONG_USE,
         )
-    if not any(name.rsplit("/", 1)[-1] in (node_name, *WILDCARDS) for name in names):
+    if not any(is_for(name, f"/{node_name}") for name in names):
+        others = ", ".join(name.removeprefix("/") for name in names)
         raise UserError(
-            f"{path} has no parameters for node {node_name}, only for {', '.join(names)}", WRONG_USE
+            f"{path} has no parameters for node {node_name}, only for {others}: name it there, or "
+            "write /**:",
+            WRONG_USE,
         )

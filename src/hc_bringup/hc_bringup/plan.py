@@ -17,9 +17,11 @@ from typing import Any
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.file_preset import KEYS
 from hc_bringup.parameter_file import check_parameter_file, read_yaml
+from hc_msgs_py.topics import NODE_DASHBOARD, NODE_RECORDER
 
 _RUN_KEYS = ("duration_s", "nodes")
-_NODE_KEYS = ("name", "module", "parameter_files", "parameters", "source", "respawn")
+_NODE_KEYS = ("name", "namespace", "module", "parameter_files", "parameters", "source", "respawn")
+_OF_ALL = (NODE_RECORDER, NODE_DASHBOARD)
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class NodePlan:
     """One node of a run.
 
     Attributes:
-        name: ROS name of the node, without slash.
+        name: ROS name of the node, with its namespace if it has one: left/estimator.
         module: Python module that is run with `python -m`.
         parameter_files: ROS parameter files, in the order in which they are applied.
         parameters: parameters that win over the files.
@@ -44,6 +46,16 @@ class NodePlan:
     respawn: bool = False
     terminal: bool = False
 
+    @property
+    def namespace(self) -> str:
+        """Where its topics are, without the first slash; empty for most nodes."""
+        return self.name.rpartition("/")[0]
+
+    @property
+    def kind(self) -> str:
+        """Its name without the namespace."""
+        return self.name.rpartition("/")[2]
+
 
 @dataclass(frozen=True)
 class RunPlan:
@@ -55,6 +67,10 @@ class RunPlan:
     def node(self, name: str) -> NodePlan | None:
         """Return the node of that name, or None."""
         return next((n for n in self.nodes if n.name == name), None)
+
+    def of_kind(self, kind: str) -> tuple[NodePlan, ...]:
+        """Return the nodes of that name in whatever namespace."""
+        return tuple(node for node in self.nodes if node.kind == kind)
 
 
 def load_plan(path: Path) -> RunPlan:
@@ -95,6 +111,7 @@ def _node(entry: Any, path: Path, number: int) -> NodePlan:
         value = entry.get(key)
         if not isinstance(value, str) or not value.replace(".", "_").isidentifier():
             raise UserError(f"{where}: {key} is {value!r}; give a name", WRONG_USE)
+    name = _full_name(entry, where)
     files = entry.get("parameter_files", [])
     if not isinstance(files, list) or not all(isinstance(f, str) for f in files):
         raise UserError(f"{where}: parameter_files must be a list of files", WRONG_USE)
@@ -104,7 +121,7 @@ def _node(entry: Any, path: Path, number: int) -> NodePlan:
     for file in resolved:
         if not file.is_file():
             raise UserError(f"{where}: there is no parameter file {file}", WRONG_USE)
-        check_parameter_file(file, entry["name"])
+        check_parameter_file(file, name)
     parameters = entry.get("parameters", {})
     if not isinstance(parameters, dict) or not all(isinstance(k, str) for k in parameters):
         raise UserError(f"{where}: parameters must be names with values", WRONG_USE)
@@ -112,13 +129,29 @@ def _node(entry: Any, path: Path, number: int) -> NodePlan:
         if not isinstance(entry.get(key, False), bool):
             raise UserError(f"{where}: {key} is {entry[key]!r}; give true or false", WRONG_USE)
     return NodePlan(
-        name=entry["name"],
+        name=name,
         module=entry["module"],
         parameter_files=resolved,
         parameters=parameters,
         source=entry.get("source", False),
         respawn=entry.get("respawn", False),
     )
+
+
+def _full_name(entry: Mapping[str, Any], where: str) -> str:
+    """Return the name of a node with its namespace."""
+    name, space = entry["name"], entry.get("namespace", "")
+    parts = space.strip("/").split("/") if isinstance(space, str) else [""]
+    if space == "":
+        return str(name)
+    if not all(part.isidentifier() and part.isascii() for part in parts):
+        raise UserError(f"{where}: namespace is {space!r:.40}; give a name, like left", WRONG_USE)
+    if name in _OF_ALL:
+        raise UserError(
+            f"{where}: a {name} is for the topics of all namespaces: leave namespace away",
+            WRONG_USE,
+        )
+    return "/".join((*parts, name))
 
 
 def _check_keys(data: Mapping[str, Any], allowed: tuple[str, ...], where: str) -> None:

@@ -49,7 +49,7 @@ class NodeProcess:
         """
         self.plan = plan
         self._folder = folder
-        self._output_path = folder / f"{plan.name}.log"
+        self._output_path = folder / f"{_file_name(plan)}.log"
         self._cpu_s = 0.0
         self._cpu_before_s = 0.0  # of the processes that this one took the place of
         self._successor: subprocess.Popen[bytes] | None = None
@@ -79,19 +79,23 @@ class NodeProcess:
     def _arguments(self) -> list[str]:
         files: list[Path] = list(self.plan.parameter_files)
         if self.plan.parameters:
-            overrides = self._folder / f"{self.plan.name}.parameters.yaml"
+            overrides = self._folder / f"{_file_name(self.plan)}.parameters.yaml"
             overrides.write_text(
-                dump_for_ros({self.plan.name: {"ros__parameters": dict(self.plan.parameters)}})
+                dump_for_ros(
+                    {f"/{self.plan.name}": {"ros__parameters": dict(self.plan.parameters)}}
+                )
             )
             files.append(overrides)
-        arguments = ["--ros-args", "-r", f"__node:={self.plan.name}"]
+        arguments = ["--ros-args", "-r", f"__node:={self.plan.kind}"]
+        if self.plan.namespace:
+            arguments += ["-r", f"__ns:=/{self.plan.namespace}"]
         for file in files:
             arguments += ["--params-file", str(file)]
         return arguments
 
     @property
     def name(self) -> str:
-        """ROS name of the node."""
+        """ROS name of the node, with its namespace."""
         return self.plan.name
 
     @property
@@ -184,6 +188,10 @@ class NodeProcess:
                 except subprocess.TimeoutExpired:
                     while_waiting()
         return self._process.wait()
+
+
+def _file_name(plan: NodePlan) -> str:
+    return plan.name.replace("/", ".")
 
 
 def describe_exit(status: int) -> str:

@@ -42,7 +42,7 @@ _SENSOR = {
 }
 _KINDS = {
     "force": _SENSOR,
-    "position": _SENSOR | {"joint": _TEXT, "child_frame": _TEXT},
+    "position": _SENSOR | {"joint": _TEXT, "child_frame": _TEXT, "base_frame": _TEXT},
     "pairing": dict.fromkeys(("maximum_wait", "reorder_window", "maximum_gap"), _NUMBER),
 }
 KIND_OF = {f"{group}.{name}": kind for group in _KINDS for name, kind in _KINDS[group].items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -86,7 +87,7 @@ def write_files(
     text = _parameters(parameters.stem, day, force, position, found, offsets, simulated)
     try:
         write_new_text(parameters, [text])
-        write_new_text(run, [_RUN.format(name=parameters.stem, run=run, day=day)])
+        write_new_text(run, [_RUN.format(name=parameters.stem, run=shlex.quote(str(run)), day=day)])
     except BagError as error:
         raise UserError(str(error)) from error
     return run

@@ -36,8 +36,15 @@ _UNUSABLE = {
     "geometry_msgs/msg/Pose": f"{_NO_STAMP}PoseStamped",
     "geometry_msgs/msg/Point": f"{_NO_STAMP}PoseStamped",
     "geometry_msgs/msg/Transform": f"{_NO_STAMP}TransformStamped",
-    "std_msgs/msg/Float64": f"{_NO_STAMP}WrenchStamped or JointState",
-    "std_msgs/msg/Float64MultiArray": f"{_NO_STAMP}WrenchStamped or JointState",
+    "geometry_msgs/msg/Vector3": f"{_NO_STAMP}WrenchStamped or PoseStamped",
+    **{
+        f"std_msgs/msg/{kind}": f"{_NO_STAMP}WrenchStamped or JointState"
+        for kind in (
+            *("Float64", "Float64MultiArray", "Float32", "Float32MultiArray", "Int32"),
+            *("Int16", "UInt16", "UInt32"),
+        )
+    },
+    "geometry_msgs/msg/Vector3Stamped": f"{_OTHER_TYPE}WrenchStamped or PoseStamped",
     "geometry_msgs/msg/PointStamped": f"{_OTHER_TYPE}PoseStamped",
     "geometry_msgs/msg/PoseWithCovarianceStamped": f"{_OTHER_TYPE}PoseStamped",
     "nav_msgs/msg/Odometry": f"{_OTHER_TYPE}PoseStamped",
@@ -135,14 +142,14 @@ def find_streams(graph: Graph, seconds: float, patience_s: float = 0.0) -> list[
     return streams
 
 
-def unusable(graph: Graph) -> list[str]:
-    """Say of topics that look like sensors why they cannot be proposed, one line each."""
-    return [
-        f"{name} ({kind}): {_UNUSABLE[kind]}"
+def unusable(graph: Graph) -> dict[str, str]:
+    """Say of topics that look like sensors, by their names, why they cannot be proposed."""
+    return {
+        name: f"({kind}): {_UNUSABLE[kind]}"
         for name, types in graph.topics()
         for kind in types
         if kind in _UNUSABLE and name != "/tf_static"
-    ]
+    }
 
 
 class Recorder:

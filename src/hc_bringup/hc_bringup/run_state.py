@@ -44,6 +44,8 @@ class RunState:
         requests: what was asked for by keys; the runner takes them out.
         answer: what became of the last of them.
         pids: process of each node that runs, by name.
+        estimator: the node whose estimates these are, with its namespace.
+        others: the same of further estimators of the run, in the order of its plan.
     """
 
     statistics: EstimateStatistics
@@ -64,6 +66,25 @@ class RunState:
     requests: list[str] = field(default_factory=list)
     answer: str = ""
     pids: dict[str, int] = field(default_factory=dict)
+    estimator: str = NODE_ESTIMATOR
+    others: list[RunState] = field(default_factory=list)
+
+    def add_other(self, estimator: str, statistics: EstimateStatistics) -> None:
+        """Let the run have one more estimator; what the nodes say is common to all.
+
+        Args:
+            estimator: its name, with its namespace.
+            statistics: of its estimates.
+        """
+        self.others.append(
+            RunState(
+                statistics,
+                self.duration_s,
+                problems=self.problems,
+                diagnostics=self.diagnostics,
+                estimator=estimator,
+            )
+        )
 
     @property
     def silent(self) -> bool:
@@ -73,7 +94,7 @@ class RunState:
     @property
     def suspicions(self) -> dict[str, str]:
         """What the estimator doubts of its readings: a sentence by check and channel."""
-        said = self.diagnostics.get(NODE_ESTIMATOR, {})
+        said = self.diagnostics.get(self.estimator, {})
         return {
             name.removeprefix(SUSPECT): sentence
             for name, sentence in said.items()
@@ -83,7 +104,7 @@ class RunState:
     @property
     def left_out(self) -> dict[str, int]:
         """Samples that the estimator left out, by the reason that its counters name."""
-        said = self.diagnostics.get(NODE_ESTIMATOR, {})
+        said = self.diagnostics.get(self.estimator, {})
         counts = {name: int(number_said(said, key)) for name, key in _LEFT_OUT.items()}
         return {name: count for name, count in counts.items() if count}
 
@@ -93,7 +114,7 @@ class RunState:
 
         By what the estimator said last; it counts anew when it is started again.
         """
-        made = int(number_said(self.diagnostics.get(NODE_ESTIMATOR, {}), "estimates"))
+        made = int(number_said(self.diagnostics.get(self.estimator, {}), "estimates"))
         heard = self.statistics.estimates
         return max(0, made - heard) if heard else 0  # or somebody else hears them
 
@@ -105,7 +126,7 @@ class RunState:
         """
         if self.silent and self.mute_s > MUTE_S:
             return MUTE
-        said = self.diagnostics.get(NODE_ESTIMATOR, {})
+        said = self.diagnostics.get(self.estimator, {})
         level = int(said.get("level", 0))
         waits = not self.statistics.estimates and level == int(Level.WARN)
         return said.get("message", "") if waits or level in _UNHEARD else ""

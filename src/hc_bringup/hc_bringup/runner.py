@@ -81,14 +81,20 @@ class Runner:
         previous = {number: signal.signal(number, self._on_signal) for number in ends}
         try:
             with Monitor(
-                with_estimates=self._with_estimates, with_truth=self._with_truth
+                with_estimates=self._with_estimates,
+                with_truth=self._with_truth,
+                estimators=[node.name for node in self._plan.of_kind(NODE_ESTIMATOR)],
             ) as monitor:
+                first, *others = monitor.listeners
                 state = RunState(
                     monitor.statistics,
                     self._plan.duration_s,
                     diagnostics=monitor.diagnostics,
                     dropped=monitor.dropped,
+                    estimator=first,
                 )
+                for name in others:
+                    state.add_other(name, monitor.listeners[name].statistics)
                 try:
                     self._start(folder, monitor, state)
                     if self._signal is not None:
@@ -198,7 +204,12 @@ class Runner:
             state.truth = monitor.truth()
             state.page = monitor.page()
             state.silent_s = monitor.silent_s()
-            state.mute_s = monitor.mute_s(NODE_ESTIMATOR)
+            state.mute_s = monitor.mute_s(state.estimator)
+            for other in state.others:
+                other.phase, other.elapsed_s = state.phase, state.elapsed_s
+                other.problems = state.problems
+                other.silent_s = monitor.listeners[other.estimator].silent_s()
+                other.mute_s = monitor.mute_s(other.estimator)
             self._show(state)
             while state.requests:
                 monitor.ask(state.requests.pop(0))
@@ -253,6 +264,8 @@ class Runner:
                 self._stop_one(process, state)
                 monitor.spin(POLL_S)  # what it said last
         state.problems = monitor.problems()
+        for other in state.others:
+            other.problems, other.phase = state.problems, DONE
         state.phase = DONE
         self._show(state)
         for process in self._processes:
@@ -274,17 +287,24 @@ class Runner:
             monitor.spin(POLL_S)
             self._show(state)
             self._count_samples(monitor, state)
-            if state.samples is not None and state.statistics.since_restart >= state.samples:
+            if all(
+                one.samples is not None and one.statistics.since_restart >= one.samples
+                for one in (state, *state.others)
+            ):
                 return
             if time.monotonic() - max(asked, monitor.last_estimate_at) > DRAIN_QUIET_S:
                 return
 
     def _count_samples(self, monitor: Monitor, state: RunState) -> None:
-        for process in self._processes:
-            values = monitor.diagnostics.get(process.name, {})
-            samples = number_said(values, "samples", -1.0)
-            if process.plan.source and samples >= 0.0:
-                state.samples = int(samples)
+        sources = [process.plan for process in self._processes if process.plan.source]
+        for one in (state, *state.others):
+            space = one.estimator.rpartition("/")[0]
+            beside = [source for source in sources if source.namespace == space]
+            for source in beside or sources:
+                values = monitor.diagnostics.get(source.name, {})
+                samples = number_said(values, "samples", -1.0)
+                if samples >= 0.0:
+                    one.samples = int(samples)
 
     def _stop_one(self, process: NodeProcess, state: RunState) -> None:
         state.phase = f"stopping {process.name}"

@@ -50,7 +50,8 @@ def run_summary(
     sensor without the other; not_seen counts estimates that were made and did not come here: no
     figure counts them. not_recorded counts messages that never reached the recorder: it stood
     still, or was behind, for longer than publishers keep them. failures says why the run counts as
-    failed although it went on to its end.
+    failed although it went on to its end. estimator names whose figures these are, and others holds
+    the same of further estimators of the run.
 
     Args:
         state: the run at its end.
@@ -96,6 +97,8 @@ def run_summary(
         "further_bags": list(further_bags),
         "not_recorded": sum(state.dropped.values()),
         "failures": list(state.failures),
+        "estimator": state.estimator,
+        "others": [run_summary(one, None, with_latency=with_latency) for one in state.others],
     }
     if with_latency:
         summary["latency_us"] = {
@@ -219,10 +222,32 @@ def _lost(count: int | None) -> str:
 
 def run_text(summary: dict[str, Any]) -> str:
     """Return the summary of a run as lines for a person."""
-    rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
     cpu = ", ".join(f"{name} {percent:.0f} %" for name, percent in summary["cpu_percent"].items())
+    lines = _estimator_lines(summary)
+    if summary["respawns"]:
+        lines.append(f"nodes that died and were started again: {summary['respawns']}")
+    lines.append(f"processor use: {cpu}")
+    lines += _parameter_lines(summary)
+    for other in summary["others"]:
+        lines += [*_estimator_lines(other), *_parameter_lines(other)]
+    if summary["not_recorded"]:
+        lines.append(
+            f"not in the bag: {summary['not_recorded']} messages; the recorder stood still, or the "
+            "computer was too busy"
+        )
+    if summary["bag"]:
+        bags = [summary["bag"], *summary["further_bags"]]
+        lines.append(f"bag{'s' * (len(bags) > 1)}: {', '.join(bags)}")
+    return "\n".join(lines)
+
+
+def _estimator_lines(summary: dict[str, Any]) -> list[str]:
+    """Return what came of the samples of an estimator."""
+    rejected = ", ".join(f"{n} {reason}" for reason, n in summary["rejected"].items()) or "none"
+    name = summary["estimator"]
+    whose = f"{name}: " if "/" in name or summary["others"] else ""
     lines = [
-        f"{summary['estimates']} estimates of {summary['samples']} samples in "
+        f"{whose}{summary['estimates']} estimates of {summary['samples']} samples in "
         f"{summary['duration_s']:.1f} s; lost {_lost(summary['lost'])}, rejected {rejected}"
     ]
     lines += [
@@ -251,9 +276,12 @@ def run_text(summary: dict[str, Any]) -> str:
     lines += [f"what cannot be right: {s}" for s in summary["suspicions"].values()]
     if summary["suspicions"]:
         lines.append(f"what each means and what to do: {MEANINGS}; hc doctor BAG, or live")
-    if summary["respawns"]:
-        lines.append(f"nodes that died and were started again: {summary['respawns']}")
-    lines.append(f"processor use: {cpu}")
+    return lines
+
+
+def _parameter_lines(summary: dict[str, Any]) -> list[str]:
+    """Return what an estimator found, nothing where no estimate came."""
+    lines = []
     if summary["estimates"]:
         lines += parameter_lines(
             summary["parameters"], summary["parameters_std"], summary["identifiability"]
@@ -266,12 +294,4 @@ def run_text(summary: dict[str, Any]) -> str:
             f"changes of the tissue: {summary['changes_detected']}; contact law did not fit in "
             f"{100 * summary['model_mismatch_share']:.0f} % of the estimates",
         ]
-    if summary["not_recorded"]:
-        lines.append(
-            f"not in the bag: {summary['not_recorded']} messages; the recorder stood still, or the "
-            "computer was too busy"
-        )
-    if summary["bag"]:
-        bags = [summary["bag"], *summary["further_bags"]]
-        lines.append(f"bag{'s' * (len(bags) > 1)}: {', '.join(bags)}")
-    return "\n".join(lines)
+    return lines

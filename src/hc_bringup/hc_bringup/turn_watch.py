@@ -9,18 +9,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from hc_bringup.frame_streams import FRAMES, FrameListener, tool_frames
+from hc_bringup.frame_streams import FrameListener
 from hc_bringup.graph import Graph
 from hc_bringup.robot_streams import POSITIONS
 from hc_bringup.turning import turned_deg
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_logger.bag import Bag
-from hc_logger.decoder import decoder
+from hc_logger.bag_frames import candidates, poses_of
 from hc_logger.foreign import open_bag
 from hc_logger.layout import REAL, records
+from hc_logger.recorded import moving_topics
 from hc_logger.selection import full_name
 from hc_logger.transforms import of_one_frame
-from hc_logger.type_names import FORCE_TYPE, POSE_TYPE, TRANSFORM_TYPE
+from hc_logger.type_names import POSE_TYPE, TRANSFORM_TYPE
 from hc_msgs_py.interface_class import interface_class
 from hc_msgs_py.qos import SAMPLE_QOS
 
@@ -94,7 +95,7 @@ def bag_turn_deg(path: str | os.PathLike[str], topic: str = "", child: str = "")
         if len(names) > 1:
             return 0.0
         if not names:
-            return turned_deg(_of_frames(bag, kinds)) if not topic else 0.0
+            return turned_deg(_of_frames(bag)) if not topic else 0.0
         definition = bag.topics[names[0]].definition
         if definition.name == TRANSFORM_TYPE:
             return turned_deg(_of_transforms(bag, names[0], child))
@@ -108,36 +109,16 @@ def _of_transforms(bag: Bag, topic: str, child: str) -> list[tuple[float, ...]]:
     return [(t.x, t.y, t.z, t.w) for t in (message.transform.rotation for message in found)]
 
 
-def _of_frames(bag: Bag, kinds: Mapping[str, str]) -> list[tuple[float, ...]]:
+def _of_frames(bag: Bag) -> list[tuple[float, ...]]:
     """Return the attitudes of the only frame of tf that may be the tool's; none if it is open."""
-    frames = [name for name, kind in kinds.items() if kind == FRAMES]
-    moving = [name for name in frames if not name.endswith("_static")]
-    if len(moving) != 1:
+    moving = moving_topics(bag)
+    frames = candidates(bag, moving[0]) if len(moving) == 1 else []
+    if len(frames) != 1:
         return []
     found: list[tuple[float, ...]] = []
-    poses = FramePoses(lambda _ns, _base, _place, turned: found.append(tuple(turned)))
-
-    def take() -> None:
-        for name in (*(n for n in frames if n not in moving), *moving):
-            decode = decoder(bag.topics[name].definition)
-            add = poses.take_moving if name in moving else poses.take_fixed
-            for message in islice(bag.messages({name}), _MOST_MESSAGES):
-                add(decode(message.data))
-
-    take()
-    candidates = tool_frames(poses, _wrench_frames(bag, kinds))
-    if len(candidates) != 1:
-        return []
-    poses.follow(*candidates[0][:2])
-    found.clear()
-    take()
-    return found
-
-
-def _wrench_frames(bag: Bag, kinds: Mapping[str, str]) -> list[str]:
-    """Return the frames in which the wrenches of a bag are told."""
-    found = []
-    for name in (name for name, kind in kinds.items() if kind == FORCE_TYPE):
-        decode = decoder(bag.topics[name].definition)
-        found += [decode(m.data).header.frame_id for m in islice(bag.messages({name}), 1)]
+    take = poses_of(
+        bag, moving[0], frames[0], lambda _ns, _base, _place, turned: found.append(tuple(turned))
+    )
+    for message in islice(bag.messages({moving[0]}), _MOST_MESSAGES):
+        take(message.data)
     return found

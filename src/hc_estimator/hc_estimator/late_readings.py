@@ -41,6 +41,10 @@ class LateReadings:
     def __init__(self, window_s: float) -> None:
         self._window = window_s
         self._checkpoints: list[_Checkpoint] = []
+        # Not all that came is used: forces alone are refused for want of a displacement after a
+        # gap, and one that is older than they are may still come late.
+        self._youngest = -np.inf  # of the stamps that came
+        self._used = -np.inf  # stamp of the last sample used
 
     @property
     def memories(self) -> list[NDArray[Any]]:
@@ -50,6 +54,7 @@ class LateReadings:
     def forget(self) -> None:
         """There is nothing to go back to."""
         self._checkpoints = []
+        self._youngest = -np.inf
 
     def run(
         self,
@@ -72,21 +77,40 @@ class LateReadings:
         """
         start = 0
         while start < len(samples):
-            newest = last_time() if self._checkpoints else -np.inf
-            if self._checkpoints and newest < self._checkpoints[-1].time:
-                self.forget()  # the clock was set back: no reading to come is of before
-                newest = -np.inf
+            newest = self._youngest
             time = samples[start, 0]
             if newest - self._window <= time < newest and self._go_back(
                 runner, memory, particles, samples[start], rows[start]
             ):
+                self._used = last_time()
                 start += 1
                 continue
+            if not self._checkpoints:
+                self._used = last_time()
             end = self._end_of_stretch(samples, start, newest)
             self._keep(memory, particles, newest if self._checkpoints else time, samples, start)
             runner(samples[start:end], rows[start:end])
             self._checkpoints[-1].since.append(samples[start:end].copy())
+            self._note(samples[start:end, 0], last_time())
             start = end
+
+    def _note(self, times: NDArray[np.float64], used: float) -> None:
+        """Keep the youngest stamp that came, after samples in order.
+
+        Args:
+            times: their stamps [s].
+            used: stamp of the last sample used [s].
+        """
+        if used < self._used:
+            self.forget()  # the clock was set back: no reading to come is of before
+            return
+        if used != self._used and used < self._youngest - self._window:
+            self._youngest = used  # what was so far ahead, and refused, had a wrong stamp
+        known = times[np.isfinite(times)]
+        self._youngest = float(np.max(known, initial=self._youngest))
+        self._used = used
+        if self._checkpoints[-1].time > self._youngest:
+            self.forget()
 
     def _end_of_stretch(self, samples: NDArray[np.float64], start: int, newest: float) -> int:
         """End of the samples that come in order, and need no checkpoint in between."""

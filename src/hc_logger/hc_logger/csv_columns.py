@@ -2,9 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from typing import Final
 
+from hc_logger.csv_layout import NO_COLUMN
 from hc_logger.csv_vocabulary import NAMES, NOT_MEASURED, is_weight, split_name, unit_of
+
+_STATUS: Final = re.compile(r"status(?: code| word)?[\s_]*[(\[]?hex[)\]]?", re.IGNORECASE)
+"""What ATI's programs call the column of the sensor's status words."""
+
+_HEXADECIMAL: Final = re.compile(r"(?:0[xX])?[0-9a-fA-F]{1,8}")
+_ANY_ERROR: Final = 1 << 31
+
+
+def status_column(names: Sequence[str]) -> int:
+    """Return the column of a force sensor's status words, NO_COLUMN if none is called so.
+
+    Args:
+        names: of all columns.
+    """
+    return next((i for i, name in enumerate(names) if _STATUS.fullmatch(name.strip())), NO_COLUMN)
+
+
+def tells_an_error(word: str) -> bool:
+    """Whether a status word of an ATI sensor says that its force is none.
+
+    Bit 31 is set with each bit that is an error: a gage or a force out of range, a broken gage. A
+    latched monitor condition and a simulated error are none (ATI's manual of the Ethernet Axia).
+    """
+    return bool(_HEXADECIMAL.fullmatch(word) and int(word, 16) & _ANY_ERROR)
 
 
 def candidates(

@@ -18,6 +18,7 @@ from hc_logger.csv_finder import find_layout
 from hc_logger.csv_layout import COLUMNS
 from hc_logger.csv_options import CsvOptions
 from hc_logger.csv_rows import RowReader
+from hc_logger.csv_time import BETWEEN_S, Cycles
 from hc_logger.new_file import write_new_text
 
 
@@ -37,11 +38,18 @@ class CsvReader:
         path = Path(path)
         self._layout = find_layout(path, options)
         self._rows = RowReader(path, self._layout)
+        self._cycles = Cycles()
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed, passed over and left out; complete after the last block."""
-        return (*self._layout.notes, *self._rows.notes)
+        again = self._cycles.again
+        times = "once" if again == 1 else f"{again} times"
+        cycles = (
+            f"the time begins anew {times}: cycles of one test, put one behind the other with "
+            f"{BETWEEN_S:g} s between them"
+        )
+        return (*self._layout.notes, *self._rows.notes, *([cycles] if again else []))
 
     def blocks(self) -> Iterator[NDArray[np.float64]]:
         """Yield the rows in blocks (rows, 3): s, mm, N. An empty cell is NaN.
@@ -50,7 +58,11 @@ class CsvReader:
             BagError: if the file cannot be read, lacks a column or holds text; names line and
                 column.
         """
-        return self._rows.blocks()
+        is_own = self._layout.names == COLUMNS and not self._layout.notes
+        for rows in self._rows.blocks():
+            if not is_own:
+                rows[:, 0] = self._cycles.one_behind_the_other(rows[:, 0])
+            yield rows
 
 
 def write_csv(

@@ -12,8 +12,8 @@ import math
 import os
 from pathlib import Path
 
-from hc_logger.csv_columns import candidates
-from hc_logger.csv_header import COMMENT_SIGNS, Header, find_header
+from hc_logger.csv_columns import candidates, status_column
+from hc_logger.csv_header import Header, find_header
 from hc_logger.csv_layout import COLUMNS, NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
     has_groups,
@@ -24,6 +24,7 @@ from hc_logger.csv_number import (
     time_of_day,
 )
 from hc_logger.csv_options import CsvOptions
+from hc_logger.csv_own import own_layout
 from hc_logger.csv_table import SEPARATORS, Table, cut, why_no_rows
 from hc_logger.csv_text import find_encoding, first_lines, split_line
 from hc_logger.csv_time import stamps, unit_of_times
@@ -53,29 +54,10 @@ def find_layout(path: str | os.PathLike[str], options: CsvOptions | None = None)
     encoding = options.encoding or find_encoding(path)
     lines, left_out = first_lines(path, encoding, options.header_lines or 0)
     if options == CsvOptions(encoding=options.encoding):
-        own = _own_layout(lines, encoding)
+        own = own_layout(lines, encoding)
         if own is not None:
             return own
     return _Finder(path, options, encoding, lines, left_out).layout()
-
-
-def _own_layout(lines: list[str], encoding: str) -> CsvLayout | None:
-    """Return the layout of a file whose first line names our columns, None for another."""
-    first = lines[0].lstrip(COMMENT_SIGNS) if lines else ""
-    for separator in (",", ";", "\t"):
-        names = [name.strip() for name in split_line(first, separator)]
-        if all(names.count(name) == 1 for name in COLUMNS):
-            a, b, c = (names.index(name) for name in COLUMNS)
-            decimal = "."
-            if separator != ",":
-                cells = [split_line(line, separator) for line in lines[1:]]
-                decimal = "," if any("," in cell for row in cells for cell in row) else "."
-            factors = (1.0, 1.0, 1.0)
-            width, header = len(names), tuple(names)
-            return CsvLayout(
-                encoding, separator, decimal, 1, (a, b, c), COLUMNS, factors, width, header
-            )
-    return None
 
 
 class _Finder:
@@ -137,6 +119,7 @@ class _Finder:
             decimal_is_sure=bool(self._options.decimal),
             decimal_is_open=is_open,
             is_chosen=self._options.header_lines is not None,
+            status=status_column(cells),
             notes=tuple(self._notes),
         )
 

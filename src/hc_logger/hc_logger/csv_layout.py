@@ -28,6 +28,7 @@ class CsvLayout(NamedTuple):
         decimal_is_sure: whether the user said what the decimal sign is.
         decimal_is_open: whether no number that was looked at has a sign that must be decimal.
         is_chosen: whether the user said where the rows begin.
+        status: column of the sensor's status words, NO_COLUMN if there is none.
         notes: what was assumed, one line each; none for a file of our own.
     """
 
@@ -46,4 +47,5 @@ class CsvLayout(NamedTuple):
     decimal_is_sure: bool = False
     decimal_is_open: bool = False
     is_chosen: bool = False
+    status: int = NO_COLUMN
     notes: tuple[str, ...] = ()

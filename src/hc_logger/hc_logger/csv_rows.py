@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_logger.csv_columns import tells_an_error
 from hc_logger.csv_header import row_of_header
 from hc_logger.csv_layout import NO_COLUMN, CsvLayout
 from hc_logger.csv_number import (
@@ -74,6 +75,7 @@ class RowReader:
         self._watch = Stopwatch()
         self._interruption: _Interruption | None = None
         self._repeated: list[int] = []  # lines of headers that came again
+        self._refused: list[tuple[int, str]] = []  # lines without a force, and the status there
         self._has_ended = False
         self._is_open = layout.decimal_is_open
 
@@ -96,6 +98,8 @@ class RowReader:
                 self.notes.append("the last line is cut off in its middle: it is left out")
             if layout.nanoseconds != NO_COLUMN:
                 lines = [self._with_whole_time(text) for text in lines]
+            if layout.status != NO_COLUMN:
+                lines = [self._without_refused(text, at) for at, text in enumerate(lines, line)]
             rows = self._parse(lines, line)
             if self._is_open and any(layout.decimal in line for line in lines):
                 self._check_thousands(lines)
@@ -112,8 +116,26 @@ class RowReader:
         if not (seconds.isdigit() and nano.isdigit() and len(nano) <= _NANO_DIGITS):
             return line
         cells[layout.indices[0]] = f"{seconds}{layout.decimal}{nano:0>{_NANO_DIGITS}}"
+        return self._line_of(cells)
+
+    def _without_refused(self, line: str, where: int) -> str:
+        """Return a line without its force where the sensor says that this is none."""
+        layout, cells = self._layout, split_line(line, self._layout.separator)
+        if len(cells) <= max(layout.indices[2], layout.status):
+            return line
+        word = cells[layout.status].strip()
+        if not tells_an_error(word):
+            return line
+        if number(cells[layout.indices[2]], layout.decimal) is None:
+            return line
+        self._refused.append((where, word))
+        cells[layout.indices[2]] = "nan"
+        return self._line_of(cells)
+
+    def _line_of(self, cells: list[str]) -> str:
+        """Return a line of these cells."""
         text = io.StringIO()
-        separator = "\t" if layout.separator == " " else layout.separator
+        separator = "\t" if self._layout.separator == " " else self._layout.separator
         csv.writer(text, delimiter=separator, lineterminator="\n").writerow(cells)
         return text.getvalue()
 
@@ -279,7 +301,7 @@ class RowReader:
     def _no_number(self, where: int, name: str, cell: str) -> BagError:
         shown = "".join(c if c.isprintable() else " " for c in cell[:_SHOWN])
         layout = self._layout
-        why = ""
+        why = "" if name == layout.names[0] else ": where a reading is missing, write nan"
         if number(cell, layout.decimal, decimal_is_sure=True) is not None:
             why = f": if a sign stands between its thousands, say --decimal {layout.decimal}"
         return BagError(f"{self._path}, line {where}: {name} is {shown!r} instead of a number{why}")
@@ -336,6 +358,13 @@ class RowReader:
             self.notes.append(
                 f"the header comes again{times} within the rows (line {self._repeated[0]}): "
                 "passed over"
+            )
+        if self._refused:
+            rows = "1 row" if len(self._refused) == 1 else f"{len(self._refused)} rows"
+            (where, word), *_ = self._refused
+            self.notes.append(
+                f"the sensor's status tells an error in {rows} (the first in line {where}: "
+                f"{word}): the forces of these are left out"
             )
         found = self._interruption
         if found is not None and self._has_ended:

@@ -26,7 +26,9 @@ from hc_logger.type_names import (
     ESTIMATE_TYPE,
     ESTIMATES_TYPE,
     FORCE_TYPE,
+    FRAMES_TYPE,
     POSITION_TYPES,
+    STATIC,
 )
 from hc_msgs_py.topics import CONFIGURATION, ESTIMATE, ESTIMATES
 from hc_msgs_py.units import NANOSECONDS
@@ -245,9 +247,16 @@ def has_several_sensors(bag: Bag) -> bool:
 
 
 def _sensors(bag: Bag) -> tuple[int, int]:
-    """Return the number of wrench and of position topics."""
+    """Return the number of wrench and of position topics; frames count where no other is."""
     types = [topic.definition.name for topic in bag.topics.values()]
-    return types.count(FORCE_TYPE), sum(types.count(kind) for kind in POSITION_TYPES)
+    positions = sum(types.count(kind) for kind in POSITION_TYPES) or len(moving_topics(bag))
+    return types.count(FORCE_TYPE), positions
+
+
+def moving_topics(bag: Bag) -> list[str]:
+    """Return the topics of frames that move."""
+    names = [t.name for t in bag.topics.values() if t.definition.name == FRAMES_TYPE]
+    return [name for name in names if not name.endswith(STATIC)]
 
 
 def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:

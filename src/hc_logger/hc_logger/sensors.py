@@ -15,16 +15,24 @@ from typing import Any
 
 import numpy as np
 
+from hc_estimator.stream.contact_frame import Quaternion, Vector
 from hc_estimator.stream.mapping import make_mapping
 from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_logger.bag import Bag
+from hc_logger.bag_frames import Frame, poses_of, tool_frame
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.recorded import Recording, findings_of
+from hc_logger.recorded import Recording, findings_of, moving_topics
 from hc_logger.selection import full_name
-from hc_logger.type_names import FORCE_TYPE, JOINT_TYPE, POSE_TYPE, POSITION_TYPES
+from hc_logger.type_names import (
+    FORCE_TYPE,
+    FRAMES_TYPE,
+    JOINT_TYPE,
+    POSE_TYPE,
+    POSITION_TYPES,
+)
 from hc_msgs_py.units import METRE_IN_MM, NANOSECONDS
 
 LONGEST_S = 1e9
@@ -45,7 +53,10 @@ class Sensor:
         zero: reading that counts as zero, after sign and scale (N or mm).
         time_offset_s: added to the stamps.
         joint: name of the joint in a JointState; empty takes the first.
-        child_frame: child frame of a TransformStamped; empty takes any.
+        child_frame: child frame of a TransformStamped, empty takes any; or of /tf, where empty
+            takes the only one that may be the tool's.
+        base_frame: of /tf, the frame in which that is told; empty takes what it hangs on, or with
+            an empty child_frame the root.
         held: the topic repeats the last reading until there is a new one: each counts once.
     """
 
@@ -58,6 +69,7 @@ class Sensor:
     time_offset_s: float = 0.0
     joint: str = ""
     child_frame: str = ""
+    base_frame: str = ""
     held: bool = False
 
 
@@ -81,7 +93,8 @@ def read_sensors(
     Args:
         path: a bag of any kind.
         force: the wrench topic; None takes the only one, force along z.
-        position: the JointState, PoseStamped or TransformStamped topic; None as above.
+        position: the JointState, PoseStamped or TransformStamped topic, or where there is none the
+            frames of /tf; None as above.
         pairing: limits of the waiting.
 
     Raises:
@@ -100,14 +113,18 @@ def read_sensors(
             raise ValueError(f"{name} = {seconds:g} s is not a number up to {LONGEST_S:g}")
     with open_bag(path) as bag:
         force_topic = _topic(bag, force.topic, (FORCE_TYPE,), "force")
-        position_topic = _topic(bag, position.topic, POSITION_TYPES, "position")
+        position_topic, frame = _place(bag, position)
         merger = Merger(
             maximum_wait_ns=round(pairing.maximum_wait_s * 1e9),
             reorder_window_ns=round(pairing.reorder_window_s * 1e9),
             maximum_gap_ns=round(pairing.maximum_gap_s * 1e9),
         )
         take_force = _force_reader(bag, force_topic, force)
-        take_position = _position_reader(bag, position_topic, position)
+        take_position = (
+            _position_reader(bag, position_topic, position)
+            if frame is None
+            else _frame_reader(bag, position_topic, position, frame)
+        )
         samples: list[Merged] = []
         stamps_of: tuple[list[int], list[int]] = ([], [])  # of the forces, of the positions
         longest_ns = round(SHARE * 1e9 * pairing.maximum_gap_s)
@@ -140,8 +157,8 @@ def read_sensors(
             f"{path}: {force_topic} and {position_topic} give no sample: {'; '.join(problems)}"
         )
     notes = [
-        f"force along {force.axis} of {force_topic}, displacement of {position_topic}: "
-        "mind their signs and zeros"
+        f"force along {force.axis} of {force_topic}, displacement of {position_topic}"
+        f"{_words(position, frame)}: mind their signs and zeros"
     ]
     if outside > _FEW_OUTSIDE:
         notes.append(f"{outside} readings left out before the other sensor began or after it ended")
@@ -158,6 +175,27 @@ def read_sensors(
         np.ascontiguousarray(rows[:, 1]),
         findings_of(rows, np.diff(stamps), tuple(problems))._replace(notes=tuple(notes)),
     )
+
+
+def _place(bag: Bag, position: Sensor) -> tuple[str, Frame | None]:
+    """Return the topic of the positions, and the tool's frame if it is one of frames."""
+    moving = moving_topics(bag)
+    others = any(topic.definition.name in POSITION_TYPES for topic in bag.topics.values())
+    wanted = full_name(position.topic) if position.topic else ""
+    if wanted in moving or (not wanted and not others and len(moving) == 1):
+        topic = wanted or moving[0]
+        given = Frame(position.child_frame, position.base_frame)
+        return topic, tool_frame(bag, topic, given)
+    types = POSITION_TYPES if others or not moving else (FRAMES_TYPE,)
+    return _topic(bag, position.topic, types, "position"), None
+
+
+def _words(position: Sensor, frame: Frame | None) -> str:
+    """Say which frame of several is read, and along what."""
+    if frame is None:
+        return ""
+    base = f" in {frame.base}" if frame.base else ""
+    return f" (frame {frame.name}{base} along {position.axis})"
 
 
 def _outside(force: list[int], position: list[int]) -> int:
@@ -234,6 +272,25 @@ def _position_reader(bag: Bag, topic: str, sensor: Sensor) -> Reader:
         yield _stamp(message, sensor), value
 
     return read_point
+
+
+def _frame_reader(bag: Bag, topic: str, sensor: Sensor, frame: Frame) -> Reader:
+    mapping = make_mapping(sensor.axis, sensor.direction, sensor.sign, sensor.scale, sensor.zero)
+    offset_ns = round(sensor.time_offset_s * 1e9)
+    found: list[tuple[int, float]] = []
+
+    def keep(stamp_ns: int, _base: str, place: Vector, _turned: Quaternion) -> None:
+        x, y, z = (METRE_IN_MM * component for component in place)
+        found.append((stamp_ns + offset_ns, mapping.of_vector(x, y, z)))
+
+    take = poses_of(bag, topic, frame, keep)
+
+    def read(data: bytes) -> Iterator[tuple[int, float]]:
+        found.clear()
+        take(data)
+        yield from found
+
+    return read
 
 
 def _stamp(message: Any, sensor: Sensor) -> int:

@@ -12,4 +12,7 @@ FORCE_TYPE = "geometry_msgs/msg/WrenchStamped"
 JOINT_TYPE = "sensor_msgs/msg/JointState"
 POSE_TYPE = "geometry_msgs/msg/PoseStamped"
 TRANSFORM_TYPE = "geometry_msgs/msg/TransformStamped"
+FRAMES_TYPE = "tf2_msgs/msg/TFMessage"
+STATIC = "_static"
+"""End of a topic of frames that do not move."""
 POSITION_TYPES = (JOINT_TYPE, POSE_TYPE, TRANSFORM_TYPE)

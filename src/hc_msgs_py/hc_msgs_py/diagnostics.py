@@ -129,7 +129,8 @@ class DiagnosticsPublisher:
             values = {**values, "cpu_percent": percent}
         self._used_s, self._at_s = used_s, at_s
         stamp_ns = self._node.get_clock().now().nanoseconds
-        texts = (self._node.get_name(), message, self._hardware_id)
+        name = self._node.get_fully_qualified_name().lstrip("/")  # two may differ in it alone
+        texts = (name, message, self._hardware_id)
         publish_bytes(self._publisher, (encode(stamp_ns, level, texts, values),))
 
 

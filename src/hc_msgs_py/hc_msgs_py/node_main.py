@@ -33,6 +33,7 @@ from hc_msgs_py.middleware import NoSecurityError, set_defaults
 from hc_msgs_py.parameter_requests import answer_impossible_parameters
 from hc_msgs_py.parameter_sections import files_for_others
 from hc_msgs_py.realtime import RealtimeError
+from hc_msgs_py.warnings_of_others import ignore_those_of_others
 
 SPIN_TIMEOUT_S = 1.0
 """Longest turn of the executor; the clock's watch ends each after a tenth of that."""
@@ -119,6 +120,7 @@ def run_node(
         1 when it failed later; standard error then says why in one line.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
+    ignore_those_of_others()
     stopped_by: int | None = None
     turn = Turn()
 

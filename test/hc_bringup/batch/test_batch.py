@@ -286,7 +286,7 @@ def test_recordings_are_found_once_and_results_never(
     monkeypatch.chdir(folder)
 
     def names(*patterns: str) -> list[str]:
-        return sources.names_of(sources.find_recordings(patterns, folder / "out"))
+        return sources.names_of(sources.find_recordings(patterns, folder / "out").recordings)
 
     assert names(str(folder)) == ["deeper/bag", "r0000.csv", "r0001.csv"]
     assert names("*", "r0000.csv", str(folder / "r0001.csv")) == names(".")

@@ -20,10 +20,22 @@ def test_files_with_other_endings_are_not_left_out_silently(
     for name in ("a.csv", "b.lvm", "c.txt", "notes.tex", "bag/metadata.yaml", "bag/x.db3"):
         (folder / name).write_text("time_s,displacement_mm,force_N\n0,0,0\n")
     (tmp_path / "out").mkdir()
-    found = sources.left_out([str(folder), str(folder / "a.csv")], tmp_path / "out")
-    assert [path.name for path in found] == ["b.lvm", "c.txt"]
-    assert sources.left_out([str(folder / "*.lvm")], tmp_path / "out") == []
+    found = sources.find_recordings([str(folder), str(folder / "a.csv")], tmp_path / "out")
+    assert [path.name for path in found.left_out] == ["b.lvm", "c.txt"]
+    assert [path.name for path in found.recordings] == ["a.csv", "bag"]
+    named = sources.find_recordings([str(folder / "*.lvm"), str(folder)], tmp_path / "out")
+    assert [path.name for path in named.left_out] == ["c.txt"]  # what is named is not left out
     main(["batch", str(folder), "--filter", "ukf", "-o", str(tmp_path / "results"), "-j", "1"])
     said = " ".join(capsys.readouterr().err.split())
     assert "left out for their ending: 2 (such as b.lvm, c.txt)" in said
     assert "'**/*.lvm'" in said
+
+
+def test_a_folder_is_walked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once for the recordings and once more for what is left out: minutes on a slow disk."""
+    (tmp_path / "a.csv").write_text("time_s,displacement_mm,force_N\n0,0,0\n")
+    walked: list[object] = []
+    walk = sources.os.walk
+    monkeypatch.setattr(sources.os, "walk", lambda folder: walked.append(folder) or walk(folder))
+    main(["batch", str(tmp_path), "--filter", "ukf", "-o", str(tmp_path / "results"), "-j", "1"])
+    assert walked.count(tmp_path) == 1

@@ -311,6 +311,39 @@ def test_page_in_a_browser(page: Any, make_run: MakeRun, tmp_path: Path) -> None
     assert min(lows) >= 0.0
 
 
+def test_words_and_map_say_the_same_of_a_hard_spot(
+    page: Any, make_run: MakeRun, tmp_path: Path
+) -> None:
+    """Each found it by a computation and at a depth of its own: 2.9 in words, 3.0 on the map."""
+    way = np.linspace(0.0, 12.0, 600)
+    data = make_run(
+        stiffness=lambda t: 0.3 * (1.0 + 2.0 * np.exp(-0.5 * ((t - 6.0) / 0.8) ** 2)),
+        seconds=12.0,
+        tip=TipPath(way, np.column_stack([2.0 * way, np.zeros_like(way)])),
+        lifted_mm=-0.5,
+        filter_name="ekf",
+    )
+    path = tmp_path / "report.html"
+    path.write_text(run_page(data, ["hc", "report"]), encoding="utf-8")
+    page.open(path.as_uri())
+    page.wait_for("HC.report && HC.report.map && HC.report.map.lump")
+    words = page.text(".verdict")
+    said = re.search(r"A hard spot at ([\d.]+ mm): (.*? times as stiff)", words)
+    assert said is not None, words
+    assert said.groups() == (
+        page.run("return HC.lumpPlace(HC.report.map)"),
+        page.run("return HC.lumpFactor(HC.report.map.lump)"),
+    )
+    # The map stands at the depth of the words, and names the spot at any other one too.
+    assert page.text("#map output") == f"{page.run('return HC.report.map.depth'):.1f} mm"
+    page.run(
+        "const slider = document.querySelector('#map input'); slider.value = 1.7;"
+        "slider.dispatchEvent(new Event('input'))"
+    )
+    assert page.run("return HC.report.map.lump.factor") > 1.3
+    assert page.complaints() == []
+
+
 def test_a_gap_breaks_the_curves(page: Any, make_run: MakeRun, tmp_path: Path) -> None:
     """Regression: the charts drew a straight line over what nobody had measured."""
     data = without(make_run(seconds=6.0), (2.2, 3.4))

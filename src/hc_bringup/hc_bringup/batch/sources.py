@@ -9,7 +9,7 @@ import os
 import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_logger.recording import TEXT_SUFFIXES
@@ -25,8 +25,20 @@ _BLOCK: Final = 1024 * 1024
 NO_FILE: Final = "a pipe, a socket or a device, and no file"
 
 
-def find_recordings(patterns: Sequence[str], besides: Path) -> list[Path]:
-    """Return the recordings that patterns name, absolute, each once, in the order of their paths.
+class Found(NamedTuple):
+    """What patterns name.
+
+    Attributes:
+        recordings: absolute, each once, in the order of their paths.
+        left_out: files of folders that may be recordings and are not taken, for their ending.
+    """
+
+    recordings: list[Path]
+    left_out: list[Path]
+
+
+def find_recordings(patterns: Sequence[str], besides: Path) -> Found:
+    """Return the recordings that patterns name, and what of folders is none; looks at each once.
 
     A bag folder is a recording; any other folder stands for all recordings below it. Files of a
     bag that is taken whole are no recordings of their own; nothing below `besides` is one, nor
@@ -40,30 +52,15 @@ def find_recordings(patterns: Sequence[str], besides: Path) -> list[Path]:
         UserError: if one of them names no recording.
     """
     found: set[Path] = set()
+    others: set[Path] = set()
     for pattern in patterns:
-        some = {path for path in _named_by(pattern) if not path.is_relative_to(besides)}
+        some = {path for path in _named_by(pattern, others) if not path.is_relative_to(besides)}
         if not some:
             raise UserError(f"{pattern} names no recording (CSV, .mcap or bag folder)", WRONG_USE)
         found |= some
-    return sorted(p for p in found if p.suffix.lower() != BAG_SUFFIX or p.parent not in found)
-
-
-def left_out(patterns: Sequence[str], besides: Path) -> list[Path]:
-    """Return the files of folders that may be recordings and are not taken, for their ending.
-
-    Args:
-        patterns: as for `find_recordings`.
-        besides: folder of the results.
-    """
-    folders = [Path(pattern).absolute() for pattern in patterns if Path(pattern).is_dir()]
-    return sorted(
-        path
-        for folder in folders
-        for path in _all_below(folder)
-        if path.suffix.lower() in _MAY_BE
-        and path.suffix.lower() not in _SUFFIXES
-        and not path.is_relative_to(besides)
-        and not _is_bag(path)
+    return Found(
+        sorted(p for p in found if p.suffix.lower() != BAG_SUFFIX or p.parent not in found),
+        sorted(p for p in others - found if not p.is_relative_to(besides)),
     )
 
 
@@ -96,25 +93,33 @@ def content_hash(path: Path) -> tuple[str, int]:
     return digest.hexdigest(), total
 
 
-def _named_by(pattern: str) -> Iterator[Path]:
+def _named_by(pattern: str, others: set[Path]) -> Iterator[Path]:
+    """Yield what a pattern names; adds what of a folder is left out for its ending to others."""
     if os.path.lexists(pattern):
         path = Path(pattern).absolute()
-        yield from _below(path) if path.is_dir() else (path,)
+        yield from _below(path, others) if path.is_dir() else (path,)
         return
     any_suffix = bool(Path(pattern).suffix)
     for name in glob.iglob(pattern, recursive=True):
         path = Path(name).absolute()
         if path.is_dir():
-            yield from () if _is_batch(path) else _below(path)
+            yield from () if _is_batch(path) else _below(path, set())
         elif any_suffix or path.suffix.lower() in _SUFFIXES:
             yield path
 
 
-def _below(folder: Path) -> Iterator[Path]:
-    """Yield what is taken of a folder: bag folders, and files whose ending says what they are."""
+def _below(folder: Path, others: set[Path]) -> Iterator[Path]:
+    """Yield what is taken of a folder: bag folders, and files whose ending says what they are.
+
+    Args:
+        folder: that is looked through.
+        others: takes the files that may be recordings and have another ending.
+    """
     for path in _all_below(folder):
         if path.name.lower().endswith(_SUFFIXES) or _is_bag(path):
             yield path
+        elif path.suffix.lower() in _MAY_BE:
+            others.add(path)
 
 
 def _all_below(folder: Path) -> Iterator[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -205,11 +206,8 @@ def _filter(arguments: argparse.Namespace) -> int:
             duration_s=arguments.duration,
             progress=progress,
         )
-    none = (
-        ""
-        if count
-        else f": none is of these topics and seconds, see hc bag info {arguments.source}"
-    )
+    look = f"hc bag info {shlex.quote(arguments.source)}"
+    none = "" if count else f": none is of these topics and seconds, see {look}"
     for problem in problems:
         print(f"{arguments.source}: {problem}")
     print(f"{count} messages written to {arguments.target}{none}")

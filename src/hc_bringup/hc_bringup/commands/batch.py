@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from hc_bringup.batch.campaign import Campaign, has_pyarrow
     from hc_bringup.batch.engines import SchedulerGoneError
-    from hc_bringup.batch.sources import find_recordings, left_out, names_of
+    from hc_bringup.batch.sources import find_recordings, names_of
     from hc_bringup.batch.variants import variants
     from hc_bringup.batch.work import ResultError, WrongSoftwareError
     from hc_bringup.progress import long_bar
@@ -99,8 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("--estimates parquet needs pyarrow: pip install hc-suite[parquet]")
     recording_input.check(arguments)
     folder = Path(os.path.abspath(arguments.output))
-    paths = find_recordings(arguments.patterns, folder)
-    if others := left_out(arguments.patterns, folder):
+    paths, others = find_recordings(arguments.patterns, folder)
+    if others:
         names = ", ".join(sorted({path.name for path in others})[:3])
         line = (
             f"left out for their ending: {len(others)} (such as {names}); of a folder .csv, .tsv, "

@@ -17,6 +17,7 @@ from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural, positive, seconds
 from hc_bringup.parameter_file import read_yaml
+from hc_msgs_py.parameter_sections import sections_for
 from hc_msgs_py.realtime import (
     CPUS_VARIABLE,
     DEFAULT_PRIORITY,
@@ -106,6 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
         plan = dataclasses.replace(plan, duration_s=arguments.duration)
     for node, parameters in given_parameters(plan, arguments).items():
         plan = with_parameters(plan, node, parameters)
+    check_state_folders(plan)
     plan = with_array_messages(plan)
     bag = None
     if plan.node("recorder") is not None:
@@ -173,35 +175,61 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
         ("estimator", "state_space"): arguments.state_space,
     }
     kinds = {"indenter": "rig", "estimator": "estimator"}
-    for (node, name), value in options.items():
+    for (kind, name), value in options.items():
         if value is None:
             continue
-        if plan.node(node) is None:
+        if not plan.of_kind(kind):
             option = name.replace("_", "-")
             raise UserError(
-                f"--{option} given, but the configuration starts no {kinds[node]}", WRONG_USE
+                f"--{option} given, but the configuration starts no {kinds[kind]}", WRONG_USE
             )
-        found.setdefault(node, {})[name] = value
+        for node in plan.of_kind(kind):
+            found.setdefault(node.name, {})[name] = value
     names = [node.name for node in plan.nodes]
     for text, value in arguments.param:
         node, separator, name = text.partition(".")
+        nodes = [node]
         if not (separator and node in names):
-            node, name = "estimator", text
-        if node not in names:
+            nodes, name = [one.name for one in plan.of_kind("estimator")], text
+        if not nodes:
             raise UserError(
                 f"--param {text}: the configuration starts {', '.join(names)}", WRONG_USE
             )
-        if name in found.setdefault(node, {}):
-            raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
-        found[node][name] = value
+        for node in nodes:
+            if name in found.setdefault(node, {}):
+                raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
+            found[node][name] = value
+    rigs = [node.name for node in plan.of_kind("indenter")]
     if arguments.rate not in (None, 1.0):
         # The system's clock goes at one pace only.
-        found["indenter"].setdefault("time", "simulated")
-    if found.get("indenter", {}).get("time", "system") != "system":
+        for name in rigs:
+            found[name].setdefault("time", "simulated")
+    simulated = [r for r in rigs if found.get(r, {}).get("time", "system") != "system"]
+    if simulated and len(rigs) > 1:
+        raise UserError(f"{' and '.join(rigs)} would each tell the time of /clock", WRONG_USE)
+    if simulated:
         for name in names:  # else their clock seems to be another one than that of the samples
-            if name != "indenter":
+            if name not in simulated:
                 found.setdefault(name, {}).setdefault("use_sim_time", True)
     return found
+
+
+def check_state_folders(plan: Any) -> None:
+    """See that no two estimators keep what they have learnt in one folder.
+
+    Raises:
+        UserError: if two do.
+    """
+    keepers: dict[str, str] = {}
+    for node in plan.of_kind("estimator"):
+        folder = str((file_parameters(node) | dict(node.parameters)).get("state.folder", ""))
+        other = keepers.setdefault(os.path.abspath(folder), node.name) if folder else node.name
+        if other != node.name:
+            raise UserError(
+                f"{other} and {node.name} keep their states in one folder, {folder}: give each a "
+                "state.folder of its own",
+                WRONG_USE,
+            )
 
 
 def show_ending(bag: Path) -> None:
@@ -262,11 +290,14 @@ def with_dashboard(plan: Any, arguments: argparse.Namespace) -> Any:
     from hc_bringup.plan import NodePlan
     from hc_msgs_py.topics import NODE_DASHBOARD
 
-    if plan.node(NODE_DASHBOARD) is not None:
+    if plan.of_kind(NODE_DASHBOARD):
         return plan
     os.environ.setdefault(TOKEN_VARIABLE, new_token())
+    # Of several estimators it shows the first: it looks at the topics of its namespace.
+    first = next(iter(plan.of_kind("estimator")), None)
+    space = "" if first is None else first.name.removesuffix(first.kind)
     page = NodePlan(
-        NODE_DASHBOARD,
+        space + NODE_DASHBOARD,
         "hc_bringup.dashboard.node",
         parameters=dashboard.node_parameters(arguments),
         respawn=True,
@@ -342,9 +373,7 @@ def file_parameters(node: Any) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     for file in node.parameter_files:
         data = read_yaml(file)
-        for key in ("/**", node.name, f"/{node.name}"):
-            section = data.get(key) if isinstance(data, dict) else None
-            values = section.get("ros__parameters") if isinstance(section, dict) else None
+        for values in sections_for(data if isinstance(data, dict) else {}, f"/{node.name}"):
             if isinstance(values, dict):
                 merged.update(values)
     return merged

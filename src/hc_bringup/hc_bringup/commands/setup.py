@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError("ended: nothing was written", cli.interrupted_status()) from None
     say(f"written: {output}, {run_file}")
     if arguments.no_run or not (arguments.yes or _run_now(run_file)):
-        say(f"start it with: hc run {run_file}")
+        say(f"start it with: hc run {shlex.quote(str(run_file))}")
         return 0
     heartbeat.doing("starting the run")
     return cli.main(["run", str(run_file)])

@@ -50,6 +50,7 @@ class RareMessages:
             on_contact: gets each contact, as the page gets it.
         """
         self._server, self._on_contact = server, on_contact
+        self._own = node.get_namespace().strip("/") + "/"  # nodes of it are called without it
         self.diagnostics: dict[str, dict[str, Any]] = {}
         self.configuration: dict[str, Any] = {}
         self.settings: dict[str, Any] = {}
@@ -114,7 +115,7 @@ class RareMessages:
     def _on_diagnostics(self, arrivals: list[Arrival]) -> None:
         for message in _decoded(arrivals, DiagnosticArray):
             for status in message.status:
-                self.diagnostics[status.name] = {
+                self.diagnostics[status.name.removeprefix(self._own)] = {
                     "level": int.from_bytes(status.level, "little"),
                     "message": status.message,
                     "hardware": status.hardware_id,

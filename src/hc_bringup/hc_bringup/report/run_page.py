@@ -28,6 +28,8 @@ CONTACT_DEPTH_MM: Final = 0.05
 """Shallower touches are no contacts worth a row."""
 UNEXPLAINED: Final = 2.0
 """What one law leaves of the force, over its noise: from here on it is no law of this recording."""
+SLIDER_MM: Final = (0.2, 10.0)
+"""Depths that the map is drawn for, in tenths."""
 UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "", "")
 
 
@@ -40,7 +42,8 @@ def run_page(data: RunData, command: Sequence[str]) -> str:
     """
     contacts = find_contacts(data, ContactRules(minimum_depth_mm=CONTACT_DEPTH_MM))
     channels, why_not = _diagnosis(data)
-    found = _map(data, contacts)
+    depth_mm = _map_depth(contacts)
+    found = _map(data, contacts, depth_mm)
     rows = page_rows(data)
     cell_mm, cells = map_cells(data, rows)
     content = {
@@ -54,19 +57,18 @@ def run_page(data: RunData, command: Sequence[str]) -> str:
         "cell_mm": cell_mm,
         "cells": encode_numbers(cells, exact=True),
         "cell_count": len(cells),
+        "map": None if found is None else {"depth": depth_mm, "lump": _lump(found)},
         "hypotheses": HYPOTHESES,
         "nis_band": nis_bands(),
         "contacts": page_contacts(contacts),
         "events": page_events(data, contacts),
         "truth": data.truth is not None,
     }
-    body = _body(data, verdict(data, contacts, channels, found), _has_map(cells, contacts))
+    body = _body(
+        data, verdict(data, contacts, channels, found), _map_panel(cells, contacts, depth_mm)
+    )
     body += _tables(data, contacts, channels, why_not, command)
     return render(data.title, body, content, PANELS, "report.js")
-
-
-def _has_map(cells: Any, contacts: Sequence[Contact]) -> bool:
-    return len(cells) > 1 or len(contacts) > 1
 
 
 def _diagnosis(data: RunData) -> tuple[ChannelDiagnosis | None, str]:
@@ -80,16 +82,31 @@ def _diagnosis(data: RunData) -> tuple[ChannelDiagnosis | None, str]:
         return None, str(error)
 
 
-def _map(data: RunData, contacts: Sequence[Contact]) -> StiffnessMap | None:
+def _map_depth(contacts: Sequence[Contact]) -> float:
+    """Return the depth [mm] of the map and of what is said of it: one that the slider has."""
+    low, high = SLIDER_MM
+    return min(max(round(usual_depth(contacts), 1), low), high)
+
+
+def _map(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> StiffnessMap | None:
     if data.tip is None:
         return None
     try:
-        return fit_map(measured_places(data, contacts, usual_depth(contacts)))
+        return fit_map(measured_places(data, contacts, depth_mm))
     except UserError:
         return None  # too few places, or no library: the page does without
 
 
-def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
+def _lump(found: StiffnessMap) -> dict[str, Any] | None:
+    """Return the hard spot that is told in words: the map at this depth names the same."""
+    lump = found.lump
+    if lump is None:
+        return None
+    place = {"x": lump.x_mm, "y": lump.y_mm}
+    return place | {"factor": lump.factor, "deviation": lump.deviation, "passed": lump.passed}
+
+
+def _body(data: RunData, sentences: Sequence[Sentence], map_panel: str) -> str:
     said = "".join(
         f'<li class="is-{one.level.value}">{html.escape(one.text)}</li>' for one in sentences
     )
@@ -103,19 +120,7 @@ def _body(data: RunData, sentences: Sequence[Sentence], has_map: bool) -> str:
         '<span class="share"></span></p></section>'
         for name, unit in zip("KBnp", UNITS, strict=True)
     )
-    map_panel = (
-        '<section id="map" class="panel wide"><h2>Palpation map</h2><p class="under">Stiffness '
-        'where it was felt, at a depth of <label class="inline"><input type="range" min="0.2" '
-        'max="10" step="0.1" value="2" aria-label="depth of the map in mm"> <output>2.0 mm'
-        '</output></label> <span class="scale" hidden><span class="low"></span> <span class="ramp" '
-        'aria-hidden="true"></span> <span class="high"></span></span></p>'
-        '<p class="under keys" hidden>'
-        '<span class="key estimate">stiffness ± 2 sd (standard deviations)</span> '
-        '<span class="key tool" hidden>the tool now</span></p><p class="note"></p></section>'
-        if has_map
-        else ""
-    )
-    wide = "" if has_map else " full"
+    wide = "" if map_panel else " full"
     return f"""
 <header><h1>{html.escape(data.name)}</h1><p id="headline">{html.escape(data.estimator)}</p>
 <div class="tools"><span id="zoomed" hidden></span>
@@ -147,6 +152,24 @@ leads: colours as in “What the tissue does”</p>
 <section id="hypotheses" class="panel"><h2>What the tissue does</h2><p class="note under"></p>
 <div class="hypotheses"></div><p class="faults"></p></section>
 """
+
+
+def _map_panel(cells: Any, contacts: Sequence[Contact], depth_mm: float) -> str:
+    """Return the panel of the map, nothing where there is none."""
+    if len(cells) < 2 and len(contacts) < 2:
+        return ""
+    low, high = SLIDER_MM
+    return (
+        '<section id="map" class="panel wide"><h2>Palpation map</h2><p class="under">Stiffness '
+        f'where it was felt, at a depth of <label class="inline"><input type="range" min="{low}" '
+        f'max="{high:g}" step="0.1" value="{depth_mm}" aria-label="depth of the map in mm"> '
+        f"<output>{depth_mm:.1f} mm</output></label> "
+        '<span class="scale" hidden><span class="low"></span> <span class="ramp" '
+        'aria-hidden="true"></span> <span class="high"></span></span></p>'
+        '<p class="under keys" hidden>'
+        '<span class="key estimate">stiffness ± 2 sd (standard deviations)</span> '
+        '<span class="key tool" hidden>the tool now</span></p><p class="note"></p></section>'
+    )
 
 
 def _tables(

@@ -48,6 +48,8 @@ class PanelPainter:
         for warning in view.warnings():
             lines += _wrapped(f"▲ {warning}", inner, "bold yellow")
         lines += _figures(view, inner)
+        for other in view.others:
+            lines += _wrapped(other, inner, "")
         if view.keys:
             lines.append(Text(""))
             lines += _flow([f"[{key}] {meaning}" for key, meaning in view.keys], inner, "dim")

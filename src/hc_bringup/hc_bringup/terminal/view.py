@@ -73,6 +73,7 @@ class PanelView:
         suspicions: what the estimator doubts of its readings, in sentences.
         respawns: nodes started again.
         answer: what became of the last key.
+        others: what further estimators of the run say, one line each.
         keys: name and meaning of each.
         history: for the sparklines.
     """
@@ -110,6 +111,7 @@ class PanelView:
     suspicions: tuple[str, ...] = ()
     respawns: int = 0
     answer: str = ""
+    others: tuple[str, ...] = ()
     keys: Sequence[tuple[str, str]] = ()
     history: PanelHistory = field(default_factory=PanelHistory)
 

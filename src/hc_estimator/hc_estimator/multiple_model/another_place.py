@@ -143,7 +143,7 @@ def look(settings: Any, bank: Any) -> bool:
     if place.testing == 0:
         return False
     _doubt(bank)
-    if finder.delay != 0.0 or (finder.doubt == 0.0 and not math.isnan(finder.deviation)):
+    if finder.delay != 0.0 or (finder.doubt == 0.0 and place_delay.is_known(finder)):
         place.in_step = 1
     count = history.count - history.contact
     if place.doubted == 0 or place.unknown != 0 or count < place.due:
@@ -235,6 +235,15 @@ def _note_before(settings: Any, bank: Any) -> None:
 @compiled
 def _ask(settings: Any, bank: Any) -> bool:
     """Hold what the contact says by itself against what was known before it."""
+    place_delay.leave_open(bank.place, bank.delay)
+    is_other = _is_another(settings, bank)
+    bank.place.late = 0
+    return is_other
+
+
+@compiled
+def _is_another(settings: Any, bank: Any) -> bool:
+    """True if the evidence of the contact's points says so, with the fit in `place`."""
     place, history = bank.place, bank.history
     noise = histories.noise_of_points(bank)
     needed = True
@@ -360,12 +369,14 @@ def _explains_before(settings: Any, bank: Any) -> bool:
     if history.contact - begin < FEWEST:
         return False
     place.first, place.last = begin, history.contact
+    place_delay.leave_open(place, bank.delay)
     place_prior.set_found(place)
     copy_vector(place.guess, place.values)
     cost = place_fit.fit(settings, place, history, histories.noise_of_points(bank), 1.0, 2)
     cost += place_fit.prior_cost(place, place.values)
     explains = cost < CONSISTENT * place.expected
     place.first, place.last = first, last
+    place.late = 0
     return bool(explains)
 
 

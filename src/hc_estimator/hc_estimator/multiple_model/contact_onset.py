@@ -5,7 +5,8 @@ can be seen without any parameter of the tissue (ours; `hc bench accuracy delay`
 
 - While the tool travels and the force stays the same, the tool is in the air, and the mean of the
   force there is its zero. A tissue that pushed with as much would have pushed more, deeper.
-- A force that comes while the tool goes deeper begins where it was last not felt. If that is before
+- A force that comes while the tool goes deeper begins where it was last not felt; as long as the
+  delay is not known, anywhere where the tool was up to 60 ms before and after. If that is before
   the zero, or so far behind it that no exponent up to `STEEPEST` would have hidden the force until
   there, the contact position is where it began. If it was there before the zero from the start, and
   grows with depth, its slope says about where.
@@ -31,6 +32,7 @@ from hc_estimator.multiple_model import (
     zero_fit,
     zero_moves,
 )
+from hc_estimator.multiple_model import grid as grids
 from hc_estimator.multiple_model.air_window import FEWEST, SAME, SIGNIFICANT, SMALLEST_ZERO
 from hc_estimator.multiple_model.delay_records import RAW
 from hc_estimator.multiple_model.hypotheses import DEPTH, SURFACE_ROW, VELOCITY, is_tried
@@ -83,6 +85,7 @@ def restart(onset: Any) -> None:
     """Look for the first touch anew; what was found of the zeros stays in use."""
     onset.decided = 0
     onset.looked_back = 0
+    onset.about_time = math.nan
     onset.free = 0
     onset.in_air = 0
     onset.force_seen = 0
@@ -191,12 +194,14 @@ def _take(
         return False
     if onset.first_force == 0.0:
         onset.first_force = force
+        onset.first_time = time
     if force < SURELY * sure or not is_tried(settings, SURFACE_ROW):
         return False
     onset.force_seen = 1
     near = LEAST_DISTANCE + SURE * deviation
-    distance = near
-    if place_delay.may_be_late(settings, bank.place) and math.isnan(bank.delay.deviation):
+    distance, lowest, highest = near, onset.free_at, displacement
+    late = place_delay.may_be_late(settings, bank.place) and not place_delay.is_known(bank.delay)
+    if late:
         distance += LARGEST_DELAY * abs(velocity)
     if onset.free == 0:
         surely = displacement < -distance or onset.rise.count >= IN_A_ROW
@@ -208,7 +213,11 @@ def _take(
         return False
     if time - onset.free_time > LATEST:
         return False
-    if _contradicts(onset, displacement, force, sure, distance):
+    if late:
+        if not _look_about(onset, bank.delay, displacement):
+            return False
+        lowest, highest = onset.about[0], onset.about[1]
+    if _contradicts(onset, displacement, force, sure, near, lowest, highest):
         onset.contradictions += 1
     else:
         onset.contradictions = 0
@@ -221,25 +230,60 @@ def _take(
     if abs(onset.free_at) > LARGEST_SHIFT:
         return False
     onset.shift[0] = onset.free_at
-    onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - onset.free_at))
+    onset.position_deviation = max(CLOSEST, HALF_WAY * (displacement - lowest))
+    return True
+
+
+@compiled
+def _look_about(onset: Any, finder: Any, displacement: float) -> bool:
+    """Note where the tool was when the force was last not felt, and first was, at any delay.
+
+    Long ago, it went slowly: then the places of those readings will do.
+
+    Returns:
+        False as long as that is still to be read.
+    """
+    if onset.about_time != onset.first_time:
+        lowest = grids.places_about(finder, onset.free_time, LARGEST_DELAY)[0]
+        highest = grids.places_about(finder, onset.first_time, LARGEST_DELAY)[1]
+        if math.isnan(lowest) or math.isnan(highest):
+            return False
+        onset.about[0] = lowest if math.isfinite(lowest) else onset.free_at
+        onset.about[1] = highest if math.isfinite(highest) else displacement
+        onset.about_time = onset.first_time
     return True
 
 
 @compiled
 def _contradicts(
-    onset: Any, displacement: float, force: float, sure: float, distance: float
+    onset: Any,
+    displacement: float,
+    force: float,
+    sure: float,
+    near: float,
+    lowest: float,
+    highest: float,
 ) -> bool:
-    """True if a force cannot be here if the contact begins at the zero, give or take a distance."""
-    begun = onset.free_at
-    if displacement <= begun:
+    """True if a force cannot be here if the contact begins at the zero, give or take a distance.
+
+    Args:
+        onset: its record.
+        displacement: of now [mm].
+        force: of now [N].
+        sure: beyond which there is a force [N].
+        near: the distance [mm].
+        lowest: place at which it was last not felt, at least [mm].
+        highest: place at which it was first felt, at most [mm].
+    """
+    if displacement <= onset.free_at:
         return False
-    if displacement < -distance:
+    if highest < -near:
         return True
     # Later on a force is absent where the tool leaves faster than the tissue follows.
-    if onset.in_air == 0 or onset.touched != 0 or begun < distance:
+    if onset.in_air == 0 or onset.touched != 0 or lowest < near:
         return False
     # No law through the zero that stays below the noise up to there rises so until here.
-    return bool(force > SURELY * sure * (displacement / begun) ** STEEPEST)
+    return bool(force > SURELY * sure * (displacement / lowest) ** STEEPEST)
 
 
 @compiled

@@ -270,12 +270,16 @@ def _is_clear(finder: Any, count: int) -> bool:
 
 @compiled
 def _leads(settings: Any, finder: Any) -> bool:
-    """True if the delay that was found, which is clear, is far likelier than the one in use."""
+    """True if the delay that was found, which is clear, is far likelier than the one in use.
+
+    A first one that the innovations speak for as well need be no more than that.
+    """
     away, none = abs(finder.found - finder.delay), finder.delay == 0.0
     small, varies = away < finder.grid_step, finder.varies != 0 or finder.fits == 0
     if none and small and varies:  # damping that goes its own way looks like a small delay
         return False
-    if not away > (BEGINS if none else FAR) * finder.found_deviation:
+    agree = none and delay_evidence.agrees(finder)
+    if not agree and not away > (BEGINS if none else FAR) * finder.found_deviation:
         return False
     centre = CANDIDATES // 2
     used = centre + round(finder.delay / finder.grid_step)
@@ -285,7 +289,8 @@ def _leads(settings: Any, finder: Any) -> bool:
     ratio = finder.left[used] / finder.left[CANDIDATES]
     if finder.varies == 0:
         ratio = min(ratio, delay_fit.ratio_by_its_own(settings, finder, used))
-    return bool(ratio > LEAST_RATIO and _weight(finder) * math.log(ratio) > LEAD)
+    ratio_needed = 1.0 if agree else LEAST_RATIO
+    return bool(ratio > ratio_needed and _weight(finder) * math.log(ratio) > LEAD)
 
 
 @compiled

@@ -107,6 +107,24 @@ def contradicted(finder: Any, delay: float) -> bool:
 
 
 @compiled
+def agrees(finder: Any) -> bool:
+    """True if the half seconds say clearly that it is none that is in use, and the way of the fit.
+
+    Alone they begin none, for the motion model's lag looks like one.
+    """
+    if finder.evidence_count < FEWEST:
+        return False
+    alike = join(finder)
+    if not alike > FEWEST_ALIKE:
+        return False
+    away = finder.fine[0] - finder.delay
+    deviation = finder.fine[1] * math.sqrt(1.0 + 2.0 / (alike - 1.0))
+    deviation = math.hypot(deviation, LAG * grids.slowest_period(finder))
+    same_way = away * (finder.found - finder.delay) > 0.0
+    return bool(same_way and abs(away) > FAR * deviation)
+
+
+@compiled
 def note_fit(finder: Any, row: Any) -> None:
     """Note the K, B and n of a row as the fit to begin anew with."""
     state, fit = row.state, finder.fit

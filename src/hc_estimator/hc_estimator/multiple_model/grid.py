@@ -8,6 +8,7 @@ regression: Savitzky and Golay, Anal. Chem. 36, 1964, for uneven times).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
@@ -194,6 +195,26 @@ def time_of(finder: Any, k: int) -> float:
 
 
 @compiled
+def places_about(finder: Any, time: float, within: float) -> tuple[float, float]:
+    """Lowest and highest place of the tool about a time, within another [mm].
+
+    NaN as long as that is still to be read, infinity where it is no longer known.
+    """
+    lowest, highest, count = math.inf, -math.inf, finder.grid_count
+    oldest = max(count - GRID, 0)
+    before = within if oldest > 0 else 0.0  # what was before the first point was never read
+    if count == 0 or time_of(finder, count - 1) < time + within:
+        return math.nan, math.nan
+    if time_of(finder, oldest) > time - before:
+        return lowest, highest
+    for k in range(oldest, count):
+        if abs(time_of(finder, k) - time) <= within + finder.grid_step:
+            lowest = min(lowest, finder.grid[k % GRID, 0])
+            highest = max(highest, finder.grid[k % GRID, 0])
+    return lowest, highest
+
+
+@compiled
 def _add_point(finder: Any, centre: float, half: float) -> bool:
     """Add the point of a time to the grid; False if readings are few in either channel."""
     slot = finder.grid_count % GRID
@@ -239,7 +260,7 @@ def advance(finder: Any) -> bool:
             finder.grid_count = 0
             return False
     reach = min(int(LARGEST / finder.grid_step), CANDIDATES // 2)
-    finder.neighbours = smoothing.neighbours(finder.grid_step, finder.grid_width)
+    finder.neighbours = smoothing.neighbours(finder.grid_step)
     margin = reach + finder.neighbours + 1
     points = min(int(WINDOW / finder.grid_step), GRID - 2 * margin)
     if finder.grid_count < points + 2 * margin:

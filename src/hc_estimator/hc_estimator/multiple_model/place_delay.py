@@ -17,13 +17,16 @@ from hc_estimator.linear_algebra import clear_vector, copy_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import place_fit, place_prior
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST
+from hc_estimator.multiple_model.delay_points import LEAST_BACK
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.place_fit import DELAY, UNKNOWNS
 from hc_estimator.multiple_model.place_prior import CONSISTENT, FEWEST, HEIGHT_DEVIATION
+from hc_estimator.multiple_model.records import POINTS
 
 FIRST_DEVIATION = 0.02  # of a delay of which nothing is known [s]
 SMALL = 0.0015  # deviation of a delay from which on it is known [s]
+KNOWN = 0.0025  # the same for the fit to the points of all contacts [s]
 IN_STEP, LEAST = 2.0, 0.0005  # deviations, and delay [s], up to which it is none
 FEWEST_CONTACTS = 3  # that say the same, for a delay to be used
 ALIKE = 4.0  # mean square of how contacts differ, over what it should be, up to which they agree
@@ -45,6 +48,34 @@ def reset(place: Any) -> None:
 def may_be_late(settings: Any, place: Any) -> bool:
     """True as long as nobody knows whether the force is late."""
     return bool(math.isnan(settings.channel_delay) and place.in_step == 0)
+
+
+@compiled
+def is_known(finder: Any) -> bool:
+    """True if the finder knows the delay, be it none, well enough to build on it."""
+    return bool(finder.deviation < KNOWN)
+
+
+@compiled
+def leave_open(place: Any, finder: Any) -> None:
+    """Let what is not known of a delay in use be an unknown of the fits to come.
+
+    In a quick press a millisecond looks like another stiffness.
+    """
+    known = finder.delay == 0.0 or not finder.deviation > 0.0
+    place.delay_doubt = 0.0 if known else finder.deviation**2
+    place.late = 0 if known else 1
+
+
+@compiled
+def _goes_both_ways(place: Any, history: Any) -> bool:
+    """True if the tool goes deeper and back: along one way a delay is just another height."""
+    deeper, back = 0.0, 0.0
+    for k in range(place.first, place.last):
+        velocity = history.points[k % POINTS, 1]
+        deeper += max(velocity, 0.0)
+        back += max(-velocity, 0.0)
+    return bool(min(deeper, back) > LEAST_BACK * max(deeper, back))
 
 
 @compiled
@@ -90,14 +121,16 @@ def is_in_step(settings: Any, bank: Any, noise: tuple[float, float, float], weig
     What is late looks like another place, as long as nobody knows that it is late.
     """
     delay, variance, _ = _fit(settings, bank, noise, weight, 1)
-    return _is_shown(bank.place, delay, variance)
+    return _is_shown(bank.place, bank.history, delay, variance)
 
 
 @compiled
-def _is_shown(place: Any, delay: float, variance: float) -> bool:
+def _is_shown(place: Any, history: Any, delay: float, variance: float) -> bool:
     """True if such a delay is none for certain, which is noted."""
     deviation = math.sqrt(variance)
     if not (deviation < SMALL and abs(delay) < IN_STEP * deviation + LEAST):
+        return False
+    if not _goes_both_ways(place, history):
         return False
     place.in_step = 1
     place.delay, place.delay_precision = delay, 1.0 / max(variance, 1e-300)
@@ -131,7 +164,7 @@ def learn(settings: Any, bank: Any) -> None:
     place.delay_learnt = 1
     copy_vector(place.values, place.outcome)
     place_fit.note_covariance(settings, place)
-    _is_shown(place, delay, variance)
+    _is_shown(place, history, delay, variance)
 
 
 @compiled

@@ -56,7 +56,8 @@ def _set_known(place: Any, known: Any, height_variance: float) -> None:
     for i in (1, 3):
         place.seen[i, i] += DEVIATIONS[i] ** 2
     place.seen[POSITION, POSITION] = height_variance
-    place.seen[DELAY, DELAY] = LEAST_VARIANCE
+    place.seen[DELAY, DELAY] = max(place.delay_doubt, LEAST_VARIANCE)
+    place.guess[DELAY] = 0.0
     place_fit.invert(place.seen, place)
 
 
@@ -73,11 +74,12 @@ def set_other(place: Any, height_variance: float) -> None:
     for i in range(POSITION):
         prior[i, i] = 1.0 / (DEVIATIONS[i] ** 2 + before[i, i])
     prior[POSITION, POSITION] = 1.0 / max(height_variance, LEAST_VARIANCE)
-    prior[DELAY, DELAY] = 1.0
+    prior[DELAY, DELAY] = 1.0 / max(place.delay_doubt, LEAST_VARIANCE)
     # That of B is one of B / K.
     prior[0, 0] += prior[1, 1]
     prior[0, 1] = prior[1, 0] = -prior[1, 1]
     copy_vector(place.before, place.guess)
+    place.guess[DELAY] = 0.0
 
 
 @compiled

@@ -28,6 +28,7 @@ PLACE = record_type(
         Field("fitting", np.int64, (), 0),  # of which the law fitted so many at their end
         Field("fitting_in_a_row", np.int64, (), 0),  # the latest of them
         Field("late", np.int64, (), 0, 1),  # 1 while the delay is an unknown
+        Field("delay_doubt", np.float64, (), 0.0),  # variance of the one in use; 0: none is [s^2]
         Field("delay", np.float64),  # by the contacts that are over [s]
         Field("delay_precision", np.float64, (), 0.0),  # [1/s^2]
         Field("delay_contacts", np.int64, (), 0),  # so many

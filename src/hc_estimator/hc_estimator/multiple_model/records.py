@@ -252,10 +252,15 @@ ONSET = record_type(
         Field("free", np.int64, (), 0, 1),  # 1 once the tool was seen without force
         Field("free_at", np.float64),  # displacement there, the last one [mm]
         Field("free_time", np.float64),  # [s]
+        # Lowest place within the largest delay of that time, highest within that of `first_time`,
+        # and the latter when they were looked for [mm], [s].
+        Field("about", np.float64, (2,)),
+        Field("about_time", np.float64, (), finite=False),
         Field("in_air", np.int64, (), 0, 1),  # 1 once the tool was seen to travel in the air
         Field("force_seen", np.int64, (), 0, 1),  # 1 once there was a force
         Field("touched", np.int64, (), 0, 1),  # 1 once it was gone again
         Field("contradictions", np.int64, (), 0),  # readings in a row against the contact position
+        Field("first_time", np.float64),  # of the next [s]
         Field("first_force", np.float64),  # that was sure, since the last that was not; 0: none [N]
         # The window in which the force stays the same:
         Field("window", WINDOW),

@@ -21,21 +21,26 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import copy_vector
 from hc_estimator.multiple_model.delay_records import GRID, NEIGHBOURS
 
-HALF_WIDTH = 0.05  # of grid and neighbours together [s]
+HALF_WIDTH = 0.04  # of the neighbours [s]
 # Autocorrelation of the parabolas that the grid's values come from: kernel (9 - 15 x^2) / 8 on
 # [-1, 1], by Gauss-Legendre quadrature, exact for polynomials of degree 4.
 NODES = np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 WEIGHTS = np.array([5.0 / 9.0, 8.0 / 9.0, 5.0 / 9.0])
 BY_CUBIC = 2  # slot of a smoothed point's velocity by a cubic, in place of the acceleration
-FEWEST_NEIGHBOURS = 2  # to either side that make a wide cubic
+FEWEST_NEIGHBOURS = 3  # to either side that are worth it, and make a wide cubic
 SMOOTH = 4.0  # mean square that it leaves over the noise up to which it fits
 VALUE_VARIANCE = 2.25  # of a parabola's value, times its readings, over that of a reading
 
 
 @compiled
-def neighbours(step: float, width: float) -> int:
-    """Points to either side that are taken along, from the grid's step and its parabolas [s]."""
-    return min(max(int((HALF_WIDTH - 0.5 * width) / step + 0.5), 0), NEIGHBOURS)
+def neighbours(step: float) -> int:
+    """Points to either side that are taken along, from the grid's step [s].
+
+    However wide the parabolas are: their values flatten no motion, only neighbours do. Fewer than
+    three make velocities noisier than those of the parabolas of a slow sensor are.
+    """
+    few = int(HALF_WIDTH / step + 0.5)
+    return min(few, NEIGHBOURS) if few >= FEWEST_NEIGHBOURS else 0
 
 
 @compiled

@@ -54,6 +54,7 @@ def move_readings(bank: Any) -> None:
     bank.motion.first -= displacement
     bank.motion.states[:, 0] -= displacement
     onset.free_at -= displacement
+    onset.about -= displacement
     onset.highest_level -= force
     if force != 0.0:
         onset.first_force = 0.0

@@ -6,13 +6,16 @@ moved; a message of other frames says nothing of the tool.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final, NamedTuple
 
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.frames import FrameTree, Pose
 from hc_estimator.stream.merger import JUMP_NS
 from hc_msgs_py.units import nanoseconds_from_stamp
+
+MOST_FRAMES: Final = 6
+"""That may be the tool's, at most."""
 
 
 class _Transform(NamedTuple):
@@ -151,3 +154,21 @@ class FramePoses:
 def plain_name(frame: str) -> str:
     """Return a frame's name; older software writes a slash before it."""
     return frame.removeprefix("/")
+
+
+def tool_frames(poses: FramePoses, wrench_frames: Iterable[str]) -> list[tuple[str, str, str]]:
+    """Return frames that may be the tool's, best first: each with its root, and what moves it.
+
+    Of an arm whose every link is a frame only a few are: the frame in which a wrench is told, for
+    that is the tool's sensor, and those on which no other one hangs.
+
+    Args:
+        poses: knows the frames.
+        wrench_frames: frames of the wrenches that there are.
+    """
+    moving = poses.moving()
+    parents = {poses.parent(frame) for frame in moving}
+    wrenches = [frame for frame in map(plain_name, wrench_frames) if frame in moving]
+    leaves = [frame for frame in reversed(moving) if frame not in parents]
+    chosen = list(dict.fromkeys([*wrenches, *leaves]))[:MOST_FRAMES]
+    return [(frame, moving[frame], poses.mover(frame)) for frame in chosen]

@@ -16,6 +16,7 @@ HC.MapPanel = class {
     this.cells = [];
     this.contacts = [];
     this.depth = 2;
+    this.told = null; // {depth, lump}: the hard spot that the words beside name, for that depth
     this.tip = [NaN, NaN];
     this.x = new HC.CalmRange(0.01);
     this.y = new HC.CalmRange(0.05, 0);
@@ -87,14 +88,24 @@ HC.MapPanel = class {
     this.chart.plot.axes[1].label =
       this.kind === "plane" ? "across [mm]" : `stiffness at ${this.depth.toFixed(1)} mm [N/mm]`;
     const noMap = this.kind === "empty" || (this.kind === "contacts" && this.cells.length);
-    this.lump = noMap ? null : HC.findLump(this.spots);
-    // Where the way ends at its stiffest, the lump has not been passed: it may lie further on.
-    if (this.lump && this.kind === "line") {
-      const [from, to] = HC.extent(this.spots.map((s) => s.x));
-      this.lump.passed = this.lump.x - from > 1.1 * this.cellMm && to - this.lump.x > 1.1 * this.cellMm;
-    }
+    this.lump = noMap ? null : this.findLump();
     this.describeAll();
     this.chart.plot.setData([null, [[0, 1], [0, 1]]], true);
+  }
+
+  /* The hard spot at the depth that is shown, or null. */
+  findLump() {
+    if (this.told && this.told.depth === this.depth) {
+      const { lump } = this.told;
+      return lump && { ...lump, value: this.nearest(lump.x, lump.y).value };
+    }
+    const lump = HC.findLump(this.spots);
+    // Where the way ends at its stiffest, the lump has not been passed: it may lie further on.
+    if (lump && this.kind === "line") {
+      const [from, to] = HC.extent(this.spots.map((s) => s.x));
+      lump.passed = lump.x - from > 1.1 * this.cellMm && to - lump.x > 1.1 * this.cellMm;
+    }
+    return lump;
   }
 
   setRanges() {
@@ -336,7 +347,7 @@ HC.findLump = function (spots) {
 /* How much harder, with two deviations; what is known better than to a tenth is not shown. */
 HC.lumpFactor = function (lump) {
   const spread = Math.max(0.1, 2 * lump.deviation);
-  return `${HC.withDeviation(lump.factor, spread, 1)} times as stiff`;
+  return `${lump.factor.toFixed(1)} ± ${spread.toFixed(1)} times as stiff`;
 };
 
 HC.lumpPlace = function (map) {

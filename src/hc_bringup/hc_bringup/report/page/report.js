@@ -34,9 +34,11 @@ HC.Report = class {
   startMap(host) {
     const output = host.querySelector("output");
     const slider = host.querySelector("input");
-    const map = new HC.MapPanel(host, this.data.map_columns);
+    const map = this.map = new HC.MapPanel(host, this.data.map_columns);
     slider.addEventListener("input", () =>
       HC.setText(output, Number(slider.value).toFixed(1) + " mm"));
+    map.depth = Number(slider.value);
+    map.told = this.data.map;
     map.setContacts(this.data.contacts);
     if (this.data.cell_count) {
       map.setCells(this.data.cell_mm, this.data.cell_count, this.data.map_columns.length,
