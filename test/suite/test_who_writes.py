@@ -80,7 +80,7 @@ OWNERS = {
         "multiple_model/spline_prior",
         "multiple_model/spline_fit",
     ),
-    "moving": ("multiple_model/moving_fit",),
+    "moving": ("multiple_model/moving_fit", "multiple_model/moving_delay"),
     "zeros": (
         "multiple_model/zero_average",
         "multiple_model/zero_choice",
@@ -123,6 +123,12 @@ GUESTS = {
     "multiple_model/another_place": {"history": "contact"},
     # A delay that the contacts show is the one in use.
     "multiple_model/place_delay": {"delay": "delay deviation doubt fit"},
+    # Likewise one that is found beneath a surface that moves.
+    "multiple_model/moving_delay": {
+        "delay": "delay deviation doubt fit",
+        "fit": "delay_deviation held position_deviation shift spacing values",
+    },
+    "multiple_model/zero_rival": {"fit": "fixed held position_deviation"},
     "multiple_model/air_zero": {"onset": "force_deviation in_air shift"},
     "multiple_model/beginning": {
         "change": "detected",
@@ -151,7 +157,7 @@ GUESTS = {
     },
     "multiple_model/moving_fit": {
         "fit": "held position_deviation",
-        "judge": "found found_at",
+        "judge": "chosen found found_at",
         "row": "active counts_from covariance log_likelihood model_error position_deviation score "
         "since state",
     },

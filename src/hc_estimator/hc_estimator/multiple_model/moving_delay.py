@@ -22,13 +22,14 @@ from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
-from hc_estimator.multiple_model.spline_records import MOVES
+from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT, MOVES
 
 LATE_DEVIATION = 0.03  # of a delay that may be any [s]
 CONSISTENT = 1.5  # largest squares left, in those of the noise
 LASTING = 3  # fits in a row that must say the same
 SAME = 0.003  # difference, beside three deviations, up to which they do [s]
 LEAST = 0.004  # delay beside the one in use that is one [s]
+KNOWN = 0.0025  # deviation of a delay that is known [s]
 NEARER = 3  # searches for the points that belong to the forces
 REMEMBERED = 10.0  # time in contact for which a surface that moved is remembered [s]
 
@@ -77,6 +78,8 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
         steps = round(fit.values[spline.DELAY] / fit.spacing) if math.isfinite(squares) else 0
         if steps == 0:
             break
+        if abs(fit.shift + steps) > LARGEST_SHIFT:
+            return
         fit.shift += steps
         fit.values[spline.DELAY] -= steps * fit.spacing
         fit.delay_deviation = fit.spacing
@@ -89,7 +92,8 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
     column[spline.DELAY] = 1.0 / fit.weight
     solve(fit.factor, column, fit.unknowns)
     variance = max(column[spline.DELAY], 0.0)
-    if abs(delay) < max(LEAST, BEGINS * math.sqrt(variance)):
+    # Noise of the positions is no delay, however much likelier it makes one.
+    if not variance < KNOWN * KNOWN or abs(delay) < max(LEAST, BEGINS * math.sqrt(variance)):
         return
     # Points that have none at that time would have left as much as the others.
     lost = (count - fit.count) * fit.expected / max(fit.count, 1)
@@ -112,12 +116,13 @@ def is_found(bank: Any) -> bool:
     moving, finder = bank.moving, bank.delay
     if moving.agreeing < LASTING:
         return False
-    values, fit = bank.fit.values, finder.fit
+    values = bank.fit.values
     finder.delay += moving.delay
     finder.deviation = math.sqrt(moving.delay_variance)
     finder.doubt = moving.delay_variance
-    fit[0] = exp_limited(spline.log_stiffness(bank.fit, values))
-    fit[1] = fit[0] * exp_limited(values[spline.LOG_RATIO])
-    fit[2] = values[spline.EXPONENT]
+    stiffness = exp_limited(spline.log_stiffness(bank.fit, values))
+    finder.fit[0] = stiffness
+    finder.fit[1] = stiffness * exp_limited(values[spline.LOG_RATIO])
+    finder.fit[2] = values[spline.EXPONENT]
     moving.agreeing = 0
     return True

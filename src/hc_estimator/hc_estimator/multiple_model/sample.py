@@ -284,8 +284,8 @@ def _is_touching(bank: Any, chosen: Any) -> bool:
         return bool(chosen.predicted_force > 0.0 or pressed)
     if not pressed or SURFACE[chosen.index]:
         return bool(pressed)
-    surface = bank.rows[SURFACE_ROW]
-    if surface.active == 0 or clock.measurement[1] < PRESSED * bank.tool.largest_force:
+    surface, largest = bank.rows[SURFACE_ROW], bank.tool.largest_force
+    if surface.active == 0 or largest == 0.0 or clock.measurement[1] < PRESSED * largest:
         return False
     return bool(depth_of(surface) > TOUCHING_DEPTH and surface.predicted_force > 0.0)
 

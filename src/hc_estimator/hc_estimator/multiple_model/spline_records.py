@@ -15,6 +15,7 @@ MEMORIES = 5  # of a tissue that relaxes
 # A kind is the sum of what does not stay: stiffness; surface at a steady speed, or anyhow;
 # exponent; force under a depth that stays; STEADY: the stiffness, at a rate that hardly changes.
 STAYS, VARIES, SINKS, MOVES, BENDS, RELAXES, STEADY = 0, 1, 2, 4, 8, 16, 32
+LARGEST_SHIFT = 32  # points by which a force may be late
 KINDS = 9  # of what tissue and surface do
 LOCAL = SPLINE_FIRST + 2 * 4  # of which the force depends at one time
 
@@ -27,7 +28,7 @@ SPLINE_FIT = record_type(
         Field("position_deviation", np.float64, (), 0.0, finite=False),  # of the prior [mm]
         Field("delay_deviation", np.float64, (), 0.0),  # of the prior [s]
         # By how many points the force is late beside the delay, and how far they are apart [s].
-        Field("shift", np.int64),
+        Field("shift", np.int64, (), -LARGEST_SHIFT, LARGEST_SHIFT),
         Field("spacing", np.float64, (), 0.0),
         Field("level", np.float64),  # ln K to begin with
         Field("begin", np.float64),  # time of the first point [s]

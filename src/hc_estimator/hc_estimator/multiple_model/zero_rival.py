@@ -47,7 +47,7 @@ def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
     squares = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
     if not squares < CONSISTENT * fit.expected:
         return -math.inf
-    return log_evidence(fit, squares)  # type: ignore[no-any-return]
+    return log_evidence(fit, squares)
 
 
 @compiled
@@ -66,4 +66,4 @@ def evidence_of_zeros(fit: Any, squares: float, largest: tuple[float, float]) ->
             relative = fit.values[zero] / deviations[i]
             cost += 2.0 * math.log(deviations[i]) + relative * relative
             fit.fixed[zero] = 1  # its prior is counted here
-    return log_evidence(fit, squares) - 0.5 * cost  # type: ignore[no-any-return]
+    return log_evidence(fit, squares) - 0.5 * cost
