@@ -16,7 +16,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline
-from hc_estimator.multiple_model.hypotheses import SURFACE
+from hc_estimator.multiple_model.hypotheses import BREATHES
 from hc_estimator.multiple_model.moving_fit import CONSISTENT, KINDS_OF
 from hc_estimator.multiple_model.spline_fit import solve_least_squares
 from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
@@ -25,7 +25,7 @@ from hc_estimator.multiple_model.zero_average import LIKELY_POSITION, LIKELY_ZER
 
 @compiled
 def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
-    """Logarithm of the evidence for what the row in charge says, if that is a surface that moves.
+    """Logarithm of the evidence for what the row in charge says, if its surface may breathe.
 
     Args:
         settings: settings record.
@@ -36,7 +36,7 @@ def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
         Minus infinity for another row, or where it leaves more than noise.
     """
     history, fit, row = bank.history, bank.fit, bank.rows[bank.judge.chosen]
-    if not SURFACE[row.index] or row.model_error > 0.0:
+    if not BREATHES[row.index] or row.model_error > 0.0:
         return -math.inf
     spline.free_all(settings, fit)
     fit.held[spline.FORCE_ZERO] = 1
