@@ -9,7 +9,7 @@ from hc_bringup.phrases import left_of, without_numbers
 def test_a_problem_whose_numbers_change_is_told_once(capsys):
     """Regression: a sensor that was dead for a minute gave sixty lines."""
     display = Display(enabled=False)
-    shown = SimpleNamespace(problems={}, suspicions={})
+    shown = SimpleNamespace(problems={}, suspicions={}, others=())
 
     def told(**problems):
         shown.problems = problems
