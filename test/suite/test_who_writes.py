@@ -126,9 +126,9 @@ GUESTS = {
     # Likewise one that is found beneath a surface that moves.
     "multiple_model/moving_delay": {
         "delay": "delay deviation doubt fit",
-        "fit": "delay_deviation held position_deviation shift spacing values",
+        "fit": "delay_deviation shift spacing values",
     },
-    "multiple_model/zero_rival": {"fit": "fixed held position_deviation"},
+    "multiple_model/zero_rival": {"fit": "fixed"},
     "multiple_model/air_zero": {"onset": "force_deviation in_air shift"},
     "multiple_model/beginning": {
         "change": "detected",
@@ -156,7 +156,6 @@ GUESTS = {
         "row": "position_deviation state",
     },
     "multiple_model/moving_fit": {
-        "fit": "held position_deviation",
         "judge": "chosen found found_at",
         "row": "active counts_from covariance log_likelihood model_error position_deviation score "
         "since state",

@@ -20,12 +20,11 @@ from hc_estimator.multiple_model import spline
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST, LEAD
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
-from hc_estimator.multiple_model.spline_fit import solve_least_squares
-from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
+from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT, MOVES
 
 LATE_DEVIATION = 0.03  # of a delay that may be any [s]
-CONSISTENT = 1.5  # largest squares left, in those of the noise
 LASTING = 3  # fits in a row that must say the same
 SAME = 0.003  # difference, beside three deviations, up to which they do [s]
 LEAST = 0.004  # delay beside the one in use that is one [s]
@@ -62,12 +61,9 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
     moving, fit, history, finder = bank.moving, bank.fit, bank.history, bank.delay
     before, agreeing = moving.delay, moving.agreeing
     moving.agreeing = 0
-    spline.free_all(settings, fit)
-    fit.held[spline.FORCE_ZERO] = 1
-    fit.position_deviation = SURFACE_DEVIATION
-    fit.delay_deviation = LATE_DEVIATION
-    if not spline.lay_out(history, fit, first, moving.last, MOVES):
+    if not spline.lay_out_at_zeros(settings, history, fit, first, moving.last, MOVES):
         return
+    fit.delay_deviation = LATE_DEVIATION
     fit.spacing = finder.grid_step * history.every
     spline.begin(fit, bank.rows[bank.judge.chosen])
     noise = histories.noise_of_points(bank)

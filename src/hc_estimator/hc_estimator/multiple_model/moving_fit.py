@@ -36,6 +36,7 @@ from hc_estimator.multiple_model.hypotheses import (
     ROWS,
     STATES,
     SURFACE,
+    SURFACE_ROW,
     TREND_ROW,
     is_tried,
 )
@@ -43,8 +44,8 @@ from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import cut, is_held, limit, seed
 from hc_estimator.multiple_model.spline import has
-from hc_estimator.multiple_model.spline_fit import solve_least_squares
-from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
+from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.spline_records import (
     BENDS,
     MOVES,
@@ -68,7 +69,6 @@ SPECIFICATIONS = (
 
 EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 3.0  # that they must span [s]
-CONSISTENT = 1.5  # largest squares left, in those of the noise
 LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
 # Real tissue that relaxes does not do so by the law to within the noise. It is believed if that
 # explains most of what tissue that stays leaves, as well as any that varies or sinks; a surface
@@ -227,12 +227,8 @@ def _lay_out(settings: Any, history: Any, fit: Any, kind: int, last: int) -> boo
     """Lay out a fit of a kind with the zeros as they are; False if points are too far apart."""
     if kind & BENDS != 0 and is_held(settings, 2):
         return False
-    spline.free_all(settings, fit)
-    fit.held[spline.FORCE_ZERO] = 1
-    fit.position_deviation = SURFACE_DEVIATION
-    if kind & SINKS == 0:
-        fit.held[spline.POSITION] = 1
-    return spline.lay_out(history, fit, _oldest(history, last), last, kind)
+    first = _oldest(history, last)
+    return spline.lay_out_at_zeros(settings, history, fit, first, last, kind)
 
 
 @compiled
@@ -300,14 +296,13 @@ def _begin_found(settings: Any, bank: Any, found: int) -> None:
 def begin_moving(settings: Any, bank: Any) -> None:
     """Begin with the last fit, of tissue that stays under a surface that moves."""
     judge, clock = bank.judge, bank.tool.contact_clock
-    for m in range(FRESH):
-        if KINDS_OF[m] == MOVES and is_tried(settings, m):
-            _note_outcome(bank.fit, bank.moving, bank.clock.state_time)
-            judge.chosen = m
-            judge.found = m
-            judge.found_at = clock
-            bank.moving.moved_at = clock
-            _take(settings, bank, bank.rows[m], clock)
+    if is_tried(settings, SURFACE_ROW):
+        _note_outcome(bank.fit, bank.moving, bank.clock.state_time)
+        judge.chosen = SURFACE_ROW
+        judge.found = SURFACE_ROW
+        judge.found_at = clock
+        bank.moving.moved_at = clock
+        _take(settings, bank, bank.rows[SURFACE_ROW], clock)
 
 
 @compiled

@@ -36,6 +36,7 @@ from hc_estimator.multiple_model.spline_records import (
 # Of the unknowns; the coefficients of ln K come after them, and then those of surface or exponent.
 LOG_RATIO, EXPONENT, VELOCITY_EXPONENT, POSITION, FORCE_ZERO, DELAY, SPEED = range(SPLINE_FIRST)
 DELAY_DEVIATION = 0.002  # of the delay about the one in use [s]
+SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [mm]
 KNOT = 0.25  # time between two knots of the stiffness [s]
 SECOND_KNOT = 0.5  # of surface or exponent [s]
 STRETCHED = 1.5  # factor on both up to which the points may lie apart
@@ -84,6 +85,19 @@ def lay_out(history: Any, fit: Any, first: int, last: int, kind: int) -> bool:
         if fit.intervals[i] > 0 and not (fit.knot[i] > 0.0 and fit.knot[i] <= longest):
             return False
     return True
+
+
+@compiled
+def lay_out_at_zeros(
+    settings: Any, history: Any, fit: Any, first: int, last: int, kind: int
+) -> bool:
+    """Lay out with the zeros as they are and the rest unknown; as `lay_out`."""
+    free_all(settings, fit)
+    fit.held[FORCE_ZERO] = 1
+    fit.position_deviation = SURFACE_DEVIATION
+    if kind & SINKS == 0:
+        fit.held[POSITION] = 1
+    return lay_out(history, fit, first, last, kind)
 
 
 @compiled

@@ -63,6 +63,7 @@ from hc_estimator.multiple_model.spline_records import (
     VARIES,
 )
 
+CONSISTENT = 1.5  # largest squares left, in those of the noise, where the law fits
 PASSES = 3  # with other weights
 SAME_TIME = 0.1  # of the time between two points, by which they may be off
 SETTLED = 0.01  # relative change of the squares with which the weights hold

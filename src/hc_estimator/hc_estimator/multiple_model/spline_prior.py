@@ -20,6 +20,7 @@ from hc_estimator.multiple_model.spline import (
     LOG_RATIO,
     POSITION,
     SPEED,
+    SURFACE_DEVIATION,
     VELOCITY_EXPONENT,
     has,
     stiffness_count,
@@ -29,7 +30,6 @@ from hc_estimator.multiple_model.spline_records import BAND, BENDS, RELAXES, SPL
 SPEED_DEVIATION = 0.1  # of a surface that sinks [mm/s]
 LEVEL_DEVIATION = 10.0  # of a coefficient of ln K: any stiffness is as likely
 SHARE_DEVIATION = 0.5  # of the force that a memory takes away
-SURFACE_DEVIATION = 1.0  # of the mean of a surface that moves about the zero [mm]
 # Variance that the speed of such a surface gains per second [mm^2/s^3]: 1 mm at 0.25 Hz.
 SURFACE_WALK = 1.0
 STEADY_WALK = 1e-4  # the same of a rate of ln K that hardly changes [1/s^3]

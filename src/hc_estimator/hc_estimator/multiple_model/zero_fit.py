@@ -40,7 +40,7 @@ from hc_estimator.multiple_model import (
 from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
-from hc_estimator.multiple_model.spline_fit import solve_least_squares
+from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
 from hc_estimator.multiple_model.spline_records import SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.zero_choice import (
     PENALTY,
@@ -68,7 +68,6 @@ SPECIFICATIONS = (
     ),
 )
 
-CONSISTENT = 1.5  # largest squares left, in those of the noise
 REFUTED = 6.0  # the same, at which zeros that were found are taken back
 FEWEST_WINDOWS = 4  # of the delay before a zero is looked for
 EVERY = 1.0  # time in contact between two fits [s]

@@ -5,7 +5,7 @@ within the noise, and for two seconds even tissue that stays does: a force zero 
 found so, nine seconds after the surface had been, and K stayed at a third. So where the row in
 charge says that the surface moves, least squares say the same with the zeros as they are, and that
 and the zeros that are off are compared by their evidence (`spline_prior.log_evidence`), for which
-they are as likely beforehand as for `zero_average`. (Ours; `test_zero_rival.py`.)
+they are as likely beforehand as for `zero_average`. (Ours; `test_moving_delay.py`.)
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline
 from hc_estimator.multiple_model.hypotheses import BREATHES
-from hc_estimator.multiple_model.moving_fit import CONSISTENT, KINDS_OF
-from hc_estimator.multiple_model.spline_fit import solve_least_squares
-from hc_estimator.multiple_model.spline_prior import SURFACE_DEVIATION, log_evidence
+from hc_estimator.multiple_model.moving_fit import KINDS_OF
+from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
+from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.zero_average import LIKELY_POSITION, LIKELY_ZERO
 
 
@@ -38,10 +38,8 @@ def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
     history, fit, row = bank.history, bank.fit, bank.rows[bank.judge.chosen]
     if not BREATHES[row.index] or row.model_error > 0.0:
         return -math.inf
-    spline.free_all(settings, fit)
-    fit.held[spline.FORCE_ZERO] = 1
-    fit.position_deviation = SURFACE_DEVIATION
-    if not spline.lay_out(history, fit, first, history.count, KINDS_OF[row.index]):
+    kind = KINDS_OF[row.index]
+    if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, kind):
         return -math.inf
     spline.begin(fit, row)
     squares = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
