@@ -13,11 +13,9 @@ from typing import Any
 
 import pytest
 
-from hc_bringup import heartbeat
 from hc_bringup.batch import campaign, engines, software, sources, tables
 from hc_bringup.batch.work import analyse, result_path
 from hc_bringup.cli import main
-from hc_bringup.progress import long_bar
 
 EXAMPLE_BAG = Path(__file__).resolve().parents[3] / "bags" / "example"
 MakeRecordings = Callable[..., Path]
@@ -340,18 +338,6 @@ def test_wrong_use_is_one_line(
     assert batch(*good) == 0
     assert batch(*good) == 2
     assert "--resume" in capsys.readouterr().err
-
-
-def test_a_file_gets_lines_with_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[str] = []
-    monkeypatch.setattr(heartbeat, "telling", lambda _step, text: told.append(text))
-    with long_bar("results") as tell:
-        tell(0, 4)
-        tell(1, 4)
-        tell(4, 4)
-    assert told[0] == "results: 0 of 4"
-    assert [line.split(",")[0] for line in told[1:]] == ["results: 1 of 4", "results: 4 of 4"]
-    assert told[-1].endswith(", 0 s left")
 
 
 def test_a_worker_with_other_software_is_refused(

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hc_bringup import heartbeat
 from hc_bringup.about import origin_line
 from hc_bringup.errors import FAILURE, WRONG_USE, UserError
 from hc_bringup.options import natural, positive
@@ -14,6 +15,7 @@ from hc_msgs_py.realtime import DEFAULT_PRIORITY
 
 HELP = "measure speed, accuracy, bags, endurance, viewers: the figures of the documents"
 COMPILES = True
+HEARTBEAT = True
 _DOCUMENT = "write tables into this document and the pages of its evidence/, CSV there"
 
 
@@ -141,6 +143,7 @@ def run(arguments: argparse.Namespace) -> int:
         "effort": _effort,
         "impedance": _impedance,
     }
+    heartbeat.nothing()  # what lasts names itself from here on
     return actions[arguments.action](arguments)
 
 

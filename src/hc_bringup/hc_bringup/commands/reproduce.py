@@ -11,6 +11,7 @@ from hc_bringup.options import natural
 
 HELP = "run the papers' experiments and write tables and figures beside the published ones"
 COMPILES = True
+HEARTBEAT = True
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -9,14 +9,36 @@ earns its place only by what the exceedances say. The list is `filter_variations
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hc_evaluation.accuracy.bench import Bench, Result, Row
 from hc_evaluation.accuracy.filter_variations import MECHANISMS
+from hc_evaluation.accuracy.measure import Setup
 
 Experiment = Callable[[Bench], Result]
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """One experiment with one mechanism off."""
+
+    experiment: Experiment
+    setup: Setup
+    seeds: int
+    first_seed: int
+
+
+def _targets(cell: _Cell) -> list[Row]:
+    """What the experiment finds, all of its runs in this process.
+
+    A cell is a task, not a run of it: of few seeds the start of new processes for every experiment
+    took longer than the runs.
+    """
+    bench = Bench(cell.setup, cell.seeds, first_seed=cell.first_seed, workers=1)
+    return list(cell.experiment(bench)["targets"])
 
 
 def exceedance(target: Mapping[str, Any]) -> float:
@@ -56,19 +78,23 @@ def ablation(bench: Bench, experiments: Mapping[str, Experiment]) -> Result:
         Rows with one cell for each experiment, and no targets: the rows are compared.
     """
     few = max(2, bench.seeds // 12)
+    cells = [
+        _Cell(experiment, bench.setup.with_parameters(parameters), few, bench.first_seed)
+        for _, parameters in MECHANISMS
+        for experiment in experiments.values()
+    ]
+    found = iter(bench.spread(_targets, cells))
     rows: list[Row] = []
     whole: dict[str, int] = {}
-    for index, (name, parameters) in enumerate(MECHANISMS):
-        part = bench.part(bench.setup.with_parameters(parameters), few)
+    for name, _ in MECHANISMS:
         row: Row = {"off": name}
         met: dict[str, int] = {}
-        for key, experiment in experiments.items():
-            targets = experiment(part)["targets"]
+        for key in experiments:
+            targets = next(found)
             met[key] = sum(bool(entry["met"]) for entry in targets)
             largest = max((exceedance(entry) for entry in targets), default=float("nan"))
             row[key] = f"{met[key]}/{len(targets)}, {largest:.2g}" if targets else "skipped"
         whole = whole or met
         row["difference"] = _difference(met, whole)
         rows.append(row)
-        bench.report(index + 1, len(MECHANISMS))
     return {"rows": rows, "targets": [], "seeds": few}
