@@ -32,6 +32,7 @@ from hc_estimator.multiple_model import (
 )
 from hc_estimator.multiple_model import delay as delays
 from hc_estimator.multiple_model import grid as grids
+from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model.choice import choose
 from hc_estimator.multiple_model.hypotheses import FITTED, is_tried
 from hc_estimator.multiple_model.records import HELD
@@ -297,8 +298,12 @@ def _take_point(settings: Any, bank: Any) -> None:
             bank.judge.chosen = 0
             choose(settings, bank.judge, rows, bank.tool, bank.tool.contact_clock)
         moving_fit.look(settings, bank)
+        in_use = finder.delay
         if moving_delay.is_found(bank):
-            _begin_with_delay(settings, bank)
+            if abs(finder.delay - in_use) > BEGIN_ANEW:
+                _begin_with_delay(settings, bank)
+            else:
+                _correct_delay(bank, finder.delay - in_use)
             moving_fit.begin_moving(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)
@@ -314,6 +319,14 @@ def _begin_with_delay(settings: Any, bank: Any) -> None:
 
 
 @compiled
+def _correct_delay(bank: Any, change: float) -> None:
+    """Go on with a delay that is known better by a little [s]."""
+    _hold_none(bank.held)
+    delay_sensitivity.correct(bank.rows, change)
+    histories.realign(bank.history, change)
+
+
+@compiled
 def _look_for_delay(settings: Any, bank: Any) -> None:
     """Let the finder take the full window; begin anew with a delay that it has found."""
     finder, rows, noise = bank.delay, bank.rows, bank.sensor_noise
@@ -326,12 +339,14 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     changes = delays.learn_window(settings, finder, noise, moves)
     if not (changes or refined):
         return
+    change = finder.delay - before
+    if abs(change) <= BEGIN_ANEW:
+        _correct_delay(bank, change)
+        return
     _hold_none(bank.held)
-    anew = abs(finder.delay - before) > BEGIN_ANEW
-    if refined or not anew:
-        delay_sensitivity.correct(rows, finder.delay - before)
-    if anew:
-        delay_evidence.reset(finder)
-        if not changes:
-            delay_evidence.note_fit(finder, row)
-        beginning.begin_aligned(settings, bank)
+    if refined:
+        delay_sensitivity.correct(rows, change)
+    delay_evidence.reset(finder)
+    if not changes:
+        delay_evidence.note_fit(finder, row)
+    beginning.begin_aligned(settings, bank)

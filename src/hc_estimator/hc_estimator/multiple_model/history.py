@@ -66,6 +66,19 @@ def move(history: Any, displacement: float, force: float, begun: float, now: flo
 
 
 @compiled
+def realign(history: Any, change: float) -> None:
+    """The force is later than was thought [s]: each belongs to a displacement before its point's.
+
+    Points of two delays fit no law, nor any surface that moves, as long as both are remembered.
+    """
+    for k in range(max(history.count - POINTS, 0), history.count):
+        point = history.points[k % POINTS]
+        point[0] -= change * (point[5] - 0.5 * change * point[6])
+        point[1] -= change * point[6]
+        point[5] -= change * point[6]
+
+
+@compiled
 def learn(history: Any, finder: Any, noise: Any) -> bool:
     """Take the newest point of the grid; True if it was remembered.
 
@@ -140,7 +153,7 @@ def _is_in_contact_around(finder: Any, here: int, noise: float) -> bool:
 
 @compiled
 def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any) -> None:
-    """Take the wide cubic of the point whose last neighbour is the newest point of the grid.
+    """Take the wide cubic of the latest point whose neighbours and whose force there are.
 
     Where the tissue is about to let go, a force is no power of the depth, and shows no zero.
 
@@ -152,7 +165,8 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
         noise: variances of a reading, shape (2,).
     """
     around = finder.neighbours
-    there = finder.grid_count - 1 - around
+    # Of a force that is later than the neighbours reach, the point is remembered after them.
+    there = finder.grid_count - 1 - max(around, shift + 1)
     if around < smoothing.FEWEST_NEIGHBOURS or there - around < max(finder.grid_count - GRID, 0):
         return
     time = grids.time_of(finder, there)

@@ -18,6 +18,7 @@ from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST, LEAD
+from hc_estimator.multiple_model.delay_evidence import CORRECTION
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
@@ -27,7 +28,7 @@ from hc_estimator.multiple_model.spline_records import LARGEST_SHIFT, MOVES
 LATE_DEVIATION = 0.03  # of a delay that may be any [s]
 LASTING = 3  # fits in a row that must say the same
 SAME = 0.003  # difference, beside three deviations, up to which they do [s]
-LEAST = 0.004  # delay beside the one in use that is one [s]
+LEAST = 0.004  # delay that is one, where none is in use [s]
 KNOWN = 0.0025  # deviation of a delay that is known [s]
 NEARER = 3  # searches for the points that belong to the forces
 REMEMBERED = 10.0  # time in contact for which a surface that moved is remembered [s]
@@ -88,8 +89,10 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
     column[spline.DELAY] = 1.0 / fit.weight
     solve(fit.factor, column, fit.unknowns)
     variance = max(column[spline.DELAY], 0.0)
-    # Noise of the positions is no delay, however much likelier it makes one.
-    if not variance < KNOWN * KNOWN or abs(delay) < max(LEAST, BEGINS * math.sqrt(variance)):
+    # Noise of the positions is no delay, however much likelier it makes one. Of one that is in use
+    # already what is left is no more than a correction.
+    least = LEAST if finder.delay == 0.0 else CORRECTION
+    if not variance < KNOWN * KNOWN or abs(delay) < max(least, BEGINS * math.sqrt(variance)):
         return
     # Points that have none at that time would have left as much as the others.
     lost = (count - fit.count) * fit.expected / max(fit.count, 1)

@@ -115,6 +115,7 @@ def free_all(settings: Any, fit: Any) -> None:
     fit.position_deviation = math.inf
     fit.delay_deviation = DELAY_DEVIATION
     fit.shift = 0
+    fit.spacing = 0.0
 
 
 @compiled
