@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import least_squares
 
 import hc_estimator as hc
@@ -124,6 +124,22 @@ def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
         difference -= spline_fit.gather(settings, history, fit, below)
         scale = 1e-5 * np.abs(slope).max()
         assert slope[i] == pytest.approx(difference / 2e-6, rel=1e-4, abs=scale)
+
+
+@pytest.mark.parametrize("late", [0.0093, -0.0093, 0.005, -0.0185])
+def test_a_delay_between_two_points_is_found(late, filled):
+    """Regression: by a Taylor series over half of 20 ms a delay of 9.3 ms was 8.3."""
+    settings, history, fit, _ = filled(MOVES, with_zeros=False)
+    points = history.points[:COUNT]
+    force = CubicSpline(points[:, 8], points[:, 2])
+    history.points[:COUNT, 2] = force(points[:, 8] - late)
+    fit.held[spline.DELAY] = 0
+    assert spline.lay_out(history, fit, 1, COUNT - 1, MOVES)  # no spline goes beyond its ends
+    fit.spacing = SPACING
+    fit.delay_deviation = 0.03
+    squares = spline_fit.solve_least_squares(settings, history, fit, NOISE)
+    assert squares < fit.expected
+    assert fit.values[spline.DELAY] == pytest.approx(late, abs=1e-4)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -300,10 +300,11 @@ def _take_point(settings: Any, bank: Any) -> None:
         moving_fit.look(settings, bank)
         in_use = finder.delay
         if moving_delay.is_found(bank):
-            if abs(finder.delay - in_use) > BEGIN_ANEW:
+            change = finder.delay - in_use
+            if abs(change) > moving_delay.GOES_ON:
                 _begin_with_delay(settings, bank)
             else:
-                _correct_delay(bank, finder.delay - in_use)
+                _correct_delay(bank, change)
             moving_fit.begin_moving(settings, bank)
     if full and math.isnan(settings.channel_delay):
         _look_for_delay(settings, bank)

@@ -225,11 +225,18 @@ def forget_older_half(history: Any) -> None:
 
 
 @compiled
+def count_known(history: Any, first: int, last: int) -> int:
+    """Number of the points from `first` on and before `last` that have a velocity."""
+    count = 0
+    for k in range(first, last):
+        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
+    return count
+
+
+@compiled
 def is_motion_known(history: Any, first: int) -> bool:
     """True if enough points, and at least half of those from `first` on, have a velocity."""
-    count = 0
-    for k in range(first, history.count):
-        count += 1 if history.points[k % POINTS, 7] != UNKNOWN else 0
+    count = count_known(history, first, history.count)
     return bool(count >= FEWEST_KNOWN and 2 * count >= history.count - first)
 
 

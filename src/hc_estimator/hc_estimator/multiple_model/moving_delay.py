@@ -17,7 +17,7 @@ from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import spline
-from hc_estimator.multiple_model.delay import BEGINS, LARGEST, LEAD
+from hc_estimator.multiple_model.delay import BEGINS, LARGEST
 from hc_estimator.multiple_model.delay_evidence import CORRECTION
 from hc_estimator.multiple_model.kalman import exp_limited
 from hc_estimator.multiple_model.levenberg_marquardt import solve
@@ -30,6 +30,7 @@ LASTING = 3  # fits in a row that must say the same
 SAME = 0.003  # difference, beside three deviations, up to which they do [s]
 LEAST = 0.004  # delay that is one, where none is in use [s]
 KNOWN = 0.0025  # deviation of a delay that is known [s]
+GOES_ON = 0.005  # change of a delay in use with which the points remain what they are [s]
 NEARER = 3  # searches for the points that belong to the forces
 REMEMBERED = 10.0  # time in contact for which a surface that moved is remembered [s]
 
@@ -62,14 +63,18 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
     moving, fit, history, finder = bank.moving, bank.fit, bank.history, bank.delay
     before, agreeing = moving.delay, moving.agreeing
     moving.agreeing = 0
+    moving.delay = 0.0
     if not spline.lay_out_at_zeros(settings, history, fit, first, moving.last, MOVES):
         return
     fit.delay_deviation = LATE_DEVIATION
     fit.spacing = finder.grid_step * history.every
     spline.begin(fit, bank.rows[bank.judge.chosen])
+    if before != 0.0:  # from none on the next one may end where no law fits
+        steps = round(before / fit.spacing)
+        fit.shift = min(max(steps, -LARGEST_SHIFT), LARGEST_SHIFT)
+        fit.values[spline.DELAY] = before - fit.shift * fit.spacing
     noise = histories.noise_of_points(bank)
     squares = solve_least_squares(settings, history, fit, noise)
-    count = fit.count
     # Far from its own time a point says little of the motion; another one is nearer.
     for _ in range(NEARER):
         steps = round(fit.values[spline.DELAY] / fit.spacing) if math.isfinite(squares) else 0
@@ -95,9 +100,10 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
     if not variance < KNOWN * KNOWN or abs(delay) < max(least, BEGINS * math.sqrt(variance)):
         return
     # Points that have none at that time would have left as much as the others.
-    lost = (count - fit.count) * fit.expected / max(fit.count, 1)
+    without = histories.count_known(history, first, moving.last) - fit.count
+    lost = without * fit.expected / max(fit.count, 1)
     evidence = log_evidence(fit, squares) - 0.5 * (lost + (delay / LATE_DEVIATION) ** 2)
-    if abs(finder.delay + delay) > LARGEST or evidence < likeliest + LEAD:
+    if abs(finder.delay + delay) > LARGEST or evidence < likeliest:
         return
     same = agreeing > 0 and abs(delay - before) < SAME + 3.0 * math.sqrt(variance)
     moving.agreeing = agreeing + 1 if same else 1
@@ -124,4 +130,5 @@ def is_found(bank: Any) -> bool:
     finder.fit[1] = stiffness * exp_limited(values[spline.LOG_RATIO])
     finder.fit[2] = values[spline.EXPONENT]
     moving.agreeing = 0
+    moving.delay = 0.0
     return True
