@@ -184,18 +184,18 @@ def _path_of_tool(
     bag: Bag, recording: Recording, name: str, axes: str, frame: Frame
 ) -> TipPath | None:
     """Return components of the positions of a frame of tf."""
-    told: list[tuple[int, Vector]] = []
+    poses: list[tuple[int, Vector]] = []
 
     def keep(stamp_ns: int, _base: str, place: Vector, _turned: Quaternion) -> None:
-        told.append((stamp_ns, place))
+        poses.append((stamp_ns, place))
 
     take = poses_of(bag, name, frame, keep)
     for message in bag.messages({name}):
         take(message.data)
-    if not told:
+    if not poses:
         return None
-    times = (np.array([stamp for stamp, _ in told], np.int64) - int(recording.stamps[0])) * 1e-9
-    places = np.array([place for _, place in told], np.float64)
+    times = (np.array([stamp for stamp, _ in poses], np.int64) - int(recording.stamps[0])) * 1e-9
+    places = np.array([place for _, place in poses], np.float64)
     position_mm = np.float64(METRE_IN_MM) * places[:, ["xyz".index(axis) for axis in axes]]
     return TipPath(np.asarray(times, np.float64), position_mm)
 

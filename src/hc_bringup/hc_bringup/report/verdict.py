@@ -65,7 +65,7 @@ def verdict(
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
     sentences = [
-        *what_was_felt(data, found),
+        *stiffness_found(data, found),
         *_fit(data, contacts),
         *_channels(data, channels),
         *_unseen(data, channels),
@@ -79,7 +79,7 @@ def verdict(
     return sentences
 
 
-def what_was_felt(data: RunData, found: StiffnessMap | None) -> list[Sentence]:
+def stiffness_found(data: RunData, found: StiffnessMap | None) -> list[Sentence]:
     """Return the hard spot, if there is one, and how stiff the tissue is.
 
     Args:

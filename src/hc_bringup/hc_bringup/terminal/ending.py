@@ -19,7 +19,7 @@ from hc_bringup.dashboard.columns import INDEX
 from hc_bringup.report.contacts import WORTH_A_ROW, find_contacts
 from hc_bringup.report.palpation_map import StiffnessMap, usual_map
 from hc_bringup.report.rows import page_rows
-from hc_bringup.report.verdict import Level, what_was_felt
+from hc_bringup.report.verdict import Level, stiffness_found
 from hc_bringup.run_data import RunData
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def draw_depth(rows: Array, width: int) -> list[Text]:
 
 def _sentences(data: RunData, found: StiffnessMap | None) -> list[Text]:
     """Return those of a report about what was felt, each a line, and what helps where they fail."""
-    said = what_was_felt(data, found)
+    said = stiffness_found(data, found)
     lines = [one.text for one in said]
     if said[-1].level is not Level.GOOD:
         lines[-1] += " hc doctor says why it is not known better."
