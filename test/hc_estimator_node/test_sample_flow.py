@@ -13,7 +13,11 @@ from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.vocabulary import Cause, Revision
 from hc_msgs_py.diagnostics import Level
 
-ZEROS = {"input.force.zero": 1.5, "input.position.zero": 400.0}
+ZEROS = {
+    "input.force.zero": 1.5,
+    "input.position.zero": 400.0,
+    "input.position.frame_compliance": 0.002,
+}
 
 
 def node(source):
