@@ -66,7 +66,7 @@ def test_ros_starts_without_a_home_to_write_to(clean: pytest.MonkeyPatch, tmp_pa
 def test_pictures_are_drawn_without_a_home_to_write_to(
     clean: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Regression: two lines of Matplotlib about its folder, one of them in each picture's midst."""
+    """Regression: two lines of Matplotlib about its folder."""
     clean.setenv("HOME", NOWHERE)
     clean.setenv("TMPDIR", str(tmp_path))
     for name in ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):

@@ -149,6 +149,11 @@ class Monitor:
             if values["level"] == _ERROR
         }
 
+    def has_finished(self, source: str) -> bool:
+        """Whether a source said that it has come to its end; its process ends a little later."""
+        said = self.diagnostics.get(source, {})
+        return said.get("message", "").endswith("finished") and said["level"] != _ERROR
+
     def silent_s(self) -> float:
         """Return the time since the last estimate; NaN before the first one."""
         return self._first.silent_s()

@@ -86,6 +86,17 @@ class RunState:
             )
         )
 
+    def after_the_source(self, said: dict[str, str]) -> dict[str, str]:
+        """Return what nodes call an error when the source has ended.
+
+        Of an estimator that is nothing new: it says then that no sample comes.
+
+        Args:
+            said: what they call so now, by name.
+        """
+        known = self.problems.keys() | (said.keys() - set(self.estimators))
+        return {name: problem for name, problem in said.items() if name in known}
+
     @property
     def estimators(self) -> list[str]:
         """Names of all estimators, in the order of the plan."""
