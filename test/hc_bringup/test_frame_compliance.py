@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -150,6 +151,12 @@ def test_a_press_on_something_soft_is_refused(tmp_path, capsys):
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "still soft" in error
+
+
+def test_a_tissue_is_no_block_of_steel(capsys):
+    """The recording that comes along: pressed deep and fast, K would have been a robot's."""
+    assert main(["compliance", str(Path(__file__).resolve().parents[2] / "bags" / "example")]) == 1
+    assert "only: press harder, slower" in capsys.readouterr().err
 
 
 def test_only_part_of_it_is_used_where_that_is_said(tmp_path, capsys):
