@@ -212,7 +212,7 @@ class Runner:
                 other.mute_s = monitor.mute_s(other.estimator)
             self._show(state)
             while state.requests:
-                monitor.ask(state.requests.pop(0))
+                monitor.ask(*state.requests.pop(0))
             state.answer = monitor.answer
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
