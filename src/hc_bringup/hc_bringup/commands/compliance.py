@@ -41,16 +41,14 @@ def run(arguments: argparse.Namespace) -> int:
     from hc_bringup.summary import to_json
     from hc_bringup.wrapping import say
     from hc_estimator.stream.rigid_press import estimate_frame
-    from hc_estimator.stream.together import together
 
     node = arguments.node or NODE_ESTIMATOR
     live = arguments.input is None
-    time_s, displacement_mm, force_n = _heard(arguments, node) if live else _recorded(arguments)
+    displacement_mm, force_n = _heard(arguments, node) if live else _recorded(arguments)
     heartbeat.nothing()
     name = f"node {node}" if live else arguments.input
     try:
-        pairs = together(time_s, displacement_mm, force_n)[1:]
-        found = estimate_frame(*pairs, arguments.from_n)
+        found = estimate_frame(displacement_mm, force_n, arguments.from_n)
     except ValueError as error:
         raise UserError(f"{name}: {error}") from error
     if arguments.json:
@@ -60,8 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _recorded(arguments: argparse.Namespace) -> tuple[Any, Any, Any]:
-    """Return times [s], displacements [mm] and forces [N] of a recording."""
+def _recorded(arguments: argparse.Namespace) -> tuple[Any, Any]:
+    """Return displacements [mm] and forces [N] of a recording."""
+    from hc_logger.errors import BagError
+
     for option in ("node", "seconds"):
         if getattr(arguments, option) is not None:
             raise UserError(f"--{option} is for a running set-up, not a recording", WRONG_USE)
@@ -71,13 +71,25 @@ def _recorded(arguments: argparse.Namespace) -> tuple[Any, Any, Any]:
             f"{recording_input.COMPLIANCE} is what is looked for: leave it away", WRONG_USE
         )
     recording = recording_input.load(arguments)
-    return recording.time_s, recording.displacement_mm, recording.force_n
+    rows = (recording.time_s, recording.displacement_mm, recording.force_n)
+    try:
+        known = recording.frame_compliance_taken_off
+        return _as_read(rows, known if known and recording_input.reads_samples(arguments) else 0.0)
+    except BagError as error:
+        raise UserError(str(error)) from error
 
 
-def _heard(arguments: argparse.Namespace, node: str) -> tuple[Any, Any, Any]:
-    """Return the same of an estimator's samples of now; what it takes off counts as not taken."""
-    from hc_bringup.live_check import listen
+def _as_read(rows: tuple[Any, Any, Any], mm_per_n: float) -> tuple[Any, Any]:
+    """Return displacements from which nothing is taken off, and the forces at their stamps."""
     from hc_estimator.stream.together import together
+
+    _times, displacement_mm, force_n = together(*rows)
+    return displacement_mm + mm_per_n * force_n, force_n
+
+
+def _heard(arguments: argparse.Namespace, node: str) -> tuple[Any, Any]:
+    """Return the same of an estimator's samples of now."""
+    from hc_bringup.live_check import listen
 
     if recording_input.is_given(arguments):
         raise UserError("--input and --find-surface are for a recording", WRONG_USE)
@@ -87,9 +99,7 @@ def _heard(arguments: argparse.Namespace, node: str) -> tuple[Any, Any, Any]:
     heard = listen(node, seconds, request)
     if heard.rows is None:
         raise UserError("; ".join(finding.what for finding in heard.findings), FAILURE)
-    time_s, displacement_mm, force_n = together(*heard.rows)
-    known = heard.settings.get(recording_input.COMPLIANCE, 0.0)
-    return time_s, displacement_mm + known * force_n, force_n
+    return _as_read(heard.rows, heard.settings.get(recording_input.COMPLIANCE, 0.0))
 
 
 def _text(name: str, node: str, found: Any) -> str:
