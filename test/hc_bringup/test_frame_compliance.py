@@ -3,13 +3,20 @@
 import argparse
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hc_msgs.msg import EstimatorConfiguration, IndenterSample
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 
 from hc_bringup import recording_input
 from hc_bringup.cli import main
 from hc_bringup.errors import UserError
+from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY
+from hc_logger.writer import BagWriter
+from hc_msgs_py.units import set_stamp
 
 NAME = "position.frame_compliance"
 MM_PER_N = 0.02
@@ -150,6 +157,34 @@ def test_a_press_on_something_soft_is_refused(tmp_path, capsys):
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "still soft" in error
+
+
+def test_what_the_node_took_off_already_is_counted(tmp_path, capsys):
+    """Taken off twice, K would have been too large, and nothing had shown it."""
+    table = np.loadtxt(steel(tmp_path), delimiter=",", skiprows=1)
+    path = tmp_path / "run"
+    with BagWriter(path) as writer:
+        sample = writer.add_topic("/indenter/sample", "hc_msgs/msg/IndenterSample")
+        told = writer.add_topic("/hc/configuration", "hc_msgs/msg/EstimatorConfiguration")
+        configuration = EstimatorConfiguration(revision=1, software_version="now")
+        value = Parameter(TAKEN_OFF_ALREADY, value=0.001).to_parameter_msg()
+        configuration.parameters = [value]
+        writer.write(told, 1, serialize_message(configuration))
+        for k, (time_s, depth, force) in enumerate(table):
+            message = IndenterSample(sequence=k, displacement=(depth - 0.001 * force) * 1e-3)
+            message.force = force
+            set_stamp(message.header.stamp, round(time_s * 1e9))
+            writer.write(sample, 1, serialize_message(message))
+    assert main(["compliance", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["mm_per_n"] == pytest.approx(0.004, rel=0.02)
+    (note,) = [n for n in loaded(path, f"{NAME}=0.003").findings.notes if "already" in n]
+    assert note == "its samples are recorded less 0.001 mm/N already: 0.004 in all"
+
+
+def test_a_tissue_is_no_block_of_steel(capsys):
+    """The recording that comes along: pressed deep and fast, K would have been a robot's."""
+    assert main(["compliance", str(Path(__file__).resolve().parents[2] / "bags" / "example")]) == 1
+    assert "only: press harder, slower" in capsys.readouterr().err
 
 
 def test_only_part_of_it_is_used_where_that_is_said(tmp_path, capsys):

@@ -3,7 +3,9 @@
 The oracle is a plain subtraction of compliance times the force that was read last.
 """
 
+import json
 import math
+import subprocess
 import time
 from types import SimpleNamespace
 
@@ -236,3 +238,30 @@ def test_a_place_without_a_force_is_no_sample_of_sensors():
     place, force = SensorInput._read(source, alone)
     assert place == 1.0 - MM_PER_N * 5.0
     assert math.isnan(force)
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("known", [0.0, 0.003])
+def test_presses_on_steel_are_judged_while_they_happen(start_process, processes, probe, known):
+    """What the estimator takes off already counts as not taken off: the whole is to be set."""
+    start_process(filter="ekf", input__position__frame_compliance=known, input__force__zero=ZERO_N)
+    probe.wait_ready()
+    command = processes.start(
+        "-m", "hc_bringup", "compliance", "--seconds", "5", "--json", stdout=subprocess.PIPE
+    )
+    random = np.random.default_rng(3)
+    begin, number = time.time_ns(), 0
+    while command.poll() is None and number < 6000:
+        time_s = 0.01 * number
+        way = -math.cos(math.pi * time_s)
+        force = 20.0 * max(way, 0.0) + 0.02 * random.standard_normal()
+        depth = 3.0 * min(way, 0.0) + MM_PER_N * force + 0.001 * random.standard_normal()
+        probe.publish(begin + 10_000_000 * number, number, depth, force + ZERO_N)
+        number += 1
+        while (left := begin * 1e-9 + 0.01 * number - time.time()) > 0.0:
+            probe.executor.spin_once(timeout_sec=left)
+    said, error = command.communicate(timeout=20)
+    assert command.returncode == 0, error
+    assert "press on the steel for 5 s now" in str(error)
+    found = json.loads(said)
+    assert abs(found["mm_per_n"] - MM_PER_N) < 4.0 * found["mm_per_n_std"] < 0.05 * MM_PER_N

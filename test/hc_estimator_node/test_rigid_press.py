@@ -75,6 +75,7 @@ def test_spikes_and_missing_readings_change_little():
         ({"peak_n": 0.3}, "press harder"),
         ({"noise_n": 2.0}, "press harder"),
         ({"mm_per_n": 0.0}, "nothing for certain"),
+        ({"noise_mm": 0.06}, "known to 1[0-9] % only"),
         ({"mm_per_n": -MM_PER_N}, "turn the sign"),
         ({"friction_mm": 0.008}, "friction, play, slip"),
         ({"soft": lambda f: 0.3 * (f / 20.0) ** (1 / 1.5)}, "still soft"),

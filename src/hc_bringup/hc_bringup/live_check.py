@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import sys
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -64,8 +65,13 @@ class Heard:
     notes: tuple[str, ...] = ()
 
 
-def listen(node: str, seconds: float) -> Heard:
+def listen(node: str, seconds: float, request: str = "") -> Heard:
     """Listen to an estimator node and to the samples that it uses.
+
+    Args:
+        node: its name.
+        seconds: how long.
+        request: what a person is to do meanwhile; said as soon as it begins.
 
     Raises:
         UserError: if there is no such node, or if it is still starting.
@@ -105,6 +111,8 @@ def listen(node: str, seconds: float) -> Heard:
             ),
             CONFIGURATION_QOS,
         )
+        if request:
+            print(request, file=sys.stderr, flush=True)
         begin = time.monotonic()
         while (left := begin + seconds - time.monotonic()) > 0.0:
             heartbeat.telling("listening", f"listening to {name}: {left:.0f} s left")

@@ -67,8 +67,13 @@ def why_no_compliance(mm_per_n: float) -> str:
     return "" if SETTING.accepted(mm_per_n) is not None else SETTING.allowed
 
 
-def less_compliance(recording: Any, mm_per_n: float) -> Any:
+def less_compliance(recording: Any, mm_per_n: float, *, of_samples: bool) -> Any:
     """Return a recording without what the robot gave way under the force of the moment.
+
+    Args:
+        recording: hc_logger.recorded.Recording.
+        mm_per_n: the frame's compliance.
+        of_samples: whether its samples were read, which may be less it already.
 
     Raises:
         ValueError: if the robot would have given way further than the tool moved.
@@ -89,6 +94,10 @@ def less_compliance(recording: Any, mm_per_n: float) -> Any:
         )
     notes = [f"frame compliance {mm_per_n:g} mm/N: up to {most_mm:.3g} mm taken off"]
     lost = np.isnan(displacement_mm) & ~np.isnan(recording.displacement_mm)
+    if of_samples and (already := recording.frame_compliance_taken_off):
+        notes.append(
+            f"its samples are recorded less {already:g} mm/N already: {already + mm_per_n:g} in all"
+        )
     unknown = int(np.count_nonzero(lost))
     if unknown:
         notes.append(

@@ -254,7 +254,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             recording = read_as(recording, sensors)
         else:
             recording = _read_sensors(arguments.input, sensors)
-        recording = less_compliance(recording, mm_per_n)
+        recording = less_compliance(recording, mm_per_n, of_samples=as_read)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:

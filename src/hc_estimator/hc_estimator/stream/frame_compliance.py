@@ -32,6 +32,8 @@ SETTING = setting(
     unit="mm/N",
 )
 """What is softer than 1 N/m holds no tool."""
+TAKEN_OFF_ALREADY = f"{SETTING.name}.taken_off"
+"""In a configuration: of samples that are recorded less it."""
 
 
 class FrameCompliance:

@@ -34,10 +34,12 @@ LEAST_SPAN, LEAST_OF_A_BRANCH = 0.4, 10
 """Share of the used forces, and readings, that a branch holds at least."""
 BENT = 0.15
 """Of the slope: what bends more is no frame that gives way in proportion to the force."""
-LOOP = 0.25
+LOOP = 0.2
 """Of what gave way: where a way out is further off a way in, the slope may be anything."""
 CLEARLY = 3.0
 """Deviations."""
+KNOWN = 0.1
+"""Of the compliance: a deviation beyond is no knowledge of it."""
 
 
 class FrameEstimate(NamedTuple):
@@ -154,6 +156,11 @@ def _fit(branches: list[_Branch], noise_n: float, begin: float, end: float) -> F
         )
     if abs(bent) > CLEARLY * bent_std:
         known = math.hypot(known, bent)
+    if known > KNOWN * slope:
+        raise ValueError(
+            f"what gives way is {slope:.2g} mm/N, known to {100.0 * known / slope:.0f} % only: "
+            "press harder, slower and more often"
+        )
     rising = sum(branch.rises for branch in branches)
     return FrameEstimate(slope, known, begin, end, rising, len(branches) - rising, loop)
 
