@@ -1,5 +1,7 @@
 """A run that fails says where its bag is, and what to do with one that was not closed."""
 
+import json
+
 import pytest
 import yaml
 
@@ -110,3 +112,16 @@ def test_the_bag_of_a_recorder_that_was_killed_and_started_again_is_told(tmp_pat
     assert conclude(state, [], cut, as_json=True, with_latency=True) == cut
     told = capsys.readouterr().err
     assert told == f"{cut} was not closed: hc bag recover {cut} NEW makes it whole\n"
+
+
+def test_the_bag_of_somebody_elses_recorder_is_none_of_this_run(tmp_path, capsys):
+    """Regression: `hc record` beside it, whose bag was listed, and said not to have been closed."""
+    own, theirs = tmp_path / "rec", tmp_path / "records"
+    for folder in (own, theirs):
+        folder.mkdir()
+    (own / "metadata.yaml").touch()
+    state = RunState(EstimateStatistics(), 0.0, dropped={str(theirs): 7, str(own): 0})
+    assert conclude(state, [], own, as_json=True, with_latency=True) == own
+    summary, complaints = capsys.readouterr()
+    assert "records" not in summary + complaints
+    assert json.loads(summary)["not_recorded"] == 0

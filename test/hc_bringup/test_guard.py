@@ -13,6 +13,7 @@ import pytest
 
 from hc_bringup import cli
 from hc_bringup.commands import simulate
+from hc_msgs_py.free_memory import NotEnoughMemoryError
 from hc_msgs_py.node_processes import Processes, end
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,6 +53,7 @@ def test_a_fault_is_one_line_and_a_file(fault, capsys: pytest.CaptureFixture[str
     ("error", "line"),
     [
         (MemoryError(), "hc simulate: not enough memory for this (see ulimit -v)\n"),
+        (NotEnoughMemoryError("cut it into parts"), "hc simulate: cut it into parts\n"),
         (PermissionError(13, "Permission denied", "/x"), "hc simulate: /x: Permission denied\n"),
         (BrokenPipeError(32, "Broken pipe"), ""),
         (KeyboardInterrupt(), ""),

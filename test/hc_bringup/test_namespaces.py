@@ -9,16 +9,23 @@ from typing import Any
 
 import pytest
 import yaml
+from rclpy.task import Future
+from rich.console import Console
+from std_srvs.srv import Trigger
 
+from hc_bringup.commands import dashboard as dashboard_command
 from hc_bringup.commands import run as run_command
 from hc_bringup.conclusion import conclude
 from hc_bringup.errors import UserError
 from hc_bringup.estimate_listener import EstimateListener
-from hc_bringup.live import _line_of_other
+from hc_bringup.live import Display, _line_of_other
+from hc_bringup.monitor import Monitor
 from hc_bringup.plan import NodePlan, RunPlan, load_plan
 from hc_bringup.processes import NodeProcess
 from hc_bringup.run_state import RunState
 from hc_bringup.statistics import EstimateStatistics
+from hc_bringup.terminal.panel import PanelPainter
+from hc_bringup.terminal.view import PanelView
 
 TWO_ARMS = """
 nodes:
@@ -93,6 +100,19 @@ def test_the_page_is_served_where_the_first_estimator_is(two_arms: RunPlan) -> N
     assert page.name == "left/dashboard"
 
 
+def test_a_page_of_another_namespace(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Regression: `hc dashboard` showed what is in no namespace, and nothing else could be."""
+    pytest.importorskip("aiohttp")
+    words: list[str] = []
+    monkeypatch.setattr("hc_msgs_py.node_main.run_node", lambda _make, args: words.extend(args))
+    parser = argparse.ArgumentParser()
+    dashboard_command.configure(parser)
+    dashboard_command.run(parser.parse_args(["--namespace", "/right"]))
+    assert words[:3] == ["--ros-args", "-r", "__ns:=/right"]
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--namespace", "a b"])
+
+
 def test_the_node_is_started_in_its_namespace(tmp_path: Path) -> None:
     plan = NodePlan("left/estimator", "a_node_of_ours", parameters={"filter": "ekf"})
     process = NodeProcess(plan, tmp_path)
@@ -144,6 +164,69 @@ def test_the_line_of_another_estimator_says_why_it_is_silent() -> None:
     assert _line_of_other(other).startswith("right/estimator: lost")
     other.silent_s = 2.0
     assert "silent for 2.0 s (no usable sample for 1.0 s) lost" in _line_of_other(other)
+
+
+def of_two(display: Display) -> RunState:
+    state = RunState(EstimateStatistics(), 0.0, phase="running", estimator="left/estimator")
+    state.add_other("right/estimator", EstimateStatistics())
+    display.show(state)
+    return state
+
+
+def test_keys_are_for_the_estimator_that_was_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    """Regression: a tare of the second arm's sensors went to the first one, without a word."""
+    display = Display(enabled=True)
+    state = of_two(display)
+    display._take_keys(state, ["tare", "2", "tare", "mark", "9", "1", "reset"])
+    assert state.requests == [
+        ("tare", "left/estimator"),
+        ("tare", "right/estimator"),
+        ("mark", "right/estimator"),
+        ("reset", "left/estimator"),
+    ]
+    state.page = "http://127.0.0.1:8765/#token=x"
+    display.show(state)
+    said = capsys.readouterr().err
+    assert "live page of left/estimator (of another one: hc dashboard --namespace right): " in said
+
+
+def test_the_panel_says_whom_the_keys_are_for() -> None:
+    keys = (("q", "stop"), ("t", "tare"))
+    both = ("left/estimator", "right/estimator")
+    view = PanelView("running", keys=keys, keys_for=1, estimators=both)
+    wanted = "the keys are for right/estimator; for another one: [1] left/estimator"
+    assert view.choice() == wanted
+    console = Console(width=100, color_system=None)
+    with console.capture() as capture:
+        console.print(PanelPainter().draw(view, 100))
+    assert wanted in capture.get()
+    for alone in (PanelView("running", keys=keys, estimators=both[:1]), PanelView("running")):
+        assert alone.choice() == ""
+
+
+def test_an_estimator_that_was_asked_is_named_in_its_answer() -> None:
+    asked: list[str] = []
+    monitor = Monitor(estimators=["left/estimator", "right/estimator"])
+
+    class Client:
+        def service_is_ready(self) -> bool:
+            return True
+
+        def call_async(self, _request: Any) -> Future:
+            future: Future = Future()
+            future.set_result(Trigger.Response(success=True, message="done"))
+            return future
+
+    def client(_kind: Any, name: str) -> Client:
+        asked.append(name)
+        return Client()
+
+    monitor._client = client  # type: ignore[method-assign]
+    monitor.ask("find_surface", "right/estimator")
+    assert asked == ["/right/estimator/find_surface"]
+    assert monitor.answer == "right/estimator: find surface: done"
+    monitor.ask("mark", "right/estimator")
+    assert monitor.answer == "right/estimator: nothing to mark yet"
 
 
 @pytest.mark.slow

@@ -3,7 +3,10 @@
 from types import SimpleNamespace
 
 from hc_bringup.live import Display
+from hc_bringup.monitor import Monitor
 from hc_bringup.phrases import left_of, without_numbers
+from hc_bringup.run_state import RunState
+from hc_bringup.statistics import EstimateStatistics
 
 
 def test_a_problem_whose_numbers_change_is_told_once(capsys):
@@ -32,3 +35,20 @@ def test_phrases_are_compared_without_their_numbers():
     assert without_numbers("near 4 mm; lost 3") == without_numbers("near 3.95 mm; lost 12")
     assert left_of("near 4 mm; lost 3", ["near 3.9 mm"]) == "lost 3"
     assert left_of("near 4 mm", []) == "near 4 mm"
+
+
+def test_that_no_sample_comes_any_more_is_no_problem_when_the_source_has_ended():
+    """Regression: "estimator: no usable sample for 0.6 s" at the end of every fifth replay."""
+    state = RunState(EstimateStatistics(), 0.0, problems={"player": "slow"})
+    state.add_other("right/estimator", EstimateStatistics())
+    said = {"estimator": "no usable sample for 0.6 s", "recorder": "disk full", "player": "slow"}
+    said["right/estimator"] = said["estimator"]
+    assert state.after_the_source(said) == {"recorder": "disk full", "player": "slow"}
+    monitor = Monitor()
+    monitor.diagnostics["player"] = {"level": "0", "message": "plays"}
+    assert not monitor.has_finished("player")
+    monitor.diagnostics["player"]["message"] = "finished"
+    assert monitor.has_finished("player")
+    assert not monitor.has_finished("indenter")
+    state.problems = {"estimator": "no usable sample for 9 s"}  # before it ended already
+    assert set(state.after_the_source(said)) == {"estimator", "recorder", "player"}

@@ -72,6 +72,13 @@ def test_a_bag_of_another_robot_gives_its_tissue(robot_bag: Path, capsys) -> Non
     assert found["displacement_exponent"] == pytest.approx(N, rel=0.05)
 
 
+def test_the_sensors_of_a_bag_are_less_what_the_robot_gave_way(robot_bag: Path) -> None:
+    read = loaded(robot_bag, *REAL_SENSORS)
+    less = loaded(robot_bag, *REAL_SENSORS, "position.frame_compliance=0.01")
+    np.testing.assert_array_equal(less.force_n, read.force_n)
+    np.testing.assert_array_equal(less.displacement_mm, read.displacement_mm - 0.01 * read.force_n)
+
+
 def test_the_zeros_of_a_csv_are_taken_off(tmp_path: Path, capsys, reading) -> None:
     rows = {"true": [], "off": []}
     for k in range(2000):

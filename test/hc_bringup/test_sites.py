@@ -122,17 +122,21 @@ def test_where_the_tip_is_known_its_way_sideways_counts_and_not_the_pause(table:
     assert len(find_sites(recording, TipPath(time_s, np.zeros((len(time_s), 2))))) == 1
 
 
-@pytest.mark.parametrize("kind", ["PoseStamped", "TransformStamped"])
+@pytest.mark.parametrize("kind", ["PoseStamped", "TransformStamped", "TFMessage"])
 def test_of_a_robot_the_only_pose_says_where_the_tip_was(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str
 ) -> None:
-    """Regression of a tracker, which tells transforms: its contacts were nowhere, without a map."""
+    """Regression of trackers and of arms with /tf: their contacts were nowhere, without a map."""
     from geometry_msgs.msg import PoseStamped, TransformStamped, WrenchStamped
     from rclpy.serialization import serialize_message
 
+    from tf2_msgs.msg import TFMessage
+
+    package = "tf2_msgs" if kind == "TFMessage" else "geometry_msgs"
     with BagWriter(tmp_path / "robot") as writer:
         wrench = writer.add_topic("/arm/ft", "geometry_msgs/msg/WrenchStamped")
-        pose = writer.add_topic("/arm/tool", f"geometry_msgs/msg/{kind}")
+        name = "/tf" if kind == "TFMessage" else "/arm/tool"
+        pose = writer.add_topic(name, f"{package}/msg/{kind}")
         for t, d, x, f in zip(*map(np.ndarray.tolist, palpation()), strict=True):
             stamp = START_NS + round(t * 1e9)
             pushed = WrenchStamped()
@@ -143,6 +147,9 @@ def test_of_a_robot_the_only_pose_says_where_the_tip_was(
             place = at.pose.position if kind == "PoseStamped" else at.transform.translation
             place.z, place.y = 0.2 - 1e-3 * d, 0.4 + 1e-3 * x
             writer.write(wrench, stamp, serialize_message(pushed))
+            if kind == "TFMessage":
+                at.header.frame_id, at.transform.rotation.w = "base", 1.0
+                at = TFMessage(transforms=[at])
             writer.write(pose, stamp, serialize_message(at))
     words = ["contacts", str(tmp_path / "robot"), "-o", str(tmp_path / "c.csv")]
     words += ["--input", "position.sign=-1", "--input", "position.zero=-200", "--sites"]
@@ -154,6 +161,12 @@ def test_of_a_robot_the_only_pose_says_where_the_tip_was(
     words[words.index("-o") + 1] = str(tmp_path / "d.csv")
     turned = of([*words, "--tip-axes", "yx"], capsys)["sites"]
     np.testing.assert_allclose([s["x_mm"] for s in turned], [400.0, 412.0, 424.0], atol=0.1)
+    if kind == "TFMessage":
+        words[words.index("-o") + 1] = str(tmp_path / "e.csv")
+        assert of([*words, "--tip", "/tf:tip"], capsys)["sites"] == sites
+        words[words.index("-o") + 1] = str(tmp_path / "f.csv")
+        assert main([*words, "--tip", "/tf:wrist"]) == 2
+        assert "wrist is no tool's frame of /tf (/tf:tip)" in capsys.readouterr().err
 
 
 def test_presses_too_weak_for_one_approach_show_the_surface_together(tmp_path: Path) -> None:

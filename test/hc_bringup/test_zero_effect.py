@@ -92,14 +92,14 @@ def estimates(depths, revisions):
     return table
 
 
-def test_of_a_recording_what_was_felt_with_the_settings_of_its_end_counts():
+def test_of_a_recording_stiffness_found_with_the_settings_of_its_end_counts():
     table = estimates([9.0, 2.0, 8.0, 7.0, np.nan, 1.0], [1, 2, 2, 2, 2, 2])
     table["contact"][2], table["rejected"][3] = False, 4
     assert effect_in(EXACT, table) == zero_effect(2.0, 1.5)
     assert effect_in(EXACT, table[:0]) == UNKNOWN
 
 
-def test_of_a_stream_what_was_felt_with_the_settings_in_force_counts():
+def test_of_a_stream_stiffness_found_with_the_settings_in_force_counts():
     touch = DeepestTouch()
     latest = SimpleNamespace(
         configuration_revision=1,

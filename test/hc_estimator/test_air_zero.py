@@ -59,7 +59,7 @@ def test_a_zero_that_stays_is_left_alone(seed):
     assert abs(series.parameters[-1, 0] - exact.parameters[-1, 0]) < 0.002 * K
 
 
-def test_a_step_of_the_zero_in_the_air_leaves_what_was_felt_before():
+def test_a_step_of_the_zero_in_the_air_leaves_stiffness_found_before():
     """As of a driver that is told to tare in the middle."""
     time, place, force, _law = taps()
     force = force + np.where(time > 10.2, -0.3, 0.0)  # in the air: taps begin at 10.65

@@ -76,7 +76,7 @@ def test_a_law_that_foretells_the_impossible_gives_way(log_stiffness, second, ch
     assert bank.judge.chosen == chosen
 
 
-def test_zeros_that_move_take_along_what_was_felt(parts):
+def test_zeros_that_move_take_along_stiffness_found(parts):
     _, bank = parts
     plausible.reset(bank.tool)
     plausible.move(bank.tool, 1.5, 0.2)

@@ -165,7 +165,7 @@ def test_points_of_another_rate_are_not_kept(records_of, recording):
 # Moved zeros, another delay, gaps
 
 
-def test_what_was_felt_at_most_is_no_force_below_zero(running):
+def test_stiffness_found_at_most_is_no_force_below_zero(running):
     _, bank = running
     bank.tool.largest_force = 0.2
     plausible.move(bank.tool, 0.0, 0.5)

@@ -5,6 +5,8 @@ import pytest
 
 from hc_estimator import create_estimator
 from hc_estimator.stream.in_pieces import PIECE, run_in_pieces
+from hc_msgs_py import free_memory
+from hc_msgs_py.free_memory import NotEnoughMemoryError, free_bytes
 
 
 def presses(count):
@@ -30,3 +32,21 @@ def test_lengths_that_differ_are_refused_as_in_one_call():
     for columns in ((5, 5, 4), (PIECE, PIECE, PIECE + 1)):
         with pytest.raises(ValueError, match="give three one-dimensional arrays of one length"):
             run_in_pieces(estimator, *map(np.zeros, columns))
+
+
+def test_a_recording_that_does_not_fit_is_refused_before_it_fills_the_memory(monkeypatch, tmp_path):
+    """Regression: of two days at 1 kHz a shell says "Killed", after minutes."""
+    meminfo = tmp_path / "meminfo"
+    meminfo.write_text("MemTotal:  24105 kB\nMemAvailable:       2 kB\n")
+    monkeypatch.setattr(free_memory, "MEMINFO", meminfo)
+    monkeypatch.setattr(free_memory, "CGROUP", tmp_path)
+    run_in_pieces(create_estimator("raukf"), *presses(4))
+    with pytest.raises(NotEnoughMemoryError, match=r"estimates of 5 samples .*hc bag split"):
+        run_in_pieces(create_estimator("raukf"), *presses(5))
+    (tmp_path / "memory.max").write_text("max\n")
+    assert free_bytes() == 2048.0
+    (tmp_path / "memory.max").write_text("5000\n")
+    (tmp_path / "memory.current").write_text("4000\n")
+    assert free_bytes() == 1000.0
+    (tmp_path / "meminfo").unlink()
+    assert free_bytes() == np.inf

@@ -61,7 +61,7 @@ def test_it_is_the_covariance_of_a_mixture(likelier, bank):
     assert np.linalg.eigvalsh(found(bank)).min() >= 0.0
 
 
-def test_a_row_that_does_not_explain_what_was_felt_leaves_nothing_open(bank):
+def test_a_row_that_does_not_explain_stiffness_found_leaves_nothing_open(bank):
     bank.rows[0].active = 0
     row = bank.rows[EXPONENT_ROW]
     assert np.any(found(bank) != 0.0)

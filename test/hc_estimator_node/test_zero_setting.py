@@ -29,6 +29,7 @@ class Searching:
             "input.force.scale": scale,
             "input.force.zero": 0.25,
             "input.position.zero": 0.0,
+            "input.position.frame_compliance": 0.0,
             "tare.force": False,
             "tare.samples": 100,
         }

@@ -52,7 +52,12 @@ class Receiver:
     on_frame = on_failure = on_skip
 
 
-SETTINGS = {"input.force.zero": 0.0, "input.position.zero": 0.0, "input.maximum_backlog": 1000}
+SETTINGS = {
+    "input.force.zero": 0.0,
+    "input.position.zero": 0.0,
+    "input.position.frame_compliance": 0.0,
+    "input.maximum_backlog": 1000,
+}
 
 
 @pytest.fixture(params=["sample", "samples"])

@@ -95,7 +95,7 @@ def test_the_last_second_is_judged_too():
     assert possible.ratios_to_held(readings, series)[1] > 10.0
 
 
-def test_a_prediction_is_held_against_what_was_felt():
+def test_a_prediction_is_held_against_stiffness_found():
     readings = possible.arm_readings(3)
     time, _, force = readings
     truth = np.tile([0.1, 0.001, 1.2, 1.0], (time.size, 1))

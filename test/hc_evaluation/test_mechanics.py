@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hc_evaluation.accuracy.drawn_contact import drawn_contact
-from hc_evaluation.accuracy.mechanics import MECHANICS
+from hc_evaluation.accuracy.mechanics import MECHANICS, taken_off
 
 SEEDS = (1000, 1003, 1007)
 
@@ -56,3 +56,14 @@ def test_friction_is_against_the_motion_and_gone_at_rest():
     largest = force[500] - 1.0
     assert 0.005 <= largest <= 0.05
     np.testing.assert_allclose(force[[1500, 2500]], [1.0, 1.0 - largest])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_compliance_that_is_taken_off_leaves_the_contact_and_a_little_noise(seed):
+    plain, soft = pair("compliance", seed)
+    off = np.abs(soft.displacement_mm - plain.displacement_mm)
+    for deviation, left in ((0.0, 0.05), (0.05, 0.25)):
+        other = taken_off(deviation, seed)
+        np.testing.assert_array_equal(other.force_n, soft.force_n)
+        rest = np.abs(other.displacement_mm - plain.displacement_mm)
+        assert 0.0 < np.max(rest) < left * np.max(off)

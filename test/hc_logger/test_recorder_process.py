@@ -140,6 +140,7 @@ def test_a_chosen_list_and_a_publisher_with_other_qos(
         RECORDER, output=bag, topics="['indenter/*']", expected_topics="[indenter/sample]"
     )
     wait_until_ready(graph)
+    assert graph.spin_until(lambda: first.get_subscription_count() == 1)
     publish_samples(first, 100)
     second = graph.create_publisher(IndenterSample, "indenter/sample", SAMPLE_QOS)
     assert graph.spin_until(lambda: second.get_subscription_count() == 1)
@@ -152,6 +153,33 @@ def test_a_chosen_list_and_a_publisher_with_other_qos(
         assert list(reader.topics) == ["/indenter/sample"]
     sequence = read_recording(bag).sequence
     np.testing.assert_array_equal(sequence, [*range(100), *range(1000, 1100)])
+
+
+def test_nothing_of_the_others_is_lost_where_a_publisher_comes_with_other_qos(
+    start_node: Start, graph: Any, tmp_path: Path
+) -> None:
+    """Regression: what was on its way while the recorder subscribed anew was lost, 1 to 5 of it."""
+    from hc_msgs.msg import IndenterSample
+
+    from hc_msgs_py.qos import ESTIMATE_QOS, SAMPLE_QOS
+
+    bag = tmp_path / "bag"
+    steady = graph.create_publisher(IndenterSample, "indenter/sample", ESTIMATE_QOS)
+    node = start_node(RECORDER, output=bag, expected_topics="[indenter/sample]")
+    wait_until_ready(graph)
+    assert graph.spin_until(lambda: steady.get_subscription_count() == 1)
+    sent = 0
+    other = None
+    end = time.monotonic() + 2.5
+    while (now := time.monotonic()) < end:
+        if other is None and now > end - 2.0:
+            other = graph.create_publisher(IndenterSample, "indenter/sample", SAMPLE_QOS)
+        publish_samples(steady, 1, first=sent)
+        sent += 1
+        time.sleep(0.0001)
+    time.sleep(0.3)
+    assert node.end() == 0, node.error
+    np.testing.assert_array_equal(read_recording(bag).sequence, np.arange(sent))
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """The notebook of docs/notebooks runs from top to bottom, and is kept without output."""
 
+import ast
 import json
 import os
 import re
@@ -21,15 +22,33 @@ def test_it_is_kept_without_output():
             assert cell["execution_count"] is None
 
 
-def test_its_cells_run(capsys, monkeypatch):
-    if not SHARED.is_dir():
-        pytest.skip(f"no {SHARED}: set HC_SHARED_DATA")
-    monkeypatch.setenv("HC_SHARED_DATA", str(SHARED))
+def run(capsys) -> tuple[str, dict]:
+    """Run all cells; return what they print, and their names."""
     mpl.use("Agg")
     names: dict = {}
     for number, source in enumerate(CODE):
         exec(compile(source, f"cell {number}", "exec"), names)
-    told = capsys.readouterr().out
+    return capsys.readouterr().out, names
+
+
+def test_a_newcomer_runs_it_in_its_folder(capsys, monkeypatch, tmp_path):
+    """Regression: its data were one folder too near, and without them it ended in a traceback."""
+    monkeypatch.delenv("HC_SHARED_DATA", raising=False)
+    monkeypatch.chdir(ROOT / "docs" / "notebooks")
+    found = ast.literal_eval(re.search(r'HC_SHARED_DATA", ("[^"]*")', CODE[0])[1])
+    assert Path(found).resolve() == ROOT.parent / "shared" / "data"
+    monkeypatch.setenv("HC_SHARED_DATA", str(tmp_path))
+    told, names = run(capsys)
+    assert names["recording"].is_bag
+    assert re.search(r"stiffness +0\.\d+ ± 0\.0", told)
+    assert "nan" not in told.lower()
+
+
+def test_its_cells_run(capsys, monkeypatch):
+    if not SHARED.is_dir():
+        pytest.skip(f"no {SHARED}: set HC_SHARED_DATA")
+    monkeypatch.setenv("HC_SHARED_DATA", str(SHARED))
+    told, names = run(capsys)
     assert told.startswith("5001 samples, nothing unusual")
     delay = re.search(r"the displacement is ([0-9.]+) ms late", told)
     assert delay is not None

@@ -41,6 +41,7 @@ COMMANDS: Final = (
     "setup",
     "doctor",
     "payload",
+    "compliance",
     "reproduce",
     "bench",
     "report",

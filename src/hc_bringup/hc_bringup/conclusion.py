@@ -43,6 +43,7 @@ def conclude(
             state.failures += [f"{whose}{reason}" for reason in _why_failed(one)]
     bags = []
     if bag is not None:
+        state.dropped = {name: n for name, n in state.dropped.items() if _is_of(bag, name)}
         bags = list(state.dropped) or [str(folder) for folder in numbered_bags(bag)] or [str(bag)]
     first = bags[0] if bags else None
     cut = "; ".join(f"{bag} was {how}" for bag in bags if (how := _how_to_close(Path(bag))))
@@ -56,6 +57,15 @@ def conclude(
     if cut:  # of a recorder that died and was started again
         print(wrapped(cut, stream=sys.stderr), file=sys.stderr)
     return None if first is None else Path(first)
+
+
+def _is_of(bag: Path, name: str) -> bool:
+    """Whether a bag is one of this run's: its own, or one with a number behind the name.
+
+    A recorder that somebody else started is called as that of the run, and tells its bag as well.
+    """
+    number = Path(name).name.removeprefix(bag.name)
+    return Path(name).parent == bag.parent and (not number or number[1:].isdecimal())
 
 
 @contextmanager

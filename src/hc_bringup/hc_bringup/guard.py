@@ -17,6 +17,7 @@ from pathlib import Path
 
 from hc_bringup.errors import FAILURE, UserError
 from hc_msgs_py.entry_points import FaultOfAnotherError
+from hc_msgs_py.free_memory import NotEnoughMemoryError
 
 _OF_THE_MACHINE = frozenset(
     {
@@ -37,6 +38,8 @@ def explain(error: BaseException, words: list[str]) -> UserError:
         error: what was raised.
         words: the command line, for the file.
     """
+    if isinstance(error, NotEnoughMemoryError):
+        return UserError(str(error), FAILURE)
     if isinstance(error, MemoryError):
         return UserError("not enough memory for this (see ulimit -v)", FAILURE)
     if isinstance(error, OSError) and error.strerror:

@@ -20,7 +20,7 @@ from hc_bringup.explanation import BackgroundExplainer
 from hc_bringup.phrases import without_numbers
 from hc_bringup.run_state import DONE, RUNNING, RunState
 from hc_bringup.statistics import PARAMETERS
-from hc_bringup.terminal.keys import Keys
+from hc_bringup.terminal.keys import CHOICES, Keys
 from hc_bringup.terminal.numbers import engineering
 from hc_bringup.terminal.panel import PanelPainter
 from hc_bringup.terminal.view import NO_SAMPLES, PanelHistory, PanelView
@@ -70,6 +70,7 @@ class Display:
         self._console = Console(stderr=True)
         self._live: Live | None = None
         self._keys: Keys | None = Keys() if with_keys else None
+        self._keys_for = 0  # number of the estimator
         self._painter = PanelPainter()
         self._history = PanelHistory()
         self._rate = _RateMeter()
@@ -119,11 +120,19 @@ class Display:
         if self._live is not None:
             heartbeat.nothing()  # the panel tells it
             if self._keys is not None:
-                state.requests += self._keys.requests()
+                self._take_keys(state, self._keys.requests())
             view = self._view(state)
             self._live.update(self._painter.draw(view, self._console.width), refresh=True)
             return
         self._tell_line(state)
+
+    def _take_keys(self, state: RunState, pressed: list[str]) -> None:
+        """Ask for what was pressed, of the estimator that was chosen by then."""
+        for name in pressed:
+            if name not in CHOICES:
+                state.requests.append((name, state.estimators[self._keys_for]))
+            elif CHOICES.index(name) < len(state.estimators):
+                self._keys_for = CHOICES.index(name)
 
     def _tell_line(self, state: RunState) -> None:
         """Write a line if one is due; that a step lasts, the heartbeat tells."""
@@ -150,10 +159,15 @@ class Display:
         if self._page_announced or not state.page:
             return
         self._page_announced = True
+        said = f"live page: {state.page}"
+        if state.others:
+            space = state.others[0].estimator.rpartition("/")[0]
+            of_another = "hc dashboard" + (f" --namespace {space}" if space else "")
+            said = f"live page of {state.estimator} (of another one: {of_another}): {state.page}"
         if self._live is not None:
-            self._console.print(f"live page: {state.page}", soft_wrap=True, highlight=False)
+            self._console.print(said, soft_wrap=True, highlight=False, markup=False)
         else:
-            sys.stderr.write(f"live page: {state.page}\n")
+            sys.stderr.write(f"{said}\n")
             sys.stderr.flush()
 
     def _tell_problems(self, state: RunState) -> None:
@@ -248,6 +262,8 @@ class Display:
             answer=state.answer,
             others=tuple(map(_line_of_other, state.others)),
             keys=self._keys.legend if self._keys is not None else (),
+            keys_for=self._keys_for,
+            estimators=tuple(state.estimators),
             history=self._history,
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import sys
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,6 +25,7 @@ from hc_bringup.treated_samples import FORCE_LIMIT
 from hc_bringup.turn_watch import TurnWatch
 from hc_bringup.turning import turning_line
 from hc_estimator.ros.node_settings import OWN_SENSORS
+from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S, TRANSPORT_S, needed_wait_s
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.events import ReadingChange, RecordedEvent, reading_changes
@@ -31,7 +33,7 @@ from hc_msgs_py.background import STARTING
 from hc_msgs_py.conversion import Sample, sample_from_message
 from hc_msgs_py.qos import CONFIGURATION_QOS, DIAGNOSTICS_QOS, SAMPLE_QOS
 from hc_msgs_py.topics import DIAGNOSTICS, EVENTS, SAMPLE, SAMPLES
-from hc_msgs_py.units import nanoseconds_from_stamp
+from hc_msgs_py.units import NANOSECONDS, nanoseconds_from_stamp
 from hc_msgs_py.wire_arrays import SamplesDecoder
 
 LEAST_SAMPLES = 100
@@ -63,8 +65,13 @@ class Heard:
     notes: tuple[str, ...] = ()
 
 
-def listen(node: str, seconds: float) -> Heard:
+def listen(node: str, seconds: float, request: str = "") -> Heard:
     """Listen to an estimator node and to the samples that it uses.
+
+    Args:
+        node: its name.
+        seconds: how long.
+        request: what a person is to do meanwhile; said as soon as it begins.
 
     Raises:
         UserError: if there is no such node, or if it is still starting.
@@ -104,6 +111,8 @@ def listen(node: str, seconds: float) -> Heard:
             ),
             CONFIGURATION_QOS,
         )
+        if request:
+            print(request, file=sys.stderr, flush=True)
         begin = time.monotonic()
         while (left := begin + seconds - time.monotonic()) > 0.0:
             heartbeat.telling("listening", f"listening to {name}: {left:.0f} s left")
@@ -144,8 +153,12 @@ def listen(node: str, seconds: float) -> Heard:
             f"judged is what came after, {len(rows)} samples",
         )
     if heard.settings.get("source") not in OWN_SENSORS:  # those come with their zeros taken off
+        zero_n = heard.settings.get("force.zero", 0.0)
+        frame = FrameCompliance(heard.settings.get("position.frame_compliance", 0.0))
+        stamps = np.round(rows[:, 0] * NANOSECONDS).astype(np.int64)
         rows[:, 1] -= heard.settings.get("position.zero", 0.0)
-        rows[:, 2] -= heard.settings.get("force.zero", 0.0)
+        rows[:, 1] -= frame.of_many(stamps, rows[:, 2], zero_n)
+        rows[:, 2] -= zero_n
     heard.rows = (rows[:, 0], rows[:, 1], rows[:, 2])
     return heard
 

@@ -80,7 +80,7 @@ class Monitor:
         self._with_estimates = with_estimates
         self._with_truth = with_truth
         self.listeners = {name: EstimateListener(name) for name in estimators or (NODE_ESTIMATOR,)}
-        self._estimator, self._first = next(iter(self.listeners.items()))
+        self._first = next(iter(self.listeners.values()))
         self.diagnostics: dict[str, dict[str, str]] = {}
         self.dropped: dict[str, int] = {}
         self.answer = ""
@@ -106,9 +106,12 @@ class Monitor:
                 depth=1,
                 local=False,
             )
-        self._marks = self._node.create_publisher(
-            EstimatorEvent, self._first.full_name(EVENTS), CONFIGURATION_QOS
-        )
+        self._marks = {
+            name: self._node.create_publisher(
+                EstimatorEvent, listener.full_name(EVENTS), CONFIGURATION_QOS
+            )
+            for name, listener in self.listeners.items()
+        }
         self._executor = EventsExecutor()
         self._executor.add_node(self._node)
         self._clients: dict[str, Any] = {}
@@ -146,6 +149,11 @@ class Monitor:
             if values["level"] == _ERROR
         }
 
+    def has_finished(self, source: str) -> bool:
+        """Whether a source said that it has come to its end; its process ends a little later."""
+        said = self.diagnostics.get(source, {})
+        return said.get("message", "").endswith("finished") and said["level"] != _ERROR
+
     def silent_s(self) -> float:
         """Return the time since the last estimate; NaN before the first one."""
         return self._first.silent_s()
@@ -182,37 +190,40 @@ class Monitor:
         token = os.environ.get(TOKEN_VARIABLE, "")
         return f"{address}#token={token}" if address and token else ""
 
-    def ask(self, what: str) -> None:
-        """Ask for something that a key stands for; `answer` says what became of it."""
+    def ask(self, what: str, estimator: str) -> None:
+        """Ask an estimator for something that a key stands for.
+
+        `answer` says what became of it, and of several estimators whose answer it is.
+        """
+        whose = f"{estimator}: " if len(self.listeners) > 1 else ""
         if what == "mark":
-            self._mark()
+            self.answer = whose + self._mark(estimator)
             return
-        client = self._client(Trigger, f"/{self._estimator}/{what}")
+        said = f"{whose}{what.replace('_', ' ')}"
+        client = self._client(Trigger, f"/{estimator}/{what}")
         if not client.service_is_ready():
-            self.answer = f"{what}: the estimator does not answer"
+            self.answer = f"{said}: the estimator does not answer"
             return
-        self.answer = f"{what} …"
+        self.answer = f"{said} …"
         future = client.call_async(Trigger.Request())
-        future.add_done_callback(partial(self._on_answer, what))
+        future.add_done_callback(partial(self._on_answer, said))
 
-    def _on_answer(self, what: str, future: Any) -> None:
-        response = future.result()
-        self.answer = f"{what.replace('_', ' ')}: {response.message}"
+    def _on_answer(self, said: str, future: Any) -> None:
+        self.answer = f"{said}: {future.result().message}"
 
-    def _mark(self) -> None:
-        """Publish an event of a person at the latest sample."""
-        latest = self.statistics.latest
+    def _mark(self, estimator: str) -> str:
+        """Publish an event of a person at the latest sample; return what is said of it."""
+        latest = self.listeners[estimator].statistics.latest
         if latest is None:
-            self.answer = "nothing to mark yet"
-            return
+            return "nothing to mark yet"
         stamp = latest.header.stamp
         message = EstimatorEvent(
             kind=EstimatorEvent.MARK, reason="marked", sequence=latest.sequence
         )
         message.header.stamp.sec, message.header.stamp.nanosec = stamp.sec, stamp.nanosec
         message.configuration_revision = latest.configuration_revision
-        self._marks.publish(message)
-        self.answer = f"marked sample {latest.sequence}"
+        self._marks[estimator].publish(message)
+        return f"marked sample {latest.sequence}"
 
     def _on_truth(self, parser: RecordParser, arrivals: list[Arrival]) -> None:
         table, _stamps = parser.parse(arrivals)

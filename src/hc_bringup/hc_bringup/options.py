@@ -49,6 +49,14 @@ def port_number(text: str) -> int:
     return int(value)
 
 
+def namespace(text: str) -> str:
+    """Parse a namespace of nodes: names with slashes between them."""
+    parts = text.strip("/").split("/")
+    if not all(part.isidentifier() and part.isascii() for part in parts):
+        raise argparse.ArgumentTypeError(f"{text!r} is no namespace: give a name, like left")
+    return "/".join(parts)
+
+
 def origin(text: str) -> str:
     """Parse an origin as browsers send it: scheme, host and port, in small letters, no path."""
     if _ORIGIN.fullmatch(text) is None:

@@ -16,14 +16,18 @@ from typing import Any
 from hc_bringup import file_preset
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, each_once, natural, positive
-from hc_bringup.read_otherwise import less_zeros, read_as
+from hc_bringup.read_otherwise import less_compliance, less_zeros, read_as, why_no_compliance
 
 ZEROS = ("force.zero", "position.zero")
 """What can be said of any recording."""
-OF_A_TABLE = tuple(
-    f"{channel}.{name}"
-    for channel in ("force", "position")
-    for name in ("sign", "scale", "zero", "time_offset", "held")
+COMPLIANCE = "position.frame_compliance"
+OF_A_TABLE = (
+    *(
+        f"{channel}.{name}"
+        for channel in ("force", "position")
+        for name in ("sign", "scale", "zero", "time_offset", "held")
+    ),
+    COMPLIANCE,
 )
 """What can be said of a CSV file and of recorded samples as well; the rest is for a bag with two
 sensors' topics."""
@@ -42,7 +46,8 @@ _SENSOR = {
 }
 _KINDS = {
     "force": _SENSOR,
-    "position": _SENSOR | {"joint": _TEXT, "child_frame": _TEXT, "base_frame": _TEXT},
+    "position": _SENSOR
+    | {"joint": _TEXT, "child_frame": _TEXT, "base_frame": _TEXT, "frame_compliance": _NUMBER},
     "pairing": dict.fromkeys(("maximum_wait", "reorder_window", "maximum_gap"), _NUMBER),
 }
 KIND_OF = {f"{group}.{name}": kind for group in _KINDS for name, kind in _KINDS[group].items()}
@@ -70,8 +75,9 @@ def add_reading_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="NAME=VALUE",
         help="how the sensors are read, as the node's parameter input.NAME: force.zero (N) and "
-        "position.zero (mm), sign, scale, time_offset and held of either; of a bag with a wrench "
-        "and a position topic also force.topic, force.axis, position.joint, pairing.maximum_gap "
+        "position.zero (mm), sign, scale, time_offset and held of either, and "
+        "position.frame_compliance (mm/N); of a bag with a wrench and a position topic also "
+        "force.topic, force.axis, position.joint, pairing.maximum_gap "
         "and so on: with one of these its sensors are read, else its indenter/sample if there",
     )
     parser.add_argument(
@@ -203,6 +209,8 @@ def check(arguments: argparse.Namespace) -> None:
             raise UserError(f"--input {name} is none of {', '.join(KIND_OF)}", WRONG_USE)
         if not _is(value, KIND_OF[name]):
             raise UserError(f"--input {name}={value} is not {KIND_OF[name]}", WRONG_USE)
+        if name == COMPLIANCE and (allowed := why_no_compliance(value)):
+            raise UserError(f"--input {name}={value} is not {allowed}", WRONG_USE)
 
 
 def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
@@ -224,6 +232,7 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
 
     check(arguments)
     sensors = dict(arguments.sensors)
+    mm_per_n = sensors.pop(COMPLIANCE, 0.0)
     table = is_text(Path(arguments.input))
     as_read = table  # what stands there is turned and stamped, no sensor's topic is read
     if not (table or one_of_many) and Path(arguments.input).exists():
@@ -245,11 +254,12 @@ def load(arguments: argparse.Namespace, *, one_of_many: bool = False) -> Any:
             recording = read_as(recording, sensors)
         else:
             recording = _read_sensors(arguments.input, sensors)
+        recording = less_compliance(recording, mm_per_n, of_samples=as_read)
     except ValueError as error:
         raise UserError(f"--input: {error}", WRONG_USE) from error
     except BagError as error:
         raise UserError(str(error)) from error
-    return _from_surface(recording) if arguments.find_surface else recording
+    return _from_surface(recording, mm_per_n) if arguments.find_surface else recording
 
 
 def _check_as_read(sensors: Mapping[str, Any]) -> None:
@@ -324,7 +334,13 @@ def assumed_line(displacement_mm: Any, force_n: Any, *, table: bool = False) -> 
     )
 
 
-def _from_surface(recording: Any) -> Any:
+def _from_surface(recording: Any, mm_per_n: float) -> Any:
+    """Return a recording with the zeros of its first approach taken off.
+
+    Args:
+        recording: less what the robot gave way.
+        mm_per_n: the frame's compliance, under forces that count from no zero.
+    """
     from hc_estimator.stream.surface import find_surface, why_no_surface
     from hc_estimator.stream.together import together
 
@@ -332,8 +348,10 @@ def _from_surface(recording: Any) -> Any:
     found = find_surface(*pairs)
     if found is None:
         raise UserError(f"--find-surface: {recording.path} {why_no_surface(*pairs)}")
+    # As input.position.zero: with the force zero taken off, less is taken off for the compliance.
+    surface_mm = found.displacement_mm + mm_per_n * found.force_n
     note = (
-        f"surface found at {found.displacement_mm:.4g} mm (± {found.displacement_std_mm:.2g}), "
+        f"surface found at {surface_mm:.4g} mm (± {found.displacement_std_mm:.2g}), "
         f"force zero {found.force_n:.4g} N: taken off"
     )
     zeroed = less_zeros(

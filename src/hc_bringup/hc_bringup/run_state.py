@@ -41,7 +41,7 @@ class RunState:
         dropped: messages that the recorder did not get, by the bag that it said it made.
         truth: the rig's true K, B, n, p; None where nobody tells, or nobody asked for it.
         page: address of the live page with its token, once it is served.
-        requests: what was asked for by keys; the runner takes them out.
+        requests: what was asked for by keys, and of which estimator; the runner takes them out.
         answer: what became of the last of them.
         pids: process of each node that runs, by name.
         estimator: the node whose estimates these are, with its namespace.
@@ -63,7 +63,7 @@ class RunState:
     dropped: dict[str, int] = field(default_factory=dict)
     truth: list[float] | None = None
     page: str = ""
-    requests: list[str] = field(default_factory=list)
+    requests: list[tuple[str, str]] = field(default_factory=list)
     answer: str = ""
     pids: dict[str, int] = field(default_factory=dict)
     estimator: str = NODE_ESTIMATOR
@@ -85,6 +85,22 @@ class RunState:
                 estimator=estimator,
             )
         )
+
+    def after_the_source(self, said: dict[str, str]) -> dict[str, str]:
+        """Return what nodes call an error when the source has ended.
+
+        Of an estimator that is nothing new: it says then that no sample comes.
+
+        Args:
+            said: what they call so now, by name.
+        """
+        known = self.problems.keys() | (said.keys() - set(self.estimators))
+        return {name: problem for name, problem in said.items() if name in known}
+
+    @property
+    def estimators(self) -> list[str]:
+        """Names of all estimators, in the order of the plan."""
+        return [self.estimator, *(other.estimator for other in self.others)]
 
     @property
     def silent(self) -> bool:

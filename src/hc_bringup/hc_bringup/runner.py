@@ -200,10 +200,12 @@ class Runner:
             for process in self._processes:
                 used = process.cpu_s() - cpu_before[process.name]
                 state.cpu_percent[process.name] = 100.0 * max(0.0, used) / state.elapsed_s
-            state.problems = monitor.problems()
+            finished = any(p.plan.source and monitor.has_finished(p.name) for p in self._processes)
+            problems = monitor.problems()
+            state.problems = state.after_the_source(problems) if finished else problems
             state.truth = monitor.truth()
             state.page = monitor.page()
-            state.silent_s = monitor.silent_s()
+            state.silent_s = math.nan if finished else monitor.silent_s()
             state.mute_s = monitor.mute_s(state.estimator)
             for other in state.others:
                 other.phase, other.elapsed_s = state.phase, state.elapsed_s
@@ -212,7 +214,7 @@ class Runner:
                 other.mute_s = monitor.mute_s(other.estimator)
             self._show(state)
             while state.requests:
-                monitor.ask(state.requests.pop(0))
+                monitor.ask(*state.requests.pop(0))
             state.answer = monitor.answer
             if state.duration_s and state.elapsed_s >= state.duration_s:
                 return
@@ -263,7 +265,8 @@ class Runner:
             if not process.plan.source:
                 self._stop_one(process, state)
                 monitor.spin(POLL_S)  # what it said last
-        state.problems = monitor.problems()
+        problems = monitor.problems()
+        state.problems = state.after_the_source(problems) if sources else problems
         for other in state.others:
             other.problems, other.phase = state.problems, DONE
         state.phase = DONE

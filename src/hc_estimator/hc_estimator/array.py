@@ -17,6 +17,7 @@ from hc_estimator.array_kernels import KERNELS
 from hc_estimator.estimate import COLUMNS, EstimateSeries
 from hc_estimator.estimator import Estimator, last_time
 from hc_estimator.filters.registry import FILTERS
+from hc_estimator.given_arrays import as_numbers
 from hc_estimator.kinds import DEFAULT_CONTACT_MODEL, DEFAULT_STATE_SPACE
 from hc_estimator.late_readings import LateReadings
 from hc_estimator.specification import ParameterSpecification, ParameterValue
@@ -176,9 +177,15 @@ class EstimatorArray:
 
         Raises:
             ValueError: an array has another shape.
+            TypeError: an array holds dates, durations or what is no number.
         """
-        displacements = np.asarray(displacements_mm, np.float64)
-        count = displacements.shape[-1] if displacements.ndim else 0
+        displacements = as_numbers("displacements_mm", displacements_mm)
+        if displacements.ndim != 2 or displacements.shape[0] != self._channels:
+            raise ValueError(
+                f"displacements_mm has the shape {displacements.shape}: give (channels, samples), "
+                f"{self._channels} and any number"
+            )
+        count = displacements.shape[1]
         samples = np.empty((self._channels, count, 3))
         whole = (self._channels, count)
         self._take(samples[..., 1], "displacements_mm", displacements, (whole,))
@@ -194,7 +201,8 @@ class EstimatorArray:
         Raises:
             ValueError: there is no such channel.
         """
-        if channel is not None and not 0 <= channel < self._channels:
+        whole = isinstance(channel, (int, np.integer))
+        if channel is not None and not (whole and 0 <= channel < self._channels):
             raise ValueError(f"channel = {channel!r} is not one from 0 to {self._channels - 1}")
         self._one.reset()
         chosen = slice(None) if channel is None else slice(channel, channel + 1)
@@ -237,7 +245,7 @@ class EstimatorArray:
         Raises:
             ValueError: it has none of the shapes.
         """
-        values = np.asarray(given, np.float64)
+        values = as_numbers(name, given)
         if values.shape not in shapes:
             allowed = " or ".join(map(str, shapes))
             raise ValueError(f"{name} has the shape {values.shape}, not {allowed}")

@@ -14,7 +14,10 @@ from hc_estimator.laws_of_others import law_sources, sources_beside
 from hc_msgs_py.compilation import KernelCompiler
 
 # No kernel and no constant of a kernel comes from here: what calls them, the node and its own.
-WITHOUT_KERNELS = ("stream", "ros", "node.py", "array.py", "series_table.py", "packed_state.py")
+WITHOUT_KERNELS = (
+    *("stream", "ros", "node.py", "array.py", "given_arrays.py"),
+    *("series_table.py", "packed_state.py"),
+)
 
 
 def kernel_sources() -> Iterator[Path]:

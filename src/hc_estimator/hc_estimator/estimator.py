@@ -19,6 +19,7 @@ from hc_estimator.contact import registry as contact_registry
 from hc_estimator.contact.registry import CONTACT_MODELS
 from hc_estimator.estimate import COLUMNS, Estimate, EstimateSeries
 from hc_estimator.filters.registry import FIELDS, FILTERS, HIDDEN_SPECIFICATIONS, SCRATCH
+from hc_estimator.given_arrays import as_numbers
 from hc_estimator.kinds import (
     DEFAULT_CONTACT_MODEL,
     DEFAULT_STATE_SPACE,
@@ -183,13 +184,19 @@ class Estimator:
 
         Returns:
             The estimate after this sample.
+
+        Raises:
+            TypeError: one of them is not a number, but an array, say.
         """
         missing = float("nan")
-        self._sample[0] = (
-            time_s,
-            missing if displacement_mm is None else displacement_mm,
-            missing if force_n is None else force_n,
-        )
+        try:
+            self._sample[0] = (
+                time_s,
+                missing if displacement_mm is None else displacement_mm,
+                missing if force_n is None else force_n,
+            )
+        except (TypeError, ValueError) as error:
+            raise TypeError(f"step takes three numbers, run takes arrays: {error}") from None
         self._use(self._sample, self._row)
         return Estimate(self._row[0].copy())
 
@@ -203,7 +210,8 @@ class Estimator:
 
         Args:
             time_s: stamps [s], shape (samples,).
-            displacement_mm: penetration [mm], shape (samples,); NaN as in `step`.
+            displacement_mm: penetration [mm], shape (samples,); NaN as in `step`, and so is
+                what is masked.
             force_n: contact force [N], shape (samples,); NaN as in `step`.
 
         Returns:
@@ -211,8 +219,10 @@ class Estimator:
 
         Raises:
             ValueError: the arrays are not one-dimensional or differ in length.
+            TypeError: one holds dates, durations or what is no number.
         """
-        columns = [np.asarray(c, np.float64) for c in (time_s, displacement_mm, force_n)]
+        given = {"time_s": time_s, "displacement_mm": displacement_mm, "force_n": force_n}
+        columns = [as_numbers(name, values) for name, values in given.items()]
         shapes = [c.shape for c in columns]
         if len(set(shapes)) != 1 or len(shapes[0]) != 1:
             raise ValueError(

@@ -40,7 +40,7 @@ from hc_estimator.ros.sources import INPUTS
 from hc_estimator.ros.state_keeper import StateKeeper, parameters_of
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
-from hc_estimator.ros.zeroing import ZEROS
+from hc_estimator.ros.zeroing import TAKEN_OFF
 from hc_estimator.stream.handover import can_hand_over, hand_over
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.state_file import SavedState
@@ -251,7 +251,7 @@ class EstimatorNode(SampleFlow, ServiceCalls, LateDestruction, LifecycleNode):  
             self._listen()
         text = ", ".join(f"{name} = {self._settings.values[name]}" for name in changed)
         own = self._settings.values["input.source"] != "sample"
-        ways = READING if own else {"input.source", *ZEROS}
+        ways = READING if own else {"input.source", *TAKEN_OFF}
         if not ways.isdisjoint(changed):
             self._zeros.give_up("a sensor is read otherwise from now on")
             self._zeros.forget()

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY
 from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 from hc_logger.bag import Bag
 from hc_logger.decoder import decoder
@@ -229,6 +230,17 @@ class Recording:
             return "auto"
         value = self.configurations[-1].parameters.get(CHANNEL_DELAY, "auto")
         return value if value == "auto" else float(value)
+
+    @cached_property
+    def frame_compliance_taken_off(self) -> float:
+        """Frame compliance that a bag's samples are recorded less, as it was set last [mm/N].
+
+        Raises:
+            BagError: if the bag has several topics of configurations.
+        """
+        if not self.is_bag or not self.configurations:
+            return 0.0
+        return float(self.configurations[-1].parameters.get(TAKEN_OFF_ALREADY, 0.0))
 
     def _bag(self) -> Bag:
         if not self.is_bag:

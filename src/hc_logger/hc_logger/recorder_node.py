@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -44,6 +44,24 @@ STANDSTILL_S = 0.3
 QUIET_S = 0.3
 """Publishers are asked for what was missed within 0.1 s (fast_dds.xml); then all has come."""
 LONGEST_CATCH_UP_S = 2.0
+OVERLAP_S = 1.0
+"""So long a topic is heard by both subscriptions where one with other QoS takes over."""
+
+
+@dataclass
+class Former:
+    """A subscription that another one takes over from: what is on its way to it still comes."""
+
+    subscription: Any
+    until_s: float
+    heard: set[tuple[int, int]] = field(default_factory=set)
+
+    def is_new(self, info: Mapping[str, Any]) -> bool:
+        """Whether a message has not come by the other subscription yet."""
+        key = (info["source_timestamp"], info["publication_sequence_number"])
+        before = len(self.heard)
+        self.heard.add(key)
+        return len(self.heard) > before
 
 
 @dataclass
@@ -56,6 +74,7 @@ class Tap:
     reliable: bool
     transient_local: bool
     publishers: int
+    former: Former | None = None
 
 
 class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
@@ -144,8 +163,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
                 continue
             tap.publishers = len(endpoints)
             if (tap.reliable and not reliable) or (tap.transient_local and not local):
-                self._drain_all([tap])
-                self.destroy_subscription(tap.subscription)
+                self._forget_former(tap)
+                tap.former = Former(tap.subscription, time.monotonic() + OVERLAP_S)
                 tap.subscription = self._subscribe(interface_class(types[0]), topic, profile)
                 tap.reliable, tap.transient_local = reliable, local
 
@@ -162,9 +181,16 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
 
     def _subscribe(self, kind: Any, topic: str, profile: Any) -> Any:
         subscription = self.create_subscription(kind, topic, _never_called, profile, raw=True)
-        kept = {id(tap.subscription) for tap in self._taps.values() if tap.topic != topic}
-        self._tapped = frozenset(kept | {id(subscription)})
+        self._tapped |= {id(subscription)}
         return subscription
+
+    def _forget_former(self, tap: Tap) -> None:
+        """End the overlap of two subscriptions to a topic."""
+        if tap.former is not None:
+            self._drain_all([tap])
+            self._tapped -= {id(tap.former.subscription)}
+            self.destroy_subscription(tap.former.subscription)
+            tap.former = None
 
     def _skip(self, topic: str, reason: str) -> None:
         self._skipped[topic] = reason
@@ -176,6 +202,8 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         self._clock_of_reception.update()
         for tap in self._taps.values():
             self._drain_one(tap)
+            if tap.former is not None and self._drained_s > tap.former.until_s:
+                self._forget_former(tap)
         self._session.flush_if_due(DRAIN_PERIOD_S / 2)
         if self._session.failure and not self._reported_failure:
             self._reported_failure = self._session.failure
@@ -189,18 +217,14 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         now = self.get_clock().now().nanoseconds if self._sim_time else 0
         if self._sim_time and not now:
             return 0  # nobody has said yet what time it is: the messages wait in their queues
-        handle, kind = tap.subscription.handle, tap.subscription.msg_type
-        data: list[bytes] = []
-        infos: list[Mapping[str, Any]] = []
-        with handle:
-            while len(data) < MOST_AT_ONCE:
-                taken = handle.take_message(kind, True)
-                if taken is None:
-                    break
-                data.append(taken[0])
-                infos.append(taken[1])
-        if not data:
+        if tap.former is None:
+            taken = _take(tap.subscription)
+        else:
+            both = [*_take(tap.former.subscription), *_take(tap.subscription)]
+            taken = [message for message in both if tap.former.is_new(message[1])]
+        if not taken:
             return 0
+        data, infos = [message[0] for message in taken], [message[1] for message in taken]
         if now:
             log_times = [now] * len(data)
         else:
@@ -218,7 +242,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
         number = 0
         for tap in taps:
             more = MOST_AT_ONCE
-            while more == MOST_AT_ONCE:
+            while more >= MOST_AT_ONCE:
                 more = self._drain_one(tap)
                 number += more
         return number
@@ -310,6 +334,19 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy ships no types
     def failure(self) -> str:
         """Why not everything is in the bag, empty if all is."""
         return self._session.failure
+
+
+def _take(subscription: Any) -> list[tuple[bytes, Mapping[str, Any]]]:
+    """Take what has arrived, a bounded number: bytes, and what the middleware says of them."""
+    handle, kind = subscription.handle, subscription.msg_type
+    found: list[tuple[bytes, Mapping[str, Any]]] = []
+    with handle:
+        while len(found) < MOST_AT_ONCE:
+            taken = handle.take_message(kind, True)
+            if taken is None:
+                break
+            found.append(taken)
+    return found
 
 
 def _never_called(_data: bytes) -> None:

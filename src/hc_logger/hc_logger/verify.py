@@ -23,6 +23,8 @@ from hc_estimator import (
     create_estimator,
     parameter_specifications,
 )
+from hc_estimator.stream import frame_compliance
+from hc_estimator.stream.frame_compliance import TAKEN_OFF_ALREADY, FrameCompliance
 from hc_estimator.stream.handover import hand_over
 from hc_estimator.stream.in_pieces import run_in_pieces
 from hc_estimator.stream.vocabulary import LOADED_STATE, Cause
@@ -33,6 +35,7 @@ from hc_msgs_py.estimate_fields import estimate_fields
 
 FORCE_ZERO = "input.force.zero"
 POSITION_ZERO = "input.position.zero"
+FRAME_COMPLIANCE = frame_compliance.SETTING.name
 FRESH = (Cause.STARTED, Cause.RESET, Cause.TIME_JUMP)
 DIFFERENCES_KEPT = 10
 
@@ -115,10 +118,11 @@ def verify(recording: Recording) -> VerificationReport:
     rows = _sample_rows(recording, estimates)
     lives = _lives(configurations)
     estimator: Estimator | None = None
+    frame = FrameCompliance()
     life, revision = -1, 0
     for segment in _segments(estimates):
         if segment.life != life:
-            life, revision, estimator = segment.life, 0, None
+            life, revision, estimator, frame = segment.life, 0, None, FrameCompliance()
         known = lives[life] if life < len(lives) else {}
         reason = ""
         while revision < segment.revision:
@@ -139,6 +143,7 @@ def verify(recording: Recording) -> VerificationReport:
                     "then is not in the bag; verify the one that begins with the run"
                 )
                 estimator = None
+        places = _displacements(recording, own, chosen, frame)
         if estimator is not None and np.any(own < 0):
             reason = f"{int(np.count_nonzero(own < 0))} samples of the estimates were not recorded"
             estimator = None
@@ -147,8 +152,33 @@ def verify(recording: Recording) -> VerificationReport:
             report.not_comparable += count
             report.notes.append(f"{count} estimates: {reason or 'what came before is not known'}")
             continue
-        _compare(estimator, chosen, recording, own, estimates[segment.start : segment.end], report)
+        recorded = estimates[segment.start : segment.end]
+        _compare(estimator, chosen, recording, own, places, recorded, report)
     return report
+
+
+def _displacements(
+    recording: Recording,
+    rows: NDArray[np.int64],
+    configuration: RecordedConfiguration | None,
+    frame: FrameCompliance,
+) -> NDArray[np.float64]:
+    """Return the displacements [mm] of samples as the estimator was given them.
+
+    Args:
+        recording: has the samples.
+        rows: which, -1 where one was not recorded.
+        configuration: that of the samples, if it was recorded.
+        frame: knows the force of the samples before them; takes in those of these.
+    """
+    taken_off = {} if configuration is None else configuration.parameters
+    frame.mm_per_n = taken_off.get(FRAME_COMPLIANCE, 0.0)
+    force_zero_n = taken_off.get(FORCE_ZERO, 0.0)
+    yielded_mm = frame.of_many(recording.stamps[rows], recording.force_n[rows], force_zero_n)
+    result: NDArray[np.float64] = (
+        recording.displacement_mm[rows] - taken_off.get(POSITION_ZERO, 0.0) - yielded_mm
+    )
+    return result
 
 
 def _sample_rows(recording: Recording, estimates: NDArray[Any]) -> NDArray[np.int64]:
@@ -237,8 +267,8 @@ def _kind(configuration: RecordedConfiguration) -> tuple[str, str, str]:
 
 
 def _parameters(configuration: RecordedConfiguration) -> dict[str, Any]:
-    """Return the estimator's own parameters, without the input's zeros and a loaded state."""
-    others = (FORCE_ZERO, POSITION_ZERO, LOADED_STATE)
+    """Return the estimator's own parameters, without the input's and a loaded state."""
+    others = (FORCE_ZERO, POSITION_ZERO, FRAME_COMPLIANCE, TAKEN_OFF_ALREADY, LOADED_STATE)
     return {n: v for n, v in configuration.parameters.items() if n not in others}
 
 
@@ -263,16 +293,16 @@ def _compare(
     configuration: RecordedConfiguration,
     recording: Recording,
     rows: NDArray[np.int64],
+    displacement_mm: NDArray[np.float64],
     recorded: NDArray[Any],
     report: VerificationReport,
 ) -> None:
     """Run the estimator over the samples of a segment and compare."""
-    zeros = configuration.parameters
-    force = recording.force_n[rows] - zeros.get(FORCE_ZERO, 0.0)
+    force = recording.force_n[rows] - configuration.parameters.get(FORCE_ZERO, 0.0)
     series = run_in_pieces(
         estimator,
         (recording.stamps[rows] - configuration.time_origin_ns) * 1e-9,
-        recording.displacement_mm[rows] - zeros.get(POSITION_ZERO, 0.0),
+        displacement_mm,
         force,
     )
     differs = np.zeros(len(rows), bool)

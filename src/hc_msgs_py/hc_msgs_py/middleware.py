@@ -19,8 +19,8 @@ LEFT_TO_PROFILE: Final = "SYSTEM_DEFAULT"
 """Range with which the ROS layer adds nothing to the profile (see fast_dds_this_machine.xml)."""
 _PROFILE_VARIABLES: Final = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 _NO_SECURITY: Final = b"doesn't have the security libraries"
-_LOG_FOLDERS: Final = ("ROS_LOG_DIR", "ROS_HOME", "HOME")
-"""Where the ROS layer writes logs; it does not start if none of them is set."""
+_LOG_FOLDERS: Final = {"ROS_LOG_DIR": "", "ROS_HOME": "log", "HOME": ".ros/log"}
+"""Where the ROS layer writes logs: below the first that is set. It starts nowhere else."""
 _LOCALHOST: Final = "LOCALHOST"
 _OLD_SWITCH: Final = "ROS_LOCALHOST_ONLY"
 _PEERS: Final = "ROS_STATIC_PEERS"
@@ -45,8 +45,7 @@ def set_defaults() -> None:
                 f"ROS_SECURITY_ENABLE is true, and the middleware was built without security "
                 f"({library}): see docs/security.md, or unset the variable"
             )
-    if not any(environment.get(name) for name in _LOG_FOLDERS):  # a service may have no home
-        environment["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / f"ros_log_{os.getuid()}")
+    _choose_log_folder()
     profile = next((environment[n] for n in _PROFILE_VARIABLES if environment.get(n)), None)
     if profile not in (None, str(THIS_MACHINE), str(NETWORK)):
         environment.setdefault(RANGE, _LOCALHOST)
@@ -59,6 +58,35 @@ def set_defaults() -> None:
         # Without shared memory here too, unless asked for: killed nodes leave nothing in the way.
         environment.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
         environment[_PROFILE_VARIABLES[0]] = str(NETWORK)
+
+
+def _choose_log_folder() -> None:
+    """Let logs go to the system's folder for passing files where they cannot go where they would.
+
+    A service may have no home, or one that is not its own. Of a folder that was named it is said.
+    """
+    elsewhere = Path(tempfile.gettempdir()) / f"ros_log_{os.getuid()}"
+    for name, below in _LOG_FOLDERS.items():
+        given = os.environ.get(name)
+        if not given:
+            continue
+        folder = Path(given).expanduser() / below
+        why = _why_not_written(folder)
+        if not why:
+            return
+        if name != "HOME":
+            sys.stderr.write(f"{name}: cannot write to {folder} ({why}); logs go to {elsewhere}\n")
+        break
+    os.environ["ROS_LOG_DIR"] = str(elsewhere)
+
+
+def _why_not_written(folder: Path) -> str:
+    """Return why no file can be made in a folder, which is made if need be; else nothing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        return str(error.strerror)
+    return "" if os.access(folder, os.W_OK | os.X_OK) else "no permission"
 
 
 def built_without_security() -> Path | None:

@@ -32,6 +32,25 @@ def test_a_reason_stands_below_its_recording(
     assert 'class="note"' not in lines[good + 1]  # nothing is to be said of it
 
 
+def test_the_length_is_that_of_what_was_read(
+    make_recordings: MakeRecordings, tmp_path: Path
+) -> None:
+    """Regression: a table whose time is in a wrong unit made 16.8 hours of a minute."""
+    folder, target = make_recordings(1), tmp_path / "out"
+    lines = (folder / "r0000.csv").read_text().splitlines()
+    seconds = float(lines[-1].split(",")[0]) - float(lines[1].split(",")[0])
+    rows = [line.split(",") for line in lines[1:]]
+    slow = [",".join([str(3600.0 * float(row[0])), *row[1:]]) for row in rows]
+    (folder / "slow.csv").write_text("\n".join([lines[0], *slow]) + "\n")
+    assert batch(folder, "-o", target) == 0
+    page = (target / "overview.html").read_text()
+    assert (
+        f"2 recordings, 1 with a result: {len(rows):,} samples, {seconds / 60.0:.1f} minutes"
+        in page
+    )
+    assert "1 without a result, see below" in page
+
+
 def test_names_in_the_page_are_text(make_recordings: MakeRecordings, tmp_path: Path) -> None:
     folder, target = make_recordings(1), tmp_path / "out"
     (folder / "r0000.csv").rename(folder / "<img src=x onerror=alert(1)>.csv")

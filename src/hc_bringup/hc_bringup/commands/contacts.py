@@ -81,7 +81,8 @@ def add_rule_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tip",
         metavar="TOPIC",
-        help="position of the tip (default: indenter/tip, or a bag's only pose or transform)",
+        help="position of the tip (default: indenter/tip, or a bag's only pose, transform or "
+        "frames; of several frames /tf:tool0, say)",
     )
     parser.add_argument(
         "--tip-axes",

@@ -8,7 +8,7 @@ import json
 import os
 
 from hc_bringup.errors import UserError
-from hc_bringup.options import origin, port_number
+from hc_bringup.options import namespace, origin, port_number
 
 HELP = "live page in a browser: what is felt, how sure, and what happens"
 HOW_TO_INSTALL = "the live page needs aiohttp: pip install hc-suite[dashboard]"
@@ -22,6 +22,12 @@ def is_installed() -> bool:
 def configure(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_options(parser)
+    parser.add_argument(
+        "--namespace",
+        type=namespace,
+        metavar="NAME",
+        help="show the estimator of this namespace (left: that of /left/estimator)",
+    )
     parser.add_argument(
         "--port", type=port_number, metavar="N", help="port (default 8765; 0 takes a free one)"
     )
@@ -99,6 +105,8 @@ def run(arguments: argparse.Namespace) -> int:
         return node
 
     words = ["--ros-args"]
+    if arguments.namespace is not None:
+        words += ["-r", f"__ns:=/{arguments.namespace}"]
     for name, value in parameters.items():
         # YAML reads JSON; a text must not be taken for a number.
         words += ["-p", f"{name}:={json.dumps(value)}"]

@@ -295,9 +295,9 @@ def with_dashboard(plan: Any, arguments: argparse.Namespace) -> Any:
     os.environ.setdefault(TOKEN_VARIABLE, new_token())
     # Of several estimators it shows the first: it looks at the topics of its namespace.
     first = next(iter(plan.of_kind("estimator")), None)
-    space = "" if first is None else first.name.removesuffix(first.kind)
+    space = "" if first is None else first.namespace
     page = NodePlan(
-        space + NODE_DASHBOARD,
+        f"{space}/{NODE_DASHBOARD}" if space else NODE_DASHBOARD,
         "hc_bringup.dashboard.node",
         parameters=dashboard.node_parameters(arguments),
         respawn=True,

@@ -41,7 +41,8 @@ class _Sums:
     """What the page needs of all results, whatever their number."""
 
     recordings: set[str] = field(default_factory=set)
-    without: set[str] = field(default_factory=set)
+    read: set[str] = field(default_factory=set)  # with a result of one variant at least
+    without: set[str] = field(default_factory=set)  # of one variant at least
     contacts: int = 0
     samples: int = 0
     seconds: float = 0.0
@@ -88,10 +89,11 @@ def batch_page(
 def _add(sums: _Sums, number: int, done: Done, *, with_variant: bool) -> None:
     row, reason, label = done.result["recording"], done.result["reason"], done.variant.label
     found = _found(done)
-    first = done.name not in sums.recordings
     sums.recordings.add(done.name)
     sums.by_place |= bool(done.result["places"])
-    if first and row:
+    if row and not reason and done.name not in sums.read:
+        # What has no result has no length either: it may be its time that is wrong.
+        sums.read.add(done.name)
         sums.samples += row["samples"]
         sums.seconds += row["duration"] if math.isfinite(row["duration"]) else 0.0
     if reason:
@@ -156,14 +158,17 @@ def _value(value: float, deviation: float) -> str:
 
 
 def _header(sums: _Sums, *, complete: bool) -> str:
-    recordings, without = len(sums.recordings), len(sums.without)
+    recordings, read = len(sums.recordings), len(sums.read)
     what = "place of a recording" if sums.by_place else "recording"
+    of_which = "" if read == recordings else f", {read:,} with a result"
     lines = [
-        f"{_count(recordings, 'recording')}, {sums.samples:,} samples, "
+        f"{_count(recordings, 'recording')}{of_which}: {sums.samples:,} samples, "
         f"{_time(sums.seconds)}; {_count(sums.contacts, 'contact')} found."
     ]
-    if without:
-        lines.append(f"{without} without a result, see below.")
+    if read < recordings:
+        lines.append(f"{recordings - read:,} without a result, see below.")
+    if some := len(sums.without & sums.read):
+        lines.append(f"{some:,} without a result of some variant, see below.")
     if not complete:
         lines.append("Not complete: this batch was ended early; hc batch --resume goes on.")
     return (

@@ -42,6 +42,10 @@ class ContactRules:
     minimum_force_n: float = 0.0
 
 
+WORTH_A_ROW: Final = ContactRules(minimum_depth_mm=0.05)
+"""Of a report, and of the end of a run: shallower touches are no contacts worth a row."""
+
+
 @dataclass(frozen=True)
 class Contact:
     """One contact; lengths mm, times s of the run, forces N, energies mJ.

@@ -36,6 +36,8 @@ AROUND: Final = 0.25
 AT_THE_END = 0.06
 """Share of the way: so near to its end, the stiffest place may not be the stiffest there is."""
 USUAL_DEPTH_MM: Final = 2.0
+DEPTHS_MM: Final = (0.2, 10.0)
+"""Depths that a map is drawn for unless another one is asked for: those of a page's slider."""
 _COLUMN: Final = {name: place for place, name in enumerate(MAP_COLUMNS)}
 
 
@@ -118,10 +120,21 @@ class StiffnessMap:
 
 
 def usual_depth(contacts: Sequence[Contact]) -> float:
-    """Return the depth [mm] that a map is drawn for unless another one is asked for."""
+    """Return the depth [mm] that a map is drawn for unless another one is asked for, in tenths."""
     # Depths count from where displacements do, which need not be the surface.
     deepest = [c.peak_depth_mm for c in contacts if c.peak_depth_mm > 0.0]
-    return min(USUAL_DEPTH_MM, 0.5 * float(np.median(deepest))) if deepest else USUAL_DEPTH_MM
+    half = 0.5 * float(np.median(deepest)) if deepest else USUAL_DEPTH_MM
+    return max(round(min(USUAL_DEPTH_MM, half), 1), DEPTHS_MM[0])
+
+
+def usual_map(data: RunData, contacts: Sequence[Contact]) -> StiffnessMap | None:
+    """Return the map of which a report and the end of a run speak; None where there is none."""
+    if data.tip is None:
+        return None
+    try:
+        return fit_map(measured_places(data, contacts, usual_depth(contacts)))
+    except UserError:
+        return None  # too few places, or no library: one does without
 
 
 def measured_places(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> MeasuredPlaces:

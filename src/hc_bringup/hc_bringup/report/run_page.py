@@ -12,10 +12,9 @@ import numpy as np
 from hc_bringup.dashboard.columns import COLUMNS, HYPOTHESES
 from hc_bringup.dashboard.nis import nis_bands
 from hc_bringup.dashboard.palpation import MAP_COLUMNS
-from hc_bringup.errors import UserError
-from hc_bringup.report.contacts import Contact, ContactRules, find_contacts
+from hc_bringup.report.contacts import WORTH_A_ROW, Contact, find_contacts
 from hc_bringup.report.page import PANELS, encode_numbers, items, render, table
-from hc_bringup.report.palpation_map import StiffnessMap, fit_map, measured_places, usual_depth
+from hc_bringup.report.palpation_map import DEPTHS_MM, StiffnessMap, usual_depth, usual_map
 from hc_bringup.report.rows import column_blocks, map_cells, page_contacts, page_events, page_rows
 from hc_bringup.report.verdict import Sentence, settled, verdict
 from hc_bringup.run_data import RunData
@@ -24,12 +23,8 @@ from hc_evaluation.channels import ChannelDiagnosis, diagnose_channels, evenly_s
 from hc_msgs_py.units import METRE_IN_MM
 
 MOST_CONTACT_ROWS: Final = 200
-CONTACT_DEPTH_MM: Final = 0.05
-"""Shallower touches are no contacts worth a row."""
 UNEXPLAINED: Final = 2.0
 """What one law leaves of the force, over its noise: from here on it is no law of this recording."""
-SLIDER_MM: Final = (0.2, 10.0)
-"""Depths that the map is drawn for, in tenths."""
 UNITS: Final = ("N/mmⁿ", "N(s/mm)ᵖ/mmⁿ", "", "")
 
 
@@ -40,10 +35,10 @@ def run_page(data: RunData, command: Sequence[str]) -> str:
         data: the run.
         command: the command line that makes it, for who wants to make it again.
     """
-    contacts = find_contacts(data, ContactRules(minimum_depth_mm=CONTACT_DEPTH_MM))
+    contacts = find_contacts(data, WORTH_A_ROW)
     channels, why_not = _diagnosis(data)
-    depth_mm = _map_depth(contacts)
-    found = _map(data, contacts, depth_mm)
+    depth_mm = usual_depth(contacts)
+    found = usual_map(data, contacts)
     rows = page_rows(data)
     cell_mm, cells = map_cells(data, rows)
     content = {
@@ -80,21 +75,6 @@ def _diagnosis(data: RunData) -> tuple[ChannelDiagnosis | None, str]:
         return diagnose_channels(*evenly_spaced(*part)), ""
     except ValueError as error:
         return None, str(error)
-
-
-def _map_depth(contacts: Sequence[Contact]) -> float:
-    """Return the depth [mm] of the map and of what is said of it: one that the slider has."""
-    low, high = SLIDER_MM
-    return min(max(round(usual_depth(contacts), 1), low), high)
-
-
-def _map(data: RunData, contacts: Sequence[Contact], depth_mm: float) -> StiffnessMap | None:
-    if data.tip is None:
-        return None
-    try:
-        return fit_map(measured_places(data, contacts, depth_mm))
-    except UserError:
-        return None  # too few places, or no library: the page does without
 
 
 def _lump(found: StiffnessMap) -> dict[str, Any] | None:
@@ -158,7 +138,7 @@ def _map_panel(cells: Any, contacts: Sequence[Contact], depth_mm: float) -> str:
     """Return the panel of the map, nothing where there is none."""
     if len(cells) < 2 and len(contacts) < 2:
         return ""
-    low, high = SLIDER_MM
+    low, high = DEPTHS_MM
     return (
         '<section id="map" class="panel wide"><h2>Palpation map</h2><p class="under">Stiffness '
         f'where it was felt, at a depth of <label class="inline"><input type="range" min="{low}" '

@@ -65,8 +65,7 @@ def verdict(
         text = "No sample in contact could be used: nothing can be said."
         return [Sentence(Level.BAD, text), *_losses(data)]
     sentences = [
-        *_lump(found),
-        *_parameters_found(data, scanned=found is not None and found.lump is not None),
+        *stiffness_found(data, found),
         *_fit(data, contacts),
         *_channels(data, channels),
         *_unseen(data, channels),
@@ -78,6 +77,17 @@ def verdict(
     if len(contacts) > 1:
         sentences.append(_spread(contacts))
     return sentences
+
+
+def stiffness_found(data: RunData, found: StiffnessMap | None) -> list[Sentence]:
+    """Return the hard spot, if there is one, and how stiff the tissue is.
+
+    Args:
+        data: a run with samples in contact that were used.
+        found: the palpation map, or None where there is none.
+    """
+    scanned = found is not None and found.lump is not None
+    return [*_lump(found), *_parameters_found(data, scanned=scanned)]
 
 
 def settled(data: RunData) -> NDArray[np.bool_]:

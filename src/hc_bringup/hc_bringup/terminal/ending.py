@@ -1,14 +1,14 @@
-"""How a run ends on the command line: a picture of what was felt, and a sentence about it.
+"""How a run ends on the command line: a picture of what was felt, and sentences about it.
 
 Along a scan the picture is the tissue itself, coloured by its stiffness, above its profile;
-elsewhere it is the force over the depth.
+elsewhere it is the force over the depth. Map and sentences are those of `hc report`, so that both
+say the same.
 """
 
 from __future__ import annotations
 
-import math
 from itertools import groupby
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,108 +16,52 @@ from numpy.typing import NDArray
 from rich.text import Text
 
 from hc_bringup.dashboard.columns import INDEX
-from hc_bringup.dashboard.palpation import MAP_COLUMNS
-from hc_bringup.report.rows import map_cells, page_rows
+from hc_bringup.report.contacts import WORTH_A_ROW, find_contacts
+from hc_bringup.report.palpation_map import StiffnessMap, usual_map
+from hc_bringup.report.rows import page_rows
+from hc_bringup.report.verdict import Level, stiffness_found
 from hc_bringup.run_data import RunData
-from hc_bringup.terminal.numbers import decimals_of, engineering
 
 Array = NDArray[np.float64]
 
-DEPTH_MM: Final = 2.0
-LARGEST_SPREAD: Final = 0.5  # of the force, up to which it is an answer
 HEIGHT: Final = 7
 WIDEST: Final = 76
-LEAST_CELLS: Final = 8
-LEAST_FACTOR: Final = 1.3
-AROUND: Final = 0.25
-"""Quantile of the stiffness that counts as what is around a lump: the lump itself is not in it."""
+LEAST_PLACES: Final = 8
 EIGHTHS: Final = " ▁▂▃▄▅▆▇█"
-_COLUMN: Final = {name: place for place, name in enumerate(MAP_COLUMNS)}
-
-
-class Profile(NamedTuple):
-    """Stiffness along a scan: places [mm], stiffness [N/mm], its relative deviation."""
-
-    x_mm: Array
-    stiffness: Array
-    relative_std: Array
-
-
-class Lump(NamedTuple):
-    """A hard spot: place [mm], how many times as stiff as around it, relative deviation.
-
-    It is not passed where the way begins or ends at its stiffest: it may lie further on.
-    """
-
-    x_mm: float
-    factor: float
-    relative_std: float
-    passed: bool
 
 
 def ending(data: RunData, width: int) -> list[Text]:
-    """Return the picture and the sentence.
+    """Return the picture and the sentences.
 
     Args:
-        data: the run.
+        data: the run, with samples in contact that were used.
         width: columns of the terminal.
     """
     width = max(30, min(width - 4, WIDEST))
-    rows = page_rows(data)
-    profile = scan_profile(data, rows)
-    if profile is not None:
-        lines = draw_profile(profile, width)
-        return [*lines, Text(""), Text(_sentence_of_scan(profile))]
-    lines = draw_depth(rows, width)
-    return [*lines, Text(""), Text(_sentence_of_press(data))] if lines else []
+    found = usual_map(data, find_contacts(data, WORTH_A_ROW))
+    if found is not None and is_scan(found):
+        return [*draw_profile(found, width), Text(""), *_sentences(data, found)]
+    lines = draw_depth(page_rows(data), width)
+    return [*lines, Text(""), *_sentences(data, found)] if lines else []
 
 
-def scan_profile(data: RunData, rows: Array) -> Profile | None:
-    """Return the stiffness along a scan; None where there was none."""
-    if data.tip is None:
-        return None
-    _, cells = map_cells(data, rows)
-    if len(cells) < LEAST_CELLS or np.ptp(cells[:, _COLUMN["y"]]) > 0.0:
-        return None
-    cells = cells[np.argsort(cells[:, _COLUMN["x"]])]
-    exponent = cells[:, _COLUMN["n"]]
-    log_depth = math.log(DEPTH_MM)
-    slope = 1.0 / exponent + log_depth
-    stiffness = np.exp(cells[:, _COLUMN["ln_K"]] + (exponent - 1.0) * log_depth) * exponent
-    variance = (
-        cells[:, _COLUMN["var_ln_K"]]
-        + slope**2 * cells[:, _COLUMN["var_n"]]
-        + 2.0 * slope * cells[:, _COLUMN["cov"]]
-    )
-    return Profile(cells[:, _COLUMN["x"]], stiffness, np.sqrt(np.maximum(variance, 0.0)))
+def is_scan(found: StiffnessMap) -> bool:
+    """Whether a map is one along a line, of more than a few places, and says something."""
+    enough = len(found.places.log_stiffness) >= LEAST_PLACES
+    return found.is_line and enough and bool(found.known.any())
 
 
-def find_lump(profile: Profile) -> Lump | None:
-    """Return the stiffest place if it stands out by more than its uncertainty allows."""
-    usual = float(np.quantile(profile.stiffness, AROUND))
-    trusted = np.flatnonzero(profile.relative_std < 0.2)
-    if not len(trusted):
-        return None
-    peak = int(trusted[np.argmax(profile.stiffness[trusted])])
-    factor = float(profile.stiffness[peak]) / usual
-    relative = float(profile.relative_std[peak])
-    # One estimate that went astray is no lump: a neighbour must feel it too.
-    beside = [i for i in (peak - 1, peak + 1) if 0 <= i < len(profile.stiffness)]
-    stiffer_beside = max(float(profile.stiffness[i]) for i in beside) > 1.15 * usual
-    if factor < LEAST_FACTOR or factor - 1.0 < 4.0 * relative * factor or not stiffer_beside:
-        return None
-    passed = 1 < peak < len(profile.stiffness) - 2
-    return Lump(float(profile.x_mm[peak]), factor, relative, passed)
-
-
-def draw_profile(profile: Profile, width: int) -> list[Text]:
-    """Return the tissue from above, its profile and an axis."""
-    at = np.linspace(profile.x_mm[0], profile.x_mm[-1], width)
-    values = np.interp(at, profile.x_mm, profile.stiffness)
-    low, high = float(values.min()), float(values.max())
+def draw_profile(found: StiffnessMap, width: int) -> list[Text]:
+    """Return the tissue from above, its profile and an axis; empty where it is not known."""
+    at = np.linspace(found.x_mm[0], found.x_mm[-1], width)
+    values = np.interp(at, found.x_mm, found.stiffness[0])
+    known = np.interp(at, found.x_mm, found.known[0].astype(np.float64)) > 0.5
+    values = np.where(known, values, 0.0)
+    shown = found.stiffness[found.known]
+    low, high = float(shown.min()), float(shown.max())
     share = (values - low) / (high - low) if high > low else np.full(width, 0.5)
-    colours = [_hex(one) for one in share]
-    top = f"stiffness at {DEPTH_MM:g} mm, up to {high:.2f} N/mm"
+    colours = [_hex(one) for one in np.clip(share, 0.0, 1.0)]
+    top = f"stiffness at {found.places.depth_mm:g} mm, up to {high:.2f} N/mm"
     lines = [Text(top, style="dim")]
     eighths = np.rint(values / high * HEIGHT * 8).astype(int)
     for row in range(HEIGHT - 1, -1, -1):
@@ -153,39 +97,22 @@ def draw_depth(rows: Array, width: int) -> list[Text]:
     return [*lines, Text("  " + axis, style="dim")]
 
 
-def _sentence_of_scan(profile: Profile) -> str:
-    lump = find_lump(profile)
-    if lump is None:
-        spread = 100.0 * float(np.std(profile.stiffness) / np.mean(profile.stiffness))
-        return f"No lump along the way: the stiffness varies by {spread:.0f} %."
-    if not lump.passed:
-        return (
-            f"The tissue grows harder up to {lump.x_mm:.1f} mm, where the way ends: "
-            f"{lump.factor:.1f} times as stiff so far. Go further to find the lump."
-        )
-    return (
-        f"There is a lump: {lump.x_mm:.1f} mm along the way the tissue is {lump.factor:.1f} times "
-        f"as stiff as around it, known to {max(1.0, 200.0 * lump.relative_std):.0f} %."
-    )
-
-
-def _sentence_of_press(data: RunData) -> str:
-    last = int(np.flatnonzero(data.contact & data.used)[-1])
-    stiffness, _, exponent, _ = data.parameters[last]
-    relative = np.array([1.0 / stiffness, math.log(DEPTH_MM)])
-    covariance = data.covariance[last][np.ix_([0, 2], [0, 2])]
-    force = float(stiffness * DEPTH_MM**exponent)
-    spread = 2.0 * force * math.sqrt(max(float(relative @ covariance @ relative), 0.0))
-    if not spread < LARGEST_SPREAD * force:
-        return "How the tissue answers is not known from this run; hc doctor says why."
-    places = decimals_of(force, spread)
-    error = (data.force_n - data.force_predicted_n)[data.contact & data.used]
-    usual = float(np.nanmedian(np.abs(error))) if np.isfinite(error).any() else math.nan
-    return (
-        f"{DEPTH_MM:g} mm deep this tissue answers with {force:.{places}f} ± {spread:.{places}f} "
-        "N; every force was foretold before it came, half of them within "
-        f"{engineering(usual, 'N')}."
-    )
+def _sentences(data: RunData, found: StiffnessMap | None) -> list[Text]:
+    """Return those of a report about what was felt, each a line, and what helps where they fail."""
+    said = stiffness_found(data, found)
+    lines = [one.text for one in said]
+    if said[-1].level is not Level.GOOD:
+        lines[-1] += " hc doctor says why it is not known better."
+    if found is not None and is_scan(found):
+        if found.lump is None:
+            stiffness = found.stiffness[found.known]
+            spread = (
+                100.0 * float(np.std(stiffness) / np.mean(stiffness)) if len(stiffness) else 0.0
+            )
+            lines.insert(0, f"No hard spot along the way: the stiffness varies by {spread:.0f} %.")
+        elif not found.lump.passed:
+            lines[0] += " Go further to find the hard spot."
+    return [Text(line) for line in lines]
 
 
 def _hex(share: float) -> str:

@@ -18,6 +18,8 @@ REQUESTS: Final = {
 }
 """Key to what the run is asked for, and how the panel calls it."""
 STOP: Final = "q"
+CHOICES: Final = "123456789"
+"""Of several estimators, the one that the keys are for from now on."""
 
 
 class Keys:
@@ -46,7 +48,10 @@ class Keys:
         return ((STOP, "stop"), *((key, words) for key, (_, words) in REQUESTS.items()))
 
     def requests(self) -> list[str]:
-        """Return what has been asked for since the last call; the key to stop ends the run."""
+        """Return what has been asked for since the last call, of CHOICES the key itself.
+
+        The key to stop ends the run.
+        """
         if self._keyboard is None:
             return []
         try:
@@ -56,4 +61,8 @@ class Keys:
             return []
         if STOP in names:
             os.kill(os.getpid(), signal.SIGINT)  # the same clean end as Ctrl-C
-        return [REQUESTS[name][0] for name in names if name in REQUESTS]
+        return [
+            REQUESTS[name][0] if name in REQUESTS else name
+            for name in names
+            if name in REQUESTS or name in CHOICES
+        ]

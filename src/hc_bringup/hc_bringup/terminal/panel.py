@@ -53,6 +53,8 @@ class PanelPainter:
         if view.keys:
             lines.append(Text(""))
             lines += _flow([f"[{key}] {meaning}" for key, meaning in view.keys], inner, "dim")
+        if view.choice():
+            lines += _wrapped(view.choice(), inner, "dim")
         if view.answer:
             lines += _wrapped(view.answer, inner, "cyan")
         return Panel(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from hc_bringup.silence import is_silent
+from hc_bringup.terminal.keys import CHOICES
 
 NO_SAMPLES: Final = "no samples come"
 BEYOND_REASON_MM: Final = 50.0
@@ -75,6 +76,8 @@ class PanelView:
         answer: what became of the last key.
         others: what further estimators of the run say, one line each.
         keys: name and meaning of each.
+        keys_for: which of the estimators they are for, from 0.
+        estimators: names of those of the run.
         history: for the sparklines.
     """
 
@@ -113,6 +116,8 @@ class PanelView:
     answer: str = ""
     others: tuple[str, ...] = ()
     keys: Sequence[tuple[str, str]] = ()
+    keys_for: int = 0
+    estimators: Sequence[str] = ()
     history: PanelHistory = field(default_factory=PanelHistory)
 
     @property
@@ -140,6 +145,15 @@ class PanelView:
         if self.mismatch and self.contact:
             return "in contact, but the law does not fit", "warn"
         return ("in contact", "good") if self.contact else ("in the air", "idle")
+
+    def choice(self) -> str:
+        """Say which of several estimators the keys are for, and how to choose another one."""
+        if len(self.estimators) < 2 or not self.keys:
+            return ""
+        there = enumerate(zip(CHOICES, self.estimators, strict=False))
+        others = [f"[{key}] {name}" for i, (key, name) in there if i != self.keys_for]
+        chosen = self.estimators[self.keys_for]
+        return f"the keys are for {chosen}; for another one: {', '.join(others)}"
 
     def warnings(self) -> list[str]:
         """Return what the user should do something about, a line each."""

@@ -20,8 +20,10 @@ from hc_estimator.ros.inputs import Receiver
 from hc_estimator.ros.joints import joint_index
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import effort_settings, sensor_mapping
+from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.effort_filters import EffortSettings, make_force_filter
 from hc_estimator.stream.force_filter import ForceFilter
+from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import JUMP_NS
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_msgs_py.units import METRE_IN_MM, nanoseconds_from_stamp, sent_mm
@@ -44,6 +46,7 @@ class EffortInput:
         self._missing_joint = self._unused = self._sequence = 0
         self._origin_ns = self._newest_ns = 0
         self._frame_id = ""
+        self._frame = FrameCompliance()
         self._joints = Channel(
             node,
             JointState,
@@ -62,6 +65,7 @@ class EffortInput:
         """Take other settings; the filter begins anew if it, or what it is given, is another."""
         self._force_zero = values["input.force.zero"]
         self._position_zero = values["input.position.zero"]
+        self._frame.mm_per_n = values[frame_compliance.SETTING.name]
         self._mapping = sensor_mapping(values, "position")
         self._effort_factor = values["input.position.sign"] * values["input.effort.scale"]
         self._offset_ns = round(values["input.position.time_offset"] * 1e9)
@@ -114,7 +118,8 @@ class EffortInput:
             self._unused += 1
             return
         # The estimator gets what a recorder gets, to the last bit.
-        displacement_mm = sent_mm(reading_mm - self._position_zero)
+        yielded_mm = self._frame.yielded_mm(stamp_ns, reading_n, self._force_zero)
+        displacement_mm = sent_mm(reading_mm - self._position_zero - yielded_mm)
         force_n = reading_n - self._force_zero
         if not self._samples.begin():
             return

@@ -9,6 +9,8 @@ from hc_msgs.msg import IndenterSample, IndenterSamples
 from rclpy.node import Node
 
 from hc_estimator.ros.channel import Channel
+from hc_estimator.stream import frame_compliance
+from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.vocabulary import Batch
 from hc_msgs_py.topics import SAMPLE, SAMPLES
@@ -75,7 +77,7 @@ class Input(Protocol):
 
 
 class SampleInput:
-    """Subscribes to indenter/sample and hands every sample on, less the zeros.
+    """Subscribes to indenter/sample and hands every sample on, less zeros and the robot's yield.
 
     Samples that wait are decoded together and handed on as one batch.
     """
@@ -93,6 +95,7 @@ class SampleInput:
         self._receiver = receiver
         self._decoder = SampleDecoder()
         self._frame_id = ""
+        self._frame = FrameCompliance()
         self._channel = self._subscribe(node, receiver)
         self.channels = (self._channel,)
         self.configure(values)
@@ -114,6 +117,7 @@ class SampleInput:
         """Take other zeros and another limit of the backlog."""
         self._force_zero = values["input.force.zero"]
         self._position_zero = values["input.position.zero"]
+        self._frame.mm_per_n = values[frame_compliance.SETTING.name]
         self._channel.maximum_backlog = values["input.maximum_backlog"]
 
     @property
@@ -133,9 +137,7 @@ class SampleInput:
             self.undecodable += 1
             return
         self._hear_frame(decoder.frame_id)
-        self._receiver.on_sample(
-            stamp_ns, sequence, displacement_mm - self._position_zero, force_n - self._force_zero
-        )
+        self._hand_on_one(stamp_ns, sequence, displacement_mm, force_n)
 
     def _take_many(self, messages: list[bytes]) -> None:
         samples = decode_samples(self._decoder, messages)
@@ -154,13 +156,20 @@ class SampleInput:
         stamps, sequences, displacements, forces = samples
         if len(stamps) >= self._receiver.fewest_together():
             places, pushes = displacements - self._position_zero, forces - self._force_zero
+            places -= self._frame.of_many(stamps, forces, self._force_zero)
             self._receiver.on_samples(Batch(stamps, sequences, places, pushes))
             return
         columns = (column.tolist() for column in samples)
         for stamp_ns, sequence, displacement_mm, force_n in zip(*columns, strict=True):
             # Zeros that one of them sets hold from the next one on.
-            place_mm, push_n = displacement_mm - self._position_zero, force_n - self._force_zero
-            self._receiver.on_sample(stamp_ns, sequence, place_mm, push_n)
+            self._hand_on_one(stamp_ns, sequence, displacement_mm, force_n)
+
+    def _hand_on_one(
+        self, stamp_ns: int, sequence: int, displacement_mm: float, force_n: float
+    ) -> None:
+        place_mm, push_n = displacement_mm - self._position_zero, force_n - self._force_zero
+        place_mm -= self._frame.yielded_mm(stamp_ns, force_n, self._force_zero)
+        self._receiver.on_sample(stamp_ns, sequence, place_mm, push_n)
 
 
 class ArrayInput(SampleInput):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hc_estimator.ros.effort_settings import EFFORT_SETTINGS
+from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.mapping import AXES
 from hc_estimator.stream.merger import MAXIMUM_WAIT_S
 from hc_estimator.stream.vocabulary import SessionSettings
@@ -38,6 +39,7 @@ READING = frozenset(
         "input.position.joint",
         "input.position.child_frame",
         "input.position.base_frame",
+        frame_compliance.SETTING.name,
         "input.contact.frame",
         "input.contact.point",
         "input.contact.normal",
@@ -151,6 +153,7 @@ NODE_SETTINGS = _table(
         "mm",
         "the type that input.position.type says",
     ),
+    frame_compliance.SETTING,
     *EFFORT_SETTINGS,
     setting(
         "input.position.type",

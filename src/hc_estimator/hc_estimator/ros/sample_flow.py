@@ -16,7 +16,8 @@ from hc_estimator.ros.settings import Settings
 from hc_estimator.ros.state_keeper import StateKeeper
 from hc_estimator.ros.status import StatusReporter
 from hc_estimator.ros.zero_setting import ZeroSetting
-from hc_estimator.ros.zeroing import ZEROS
+from hc_estimator.ros.zeroing import TAKEN_OFF
+from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.contacts import ContactSummary
 from hc_estimator.stream.session import EstimationSession
 from hc_estimator.stream.suspicion_watch import SuspicionWatch
@@ -158,7 +159,10 @@ class SampleFlow:
         self._revision = revision.number
         values = self._settings.values
         # Samples made of one's own sensors are published with their zeros already taken off.
-        zeros = {} if values["input.source"] in OWN_SENSORS else {n: values[n] for n in ZEROS}
+        own = values["input.source"] in OWN_SENSORS
+        zeros = {name: values[name] for name in TAKEN_OFF}
+        if own:  # what is taken off twice does not show, as a zero would
+            zeros = {frame_compliance.TAKEN_OFF_ALREADY: values[frame_compliance.SETTING.name]}
         session = self._configured()
         loaded = session.loaded if revision.cause is Cause.STATE_LOADED else None
         self._outputs.publish_configuration(revision, session.estimator, zeros, loaded)

@@ -24,8 +24,10 @@ from hc_estimator.ros.moving_surface import MovingSurface
 from hc_estimator.ros.sample_output import SampleOutput
 from hc_estimator.ros.settings_meaning import contact_frame, sensor_mapping
 from hc_estimator.ros.tool_frames import ToolFrames
+from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.contact_frame import Quaternion, Vector, unit_quaternion
 from hc_estimator.stream.contact_reading import ContactReading
+from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.normal_finder import NormalFinder
 from hc_estimator.stream.poses import SurfacePose, ToolPose
@@ -65,6 +67,7 @@ class SensorInput:
         if values["input.contact.frame"] == "surface":
             moves = values["input.contact.normal_from"] == "topic"
             self._contact = ContactReading(contact_frame(values), moves=moves)
+        self._frame = FrameCompliance()
         self._repeated_forces, self._repeated_positions = Repeats(), Repeats()
         self._merger = Merger(
             maximum_wait_ns=0, reorder_window_ns=0, maximum_gap_ns=1, with_surface=moves
@@ -114,6 +117,7 @@ class SensorInput:
         """Take other settings that do not need other subscriptions."""
         self._force_zero = values["input.force.zero"]
         self._position_zero = values["input.position.zero"]
+        self._frame.mm_per_n = values[frame_compliance.SETTING.name]
         self._force_mapping = sensor_mapping(values, "force")
         self._position_mapping = sensor_mapping(values, "position")
         self._force_factor = values["input.force.sign"] * values["input.force.scale"]
@@ -151,6 +155,7 @@ class SensorInput:
             self._merger.clear()  # readings of before and after do not belong together
             self._repeated_forces.forget()
             self._repeated_positions.forget()
+            self._frame = FrameCompliance(self._frame.mm_per_n)
         self._reading = reading
 
     @property
@@ -277,21 +282,30 @@ class SensorInput:
             self._receiver.on_sample(sample.stamp_ns, sample.sequence, displacement_mm, force_n)
 
     def _read(self, sample: Merged) -> tuple[float, float] | None:
-        """Return displacement [mm] and force [N], zeros not taken off; None if it is no sample."""
+        """Return displacement [mm], less what the robot gave way, and force [N].
+
+        Zeros are not taken off. None if it is no sample.
+        """
+        along = None if self._contact is None else self._contact.read(sample)
         if self._contact is None:
-            return (
-                math.nan if sample.displacement is None else sample.displacement,
-                math.nan if sample.force is None else sample.force,
-            )
-        along = self._contact.read(sample)
-        if along is None:
+            place_mm = math.nan if sample.displacement is None else sample.displacement
+            force_n = math.nan if sample.force is None else sample.force
+        elif along is None:
             return None
-        depth_mm = self._position_factor * along.depth_mm
-        force_n = self._force_factor * along.force_n
+        else:
+            place_mm = self._position_factor * along.depth_mm
+            force_n = self._force_factor * along.force_n
+        yielded_mm = self._frame.yielded_mm(sample.stamp_ns, force_n, self._force_zero)
+        if math.isnan(yielded_mm) and sample.force is None:
+            self._merger.counters.unpaired += 1  # no force says how far the robot gave way
+            return None
+        depth_mm = place_mm - yielded_mm
+        if along is None:
+            return depth_mm, force_n
         finder = self.normal_finder
         if along.tip is not None:
             self.position = (along.tip, self._base_frame_id)
-            if finder is not None:
+            if finder is not None and not math.isnan(depth_mm):
                 finder.add_tip(depth_mm - self._position_zero, along.tip)
         if finder is not None and along.push is not None:
             finder.add(along.push, force_n - self._force_zero)

@@ -8,12 +8,15 @@ from typing import Any, NamedTuple
 from rclpy.parameter import Parameter
 
 from hc_estimator.ros.services import NotPossibleError
+from hc_estimator.stream import frame_compliance
 from hc_estimator.stream.press_watch import PressWatch
 from hc_estimator.stream.surface import SurfaceFinder
 from hc_estimator.stream.tare import Tare, TareResult
 
 TARE, FIND_SURFACE = "tare", "find_surface"
 ZEROS = ("input.force.zero", "input.position.zero")
+TAKEN_OFF = (*ZEROS, frame_compliance.SETTING.name)
+"""What is taken off the readings of a sample, and is recorded with the configuration."""
 FORCED = "tare.force: true, or --force of the command, takes them all the same"
 PATIENCE_S = 10.0
 """A tare that has got no sample for so long is given up: slow ones take what they take."""
@@ -141,7 +144,9 @@ class Zeroing:
             found: in readings that came with the present zeros taken off.
             values: the present parameters.
         """
-        means = (found.force_n, found.displacement_mm)
+        # The force that is none from now on gave way to nothing, though it was taken off as if.
+        moved_mm = values[frame_compliance.SETTING.name] * found.force_n
+        means = (found.force_n, found.displacement_mm + moved_mm)
         return [
             Parameter(name, value=values[name] + mean)
             for name, mean in zip(ZEROS, means, strict=True)

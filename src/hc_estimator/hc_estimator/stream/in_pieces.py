@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hc_estimator.estimate import COLUMNS, EstimateSeries
+from hc_msgs_py.free_memory import require_memory_for
 
 if TYPE_CHECKING:
     from hc_estimator.estimator import Estimator
@@ -39,10 +40,12 @@ def run_in_pieces(
 
     Raises:
         ValueError: as `Estimator.run`.
+        NotEnoughMemoryError: if there is no room for the estimates.
     """
     columns = [np.asarray(column, np.float64) for column in (time_s, displacement_mm, force_n)]
     if len({column.shape for column in columns}) != 1:
         return estimator.run(*columns)  # which says what is wrong
+    require_memory_for(len(columns[0]))
     rows = np.empty((len(columns[0]), COLUMNS))
     for begin in range(0, len(rows), PIECE):
         piece = slice(begin, begin + PIECE)

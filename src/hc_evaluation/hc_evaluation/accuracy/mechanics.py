@@ -7,15 +7,19 @@ does not fit.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
+from hc_estimator.stream.frame_compliance import FrameCompliance
 from hc_evaluation.accuracy.bench import Bench, Result, Row, target
-from hc_evaluation.accuracy.drawn_contact import Between, Draw, drawn_contact
+from hc_evaluation.accuracy.drawn_contact import Between, Draw, DrawnContact, drawn_contact
 from hc_evaluation.accuracy.measure import Numbers
 from hc_evaluation.accuracy.scenarios import log_uniform
 from hc_evaluation.accuracy.troubles import NOTHING, TroubleTask, believed, rows_of
+from hc_msgs_py.units import NANOSECONDS
 
 FloatArray = NDArray[np.float64]
 Read = tuple[FloatArray, FloatArray]
@@ -67,11 +71,16 @@ def _low_pass(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray
     return place, force[0] + lfilter(numerator, denominator, force - force[0])
 
 
-def _compliance(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
-    """A robot that gives way, ten to a hundred times as stiff as the tissue."""
-    del time
+def _mm_per_n(draw: Draw, place: FloatArray, force: FloatArray) -> float:
+    """Compliance of a robot that is ten to a hundred times as stiff as the tissue."""
     deepest = max(float(np.max(place)), 1e-3)
-    return place + deepest / log_uniform(draw, 10.0, 100.0) * force / float(np.max(force)), force
+    return deepest / log_uniform(draw, 10.0, 100.0) / float(np.max(force))
+
+
+def _compliance(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+    """A robot that gives way."""
+    del time
+    return place + _mm_per_n(draw, place, force) * force, force
 
 
 MECHANICS: dict[str, Between] = {
@@ -84,14 +93,37 @@ MECHANICS: dict[str, Between] = {
 }
 
 
+TAKEN_OFF = {"compliance, taken off": 0.0, "compliance, known to 5 %": 0.05}
+"""How well a compliance is known that is taken off the readings: a deviation."""
+
+
+def taken_off(deviation: float, seed: int) -> DrawnContact:
+    """The contact with a robot that gives way, less its compliance as far as that is known."""
+    known: list[float] = []
+
+    def between(draw: Draw, time: FloatArray, place: FloatArray, force: FloatArray) -> Read:
+        mm_per_n = _mm_per_n(draw, place, force)
+        known.append(mm_per_n * (1.0 + deviation * float(draw.standard_normal())))
+        return place + mm_per_n * force, force
+
+    contact = drawn_contact((), seed, between)
+    stamps = np.round(contact.time_s * NANOSECONDS).astype(np.int64)
+    yielded = FrameCompliance(known[0]).of_many(stamps, contact.force_n)
+    return replace(contact, displacement_mm=contact.displacement_mm - yielded)
+
+
 def mechanics_run(task: TroubleTask) -> Numbers:
     """Errors of K, what was claimed of them, changes and misfit told."""
-    return believed(task.setup, drawn_contact((), task.seed, MECHANICS.get(task.trouble)))
+    if task.trouble in TAKEN_OFF:
+        contact = taken_off(TAKEN_OFF[task.trouble], task.seed)
+    else:
+        contact = drawn_contact((), task.seed, MECHANICS.get(task.trouble))
+    return believed(task.setup, contact)
 
 
 def mechanics(bench: Bench) -> Result:
     """Everything drawn, with what lies between tissue and readings."""
-    rows = rows_of(bench, mechanics_run, (NOTHING, *MECHANICS))
+    rows = rows_of(bench, mechanics_run, (NOTHING, *MECHANICS, *TAKEN_OFF))
     # What a robot gives way is part of the tissue for all who look at these readings.
     judged: list[Row] = [row for row in rows if row["trouble"] != "compliance"]
     targets = [
