@@ -153,7 +153,7 @@ def _is_in_contact_around(finder: Any, here: int, noise: float) -> bool:
 
 @compiled
 def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any) -> None:
-    """Take the wide cubic of the latest point whose neighbours and whose force there are.
+    """Take the wide cubic of the latest point whose neighbours and whose force's there are.
 
     Where the tissue is about to let go, a force is no power of the depth, and shows no zero.
 
@@ -165,12 +165,12 @@ def _look_around(history: Any, finder: Any, shift: int, rest: float, noise: Any)
         noise: variances of a reading, shape (2,).
     """
     around = finder.neighbours
-    # Of a force that is later than the neighbours reach, the point is remembered after them.
-    there = finder.grid_count - 1 - max(around, shift + 1)
+    away = around + max(shift, 0)
+    there = finder.grid_count - 1 - away
     if around < smoothing.FEWEST_NEIGHBOURS or there - around < max(finder.grid_count - GRID, 0):
         return
     time = grids.time_of(finder, there)
-    for k in range(history.count - 1, max(oldest(history), history.count - 2 - around) - 1, -1):
+    for k in range(history.count - 1, max(oldest(history), history.count - 2 - away) - 1, -1):
         point = history.points[k % POINTS]
         if abs(point[8] - time) < 0.5 * finder.grid_step:
             variance = noise[0] * smoothing.VALUE_VARIANCE / grids.readings_of(finder)
