@@ -6,6 +6,7 @@ import pytest
 from rclpy.parameter import Parameter
 
 from hc_bringup.commands import param
+from hc_bringup.errors import UserError
 
 
 @pytest.mark.parametrize(
@@ -17,7 +18,20 @@ from hc_bringup.commands import param
         ),
         (
             "Wrong parameter type, expected 'Parameter.Type.BOOL' got 'Parameter.Type.BYTE_ARRAY'",
-            "it takes true or false, not byte_array",
+            "it takes true or false, not a list of bytes",
+        ),
+        (
+            "Wrong parameter type, expected 'Type.DOUBLE' got 'Type.INTEGER_ARRAY'",
+            "it takes a number, not a list of whole numbers",
+        ),
+        (
+            "Trying to set a read-only parameter: seed.",
+            "it is read-only: give it when the node starts (hc run --param, or its file)",
+        ),
+        ("Static parameter cannot be undeclared", "it takes a value, and null is none"),
+        (
+            "Parameter noise out of range Min: 1e-09, Max: 1000.0, value: -1.0",
+            "-1 is not a number from 1e-09 to 1000",
         ),
         ("it is not one of x, y, z", "it is not one of x, y, z"),
     ],
@@ -79,3 +93,21 @@ def test_what_was_typed_reaches_the_node(current, typed, sent):
 
     assert param._set(Graph(), SimpleNamespace(node="n", name="x", value=typed)) == 0
     assert got[0].value == sent
+
+
+def test_of_many_parameters_it_is_said_how_to_list_them():
+    """Regression: 190 names in one line, where one was misspelt beyond recognition."""
+    few, many = ["a", "b"], [f"name_{i}" for i in range(21)]
+    assert str(param._no_parameter("/estimator", "xyz", few)).endswith("it has: a, b")
+    said = str(param._no_parameter("/estimator", "xyz", many))
+    assert said.endswith("; hc param list /estimator lists its 21")
+
+
+def test_the_value_that_was_refused_is_told():
+    """Regression: "it takes a number, not a text" of `nan` and 1e400, which look like numbers."""
+    result = SimpleNamespace(
+        successful=False, reason="Wrong parameter type, expected 'Type.DOUBLE' got 'Type.STRING'"
+    )
+    graph = SimpleNamespace(call=lambda *_: SimpleNamespace(result=result))
+    with pytest.raises(UserError, match="setting noise to 'nan' failed: it takes a number"):
+        param._set_atomically(graph, None, [Parameter("noise", value="nan")])

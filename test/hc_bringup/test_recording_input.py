@@ -157,7 +157,7 @@ def test_what_a_table_does_not_have_is_refused(press_table, capsys, setting, exp
             ["force.sign=1"],
             "2 force topics (/ft/wrench, /other/wrench); name one: --input force.topic=/ft/wrench",
         ),
-        ([], "name them: --input force.topic=... --input position.topic=..."),
+        ([], "several sensors, name them: --input force.topic=/ft/wrench, say"),
     ],
 )
 def test_what_is_wrong_is_one_line(robot_bag: Path, capsys, settings, expected) -> None:

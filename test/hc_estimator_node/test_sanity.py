@@ -183,6 +183,9 @@ def test_sentences_say_what_is_seen_and_what_to_do():
     assert "come at 0.5 Hz, but would be 500 Hz if the times were in milliseconds" in sentence(
         1e3 * time_s, displacement, force
     )
+    called = sentence(1e-3 * time_s, displacement, force)  # Regression: "8333 Hz ... in minutes"
+    assert "but would be 500 Hz if the times were in seconds, not in milliseconds" in called
+    assert "(--units time=s of a CSV)" in called
     assert "force and displacement go down together" in sentence(
         *press(lift=-1.0)[:1], -press(lift=-1.0)[1], -press(lift=-1.0)[2]
     )

@@ -77,11 +77,10 @@ def test_two_sensors_make_one_recording(tmp_path: Path, position: str) -> None:
 
 
 def test_a_bag_with_one_wrench_and_one_position_needs_no_names(tmp_path: Path) -> None:
-    robot_bag(tmp_path / "bag", "joint")
+    robot_bag(tmp_path / "bag", "pose")
     recording = read_recording(tmp_path / "bag")
     assert len(recording.time_s) == 1001
-    first_joint = recording.displacement_mm[::10]
-    np.testing.assert_allclose(first_joint, 7000.0)  # as it is
+    np.testing.assert_array_equal(recording.displacement_mm[::10], 0.0)  # along z, as it is
     np.testing.assert_array_equal(recording.force_n, 0.0)
     assert "displacement of /robot/position" in recording.findings.notes[0]
     count, lines = bag_to_csv(tmp_path / "bag", tmp_path / "bag.csv")
@@ -149,10 +148,10 @@ def test_what_is_missing_is_one_line(tmp_path: Path, make_bag: Any) -> None:
 
 def test_a_reading_that_is_repeated_counts_once(tmp_path: Path) -> None:
     robot_bag(tmp_path / "bag", "joint")  # its first joint stays, its force as well along z
-    held = Sensor(held=True)
+    held = Sensor(held=True, joint="other")
     recording = read_sensors(tmp_path / "bag", Sensor(axis="x", held=True), held)
     assert not np.isnan(recording.force_n).any()
     places = np.flatnonzero(~np.isnan(recording.displacement_mm))
     assert places.tolist() == list(range(0, 1000, 90))  # it rests: once in 90 ms
-    every = read_sensors(tmp_path / "bag", Sensor(axis="x"))
+    every = read_sensors(tmp_path / "bag", Sensor(axis="x"), Sensor(joint="other"))
     assert np.count_nonzero(~np.isnan(every.displacement_mm)) == 101

@@ -15,8 +15,8 @@ from hc_bringup.errors import WRONG_USE, UserError
 from hc_estimator.stream.contact_frame import Quaternion, Vector
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import Frame, candidates, poses_of
+from hc_logger.bag_sensors import moving_topics
 from hc_logger.layout import REAL, records, stamps
-from hc_logger.recorded import moving_topics
 from hc_logger.recording import Recording
 from hc_logger.selection import full_name
 from hc_logger.transforms import of_one_frame

@@ -16,9 +16,9 @@ from hc_bringup.turning import turned_deg
 from hc_estimator.stream.frame_poses import FramePoses
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import candidates, poses_of
+from hc_logger.bag_sensors import moving_topics
 from hc_logger.foreign import open_bag
 from hc_logger.layout import REAL, records
-from hc_logger.recorded import moving_topics
 from hc_logger.selection import full_name
 from hc_logger.transforms import of_one_frame
 from hc_logger.type_names import POSE_TYPE, TRANSFORM_TYPE

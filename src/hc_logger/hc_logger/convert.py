@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.bag import Bag, Columns
+from hc_logger.bag_sensors import has_sensors
 from hc_logger.csv_file import CsvReader, write_csv
 from hc_logger.definitions import installed_definition
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
 from hc_logger.layout import encode, records, stamps
-from hc_logger.recorded import has_sensors
 from hc_logger.recording import SAMPLE_FIELDS, sample_topic, stamps_from_seconds
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, STAMP, sample_blocks
 from hc_logger.selection import TopicSelection, full_name

@@ -26,10 +26,6 @@ from hc_logger.type_names import (
     CONFIGURATION_TYPE,
     ESTIMATE_TYPE,
     ESTIMATES_TYPE,
-    FORCE_TYPE,
-    FRAMES_TYPE,
-    POSITION_TYPES,
-    STATIC,
 )
 from hc_msgs_py.topics import CONFIGURATION, ESTIMATE, ESTIMATES
 from hc_msgs_py.units import NANOSECONDS
@@ -246,29 +242,6 @@ class Recording:
         if not self.is_bag:
             raise BagError(f"{self.path} is a CSV file: it holds no estimates")
         return open_bag(self.path)
-
-
-def has_sensors(bag: Bag) -> bool:
-    """Whether a bag has exactly one wrench and one position topic, so that neither needs a name."""
-    return _sensors(bag) == (1, 1)
-
-
-def has_several_sensors(bag: Bag) -> bool:
-    """Whether a bag has wrench and position topics, but more than one of either."""
-    return min(_sensors(bag)) >= 1 and not has_sensors(bag)
-
-
-def _sensors(bag: Bag) -> tuple[int, int]:
-    """Return the number of wrench and of position topics; frames count where no other is."""
-    types = [topic.definition.name for topic in bag.topics.values()]
-    positions = sum(types.count(kind) for kind in POSITION_TYPES) or len(moving_topics(bag))
-    return types.count(FORCE_TYPE), positions
-
-
-def moving_topics(bag: Bag) -> list[str]:
-    """Return the topics of frames that move."""
-    names = [t.name for t in bag.topics.values() if t.definition.name == FRAMES_TYPE]
-    return [name for name in names if not name.endswith(STATIC)]
 
 
 def only_topic(bag: Bag, type_name: str, usual: str) -> str | None:

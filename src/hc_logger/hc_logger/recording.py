@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hc_logger.bag import Bag
+from hc_logger.bag_sensors import has_sensors, how_to_read
 from hc_logger.csv_file import CsvReader
 from hc_logger.csv_options import CsvOptions
 from hc_logger.errors import BagError
@@ -20,7 +21,7 @@ from hc_logger.foreign import open_bag
 from hc_logger.layout import INTEGER, REAL, records, stamps
 from hc_logger.limits import check_in_memory
 from hc_logger.other_files import what_it_is
-from hc_logger.recorded import Recording, findings_of, has_sensors, has_several_sensors, only_topic
+from hc_logger.recorded import Recording, findings_of, only_topic
 from hc_logger.sample_arrays import DISPLACEMENT, FORCE, SEQUENCE, STAMP, all_samples
 from hc_logger.selection import full_name
 from hc_logger.type_names import SAMPLE_TYPE, SAMPLES_TYPE
@@ -112,9 +113,8 @@ def _read_bag(path: Path, topic: str) -> Recording:
         if name is None or name not in reader.topics:
             what = f"no topic {name}" if name else f"no topic of type {SAMPLE_TYPE}"
             has = ", ".join(reader.topics) or "nothing"
-            if not topic and has_several_sensors(reader):
-                has += ": several sensors, name them: "
-                has += "--input force.topic=... --input position.topic=..."
+            if not topic:
+                has += how_to_read(reader)
             raise BagError(f"{path} has {what}; it has {has}{_because(reader)}")
         definition = reader.topics[name].definition
         if definition.name == SAMPLES_TYPE:

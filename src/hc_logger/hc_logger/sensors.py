@@ -21,10 +21,11 @@ from hc_estimator.stream.merger import Merged, Merger
 from hc_estimator.stream.repeats import SHARE, Repeats
 from hc_logger.bag import Bag
 from hc_logger.bag_frames import Frame, poses_of, tool_frame
+from hc_logger.bag_sensors import force_topics, joints_of, moving_topics, position_topics
 from hc_logger.decoder import decoder
 from hc_logger.errors import BagError
 from hc_logger.foreign import open_bag
-from hc_logger.recorded import Recording, findings_of, moving_topics
+from hc_logger.recorded import Recording, findings_of
 from hc_logger.selection import full_name
 from hc_logger.type_names import (
     FORCE_TYPE,
@@ -52,7 +53,7 @@ class Sensor:
         scale: factor of the reading, for a sensor that does not speak SI.
         zero: reading that counts as zero, after sign and scale (N or mm).
         time_offset_s: added to the stamps.
-        joint: name of the joint in a JointState; empty takes the first.
+        joint: name of the joint in a JointState; empty takes the only one.
         child_frame: child frame of a TransformStamped, empty takes any; or of /tf, where empty
             takes the only one that may be the tool's.
         base_frame: of /tf, the frame in which that is told; empty takes what it hangs on, or with
@@ -187,7 +188,15 @@ def _place(bag: Bag, position: Sensor) -> tuple[str, Frame | None]:
         given = Frame(position.child_frame, position.base_frame)
         return topic, tool_frame(bag, topic, given)
     types = POSITION_TYPES if others or not moving else (FRAMES_TYPE,)
-    return _topic(bag, position.topic, types, "position"), None
+    topic = _topic(bag, position.topic, types, "position")
+    joints = joints_of(bag, topic)
+    if len(joints) > 1 and not position.joint:
+        raise BagError(
+            f"{bag.path}: {topic} tells {len(joints)} joints ({', '.join(joints)}); the angles of "
+            "an arm are no depth: record the tool's pose, or /tf; of a linear axis name it: "
+            f"--input position.joint={joints[-1]}, say"
+        )
+    return topic, None
 
 
 def _words(position: Sensor, frame: Frame | None) -> str:
@@ -208,6 +217,9 @@ def _outside(force: list[int], position: list[int]) -> int:
 
 def _topic(bag: Bag, name: str, types: tuple[str, ...], what: str) -> str:
     fitting = [t.name for t in bag.topics.values() if t.definition.name in types]
+    if not name:
+        likely = force_topics(bag) if what == "force" else position_topics(bag)
+        fitting = [topic for topic in fitting if topic in likely] or fitting
     if name:
         full = full_name(name)
         if full in fitting:

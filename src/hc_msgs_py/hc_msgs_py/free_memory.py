@@ -37,16 +37,20 @@ def require_memory_for(samples: int) -> None:
 
 
 def free_bytes() -> float:
-    """Return how much memory can be had; infinity where nothing tells."""
+    """Return how much memory can be had, swap included; infinity where nothing tells."""
     free = math.inf
     try:
-        found = re.search(r"MemAvailable:\s+(\d+) kB", MEMINFO.read_text())
-        if found is not None:
-            free = 1024.0 * int(found[1])
+        said = MEMINFO.read_text()
+        found = re.findall(r"^(?:MemAvailable|SwapFree):\s+(\d+) kB", said, re.MULTILINE)
+        if found:
+            free = 1024.0 * sum(map(int, found))
         limit = (CGROUP / "memory.max").read_text().strip()
         if limit.isdecimal():
             used = int((CGROUP / "memory.current").read_text())
-            free = min(free, float(int(limit) - used))
+            # Files that were read count as used, and give way.
+            said = (CGROUP / "memory.stat").read_text()
+            read = re.findall(r"^(?:in)?active_file (\d+)$", said, re.MULTILINE)
+            free = min(free, float(int(limit) - used + sum(map(int, read))))
     except (OSError, ValueError):  # no such file in this kernel or container: nothing is known
         return free
     return free

@@ -54,6 +54,7 @@ class FakeBackend:
         self.requests: list[dict[str, Any]] = []
         self.viewers = 0
         self.control = True
+        self.space = ""
 
     def hello(self) -> dict[str, Any]:
         return {
@@ -61,6 +62,7 @@ class FakeBackend:
             "map_columns": MAP_COLUMNS,
             "hypotheses": HYPOTHESES,
             "control": self.control,
+            "space": self.space,
             "latency_edges": EDGES_S.tolist(),
             "nis_band": nis_bands(),
         }

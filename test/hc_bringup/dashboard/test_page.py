@@ -55,6 +55,17 @@ def test_a_page_that_is_opened_after_the_samples_have_stopped_says_so(page: Any,
     assert page.text("#headline") == "Waiting for samples."
 
 
+def test_the_page_of_a_namespace_says_so(page: Any, live: Any) -> None:
+    """Regression: of two arms each page was called "hc", with the buttons of its own arm."""
+    live.open()
+    page.wait_for("HC.app.store")
+    assert page.text("h1") == "hc"
+    live.backend.space = "right"
+    live.open()
+    page.wait_for("document.querySelector('h1').textContent === 'hc right'")
+    assert page.driver.title == "hc right: soft tissue, live"
+
+
 def test_an_estimator_that_was_stopped_is_named_where_estimates_stop(
     page: Any, live: Any, make_estimates: Make
 ) -> None:

@@ -159,6 +159,30 @@ def test_page_in_a_browser(page: Any, make_run: MakeRun, tmp_path: Path) -> None
     assert min(lows) >= 0.0
 
 
+def test_labels_of_large_errors_are_not_cut_off(
+    page: Any, make_run: MakeRun, tmp_path: Path
+) -> None:
+    """Regression: of 150000 mN ".50000" was to be read."""
+    data = make_run(seconds=4.0)
+    data.estimates["force_predicted"][500:900] += 140.0
+    path = tmp_path / "report.html"
+    path.write_text(run_page(data, ["hc", "report"]), encoding="utf-8")
+    page.open(path.as_uri())
+    page.wait_for("HC.report && HC.report.store.count > 100")
+    rooms = page.wait_for(
+        """(() => {
+          const c = document.createElement("canvas").getContext("2d");
+          c.font = "11px system-ui, sans-serif";
+          const axes = [...HC.charts].map((one) => one.plot.axes[1]).filter((a) => a._values);
+          const widest = (a) => Math.max(...a._values.map((v) => c.measureText(v).width));
+          const room = (a) => a._size - 7 - widest(a);
+          const wide = axes.some((a) => a._values.some((v) => v.length > 6));
+          return wide && axes.map(room);
+        })()"""
+    )
+    assert min(rooms) >= 0
+
+
 def test_words_and_map_say_the_same_of_a_hard_spot(
     page: Any, make_run: MakeRun, tmp_path: Path
 ) -> None:

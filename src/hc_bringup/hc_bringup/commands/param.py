@@ -21,10 +21,18 @@ _TYPES = {
     "INTEGER": "a whole number",
     "DOUBLE": "a number",
     "STRING": "a text",
+    "BYTE_ARRAY": "a list of bytes",
+    "BOOL_ARRAY": "a list of true and false",
+    "INTEGER_ARRAY": "a list of whole numbers",
     "DOUBLE_ARRAY": "a list of numbers",
     "STRING_ARRAY": "a list of texts",
 }
 """What a user types for a type of rclpy."""
+_READ_ONLY = re.compile(r"Trying to set a read-only parameter: .*")
+_UNDECLARED = "Static parameter cannot be undeclared"
+_RANGE = re.compile(r"Parameter \S+ out of range Min: (\S+), Max: (\S+), value: (\S+)")
+MOST_NAMES = 20
+"""Parameters of a node that are named where none is like the one that was asked for."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -142,7 +150,10 @@ def _describe(graph: Any, arguments: argparse.Namespace) -> int:
 
 def _no_parameter(node_name: str, name: str, names: list[str]) -> UserError:
     close = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f"did you mean {' or '.join(close)}?" if close else f"it has: {', '.join(names)}"
+    listed = f"it has: {', '.join(names)}"
+    if len(names) > MOST_NAMES:
+        listed = f"hc param list {node_name} lists its {len(names)}"
+    hint = f"did you mean {' or '.join(close)}?" if close else listed
     return UserError(f"node {node_name} has no parameter {name}; {hint}", FAILURE)
 
 
@@ -252,11 +263,21 @@ def _set_atomically(graph: Any, client: Any, parameters: list[Any]) -> None:
     answer = graph.call(lambda: client.set_parameters_atomically(parameters), "setting")
     if not answer.result.successful:
         names = ", ".join(p.name for p in parameters)
+        if len(parameters) == 1:
+            names += f" to {parameters[0].value!r}"
         raise UserError(f"setting {names} failed: {_plain(answer.result.reason)}", FAILURE)
 
 
 def _plain(reason: str) -> str:
-    """Return why a value was refused without rclpy's names of types."""
+    """Return why a value was refused without rclpy's names of types and its other words."""
+    if _READ_ONLY.fullmatch(reason):
+        return "it is read-only: give it when the node starts (hc run --param, or its file)"
+    if reason == _UNDECLARED:
+        return "it takes a value, and null is none"
+    outside = _RANGE.fullmatch(reason)
+    if outside is not None:
+        low, high, value = (f"{float(number):g}" for number in outside.groups())
+        return f"{value} is not a number from {low} to {high}"
     wrong = _WRONG_TYPE.fullmatch(reason)
     if wrong is None:
         return reason

@@ -196,6 +196,7 @@ class DashboardNode(Node):  # type: ignore[misc]  # rclpy ships no types
             "map_columns": MAP_COLUMNS,
             "hypotheses": HYPOTHESES,
             "control": self._control,
+            "space": self.get_namespace().strip("/"),
             "latency_edges": EDGES_S.tolist(),
             "nis_band": nis_bands(),
         }

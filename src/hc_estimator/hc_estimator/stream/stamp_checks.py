@@ -127,22 +127,16 @@ def mistimed(readings: Readings) -> str:
         rate = (len(values) - 1) / span  # readings that come in bursts are next to each other
     if len(values) < LEAST_TIMED or _SLOWEST_HZ <= rate <= _FASTEST_HZ or math.isnan(rate):
         return ""
-    guess = next(
-        (
-            f", but would be {rate * factor:.4g} Hz if the times were in {unit}"
-            for unit, factor in (
-                ("milliseconds", 1e3),
-                ("microseconds", 1e6),
-                ("nanoseconds", 1e9),
-                ("minutes", 1 / 60),
-            )
-            if _USUAL_HZ[0] <= rate * factor <= _USUAL_HZ[1]
-        ),
-        "",
+    fitting = (
+        (factor, in_words, unit)
+        for factor, in_words, unit in _OTHER_UNITS
+        if _USUAL_HZ[0] <= rate * factor <= _USUAL_HZ[1]
     )
+    factor, in_words, unit = next(fitting, (0.0, "", "ms"))
+    guess = f", but would be {rate * factor:.4g} Hz if the times were in {in_words}"
     return (
-        f"the readings come at {rate:.3g} Hz{guess}: check the unit of the stamps (--units time=ms "
-        "of a CSV), for B is wrong by the same factor"
+        f"the readings come at {rate:.3g} Hz{guess if in_words else ''}: check the unit of the "
+        f"stamps (--units time={unit} of a CSV), for B is wrong by the same factor"
     )
 
 
@@ -150,3 +144,13 @@ LEAST_TIMED = 500
 _SLOWEST_HZ, _FASTEST_HZ = 4.5, 1e5
 _USUAL_HZ = (20.0, 2e4)
 """Rates of force sensors and poses; and those beyond which nobody measures a tissue."""
+_OTHER_UNITS = (
+    (1e3, "milliseconds", "ms"),
+    (1e6, "microseconds", "us"),
+    (1e9, "nanoseconds", "ns"),
+    (1e-3, "seconds, not in milliseconds", "s"),
+    (1e-6, "seconds, not in microseconds", "s"),
+    (1 / 60, "minutes", "min"),
+)
+"""Factor on the rate, words, and the unit of a CSV; likelier ones first. A column that is called by
+a smaller unit than it has is likelier than minutes."""

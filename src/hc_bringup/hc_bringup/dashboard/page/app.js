@@ -37,6 +37,10 @@ HC.App = class {
   hello(message) {
     if (!this.store) this.build(message);
     this.controls.allow(message.control);
+    if (message.space) { // of several pages each says whose it is
+      document.title = `hc ${message.space}: soft tissue, live`;
+      HC.setText(document.querySelector("h1"), `hc ${message.space}`);
+    }
     this.refreshControls();
     const kept = this.store.epoch === message.epoch && message.rows >= this.store.count;
     const oldest = Math.max(0, message.rows - this.store.capacity);

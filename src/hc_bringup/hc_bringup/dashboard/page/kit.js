@@ -168,7 +168,8 @@ HC.chart = function (host, options, data) {
         values: (options.x.axis || {}).values ||
           (options.sync === "time" ? HC.timeLabels : HC.tickLabels),
         label: options.x.label }),
-      HC.axis({ space: 20, values: HC.tickLabels, ...options.y.axis, label: options.y.label }),
+      HC.axis({ space: 20, size: HC.labelRoom(44), values: HC.tickLabels, ...options.y.axis,
+        label: options.y.label }),
     ],
     series: [options.mode === 2 ? null : {}, ...options.series.map((one) => ({
       ...(options.mode === 2 ? { facets: HC.FACETS } : {}), ...one }))],

@@ -20,7 +20,7 @@ HC.batchChart = function (host, name, variants) {
     height: 210,
     x: { label: "recording", range: () => [0, Math.ceil(numbers.at(-1) ?? 0) + 1],
       axis: { incrs: HC.WHOLE_STEPS } },
-    y: { range: () => [Math.max(0, low - margin), high + margin], axis: { size: 54 } },
+    y: { range: () => [Math.max(0, low - margin), high + margin], axis: { size: HC.labelRoom(54) } },
     series: variants.map((_, i) => ({
       stroke: HC.BATCH_COLOURS[i], paths: () => null,
       points: { show: true, size: variants[i].number.length > 500 ? 3 : 6,

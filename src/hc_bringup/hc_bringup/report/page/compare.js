@@ -48,7 +48,7 @@ HC.Comparison = class {
       height: 210,
       sync: "time",
       x: { range: () => [this.span[0] ?? begin, this.span[1] ?? end] },
-      y: { range: () => this.limits(chart, name, variants, truth), axis: { size: 54 } },
+      y: { range: () => this.limits(chart, name, variants, truth), axis: { size: HC.labelRoom(54) } },
       series,
       tip: (plot, i) => this.describe(plot, i, variants, name, truth),
     }, data);

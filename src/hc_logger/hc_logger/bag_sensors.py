@@ -1,0 +1,71 @@
+"""Which topics of a bag are sensors: a force, and a position; and what to type where that is open.
+
+The joint angles of an arm are no position of a tool: beside a pose they do not count, and alone one
+of them is taken only if it is named.
+"""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import Final
+
+from hc_logger.bag import Bag
+from hc_logger.decoder import decoder
+from hc_logger.type_names import FORCE_TYPE, FRAMES_TYPE, JOINT_TYPE, POSITION_TYPES, STATIC
+
+_KINDS: Final = "PoseStamped, TransformStamped, a JointState of one joint, or /tf"
+
+
+def force_topics(bag: Bag) -> list[str]:
+    """Return the topics of wrenches."""
+    return _of_types(bag, (FORCE_TYPE,))
+
+
+def position_topics(bag: Bag) -> list[str]:
+    """Return the topics of positions, those of arms only where no other is; no frames."""
+    found = _of_types(bag, POSITION_TYPES)
+    if len(found) < 2:
+        return found
+    return [topic for topic in found if len(joints_of(bag, topic)) < 2] or found
+
+
+def joints_of(bag: Bag, topic: str) -> list[str]:
+    """Return the names of the joints in the first message of a topic; none of another type."""
+    definition = bag.topics[topic].definition
+    if definition.name != JOINT_TYPE:
+        return []
+    decode = decoder(definition)
+    return [name for m in islice(bag.messages({topic}), 1) for name in decode(m.data).name]
+
+
+def moving_topics(bag: Bag) -> list[str]:
+    """Return the topics of frames that move."""
+    return [name for name in _of_types(bag, (FRAMES_TYPE,)) if not name.endswith(STATIC)]
+
+
+def has_sensors(bag: Bag) -> bool:
+    """Whether a bag has exactly one wrench and one position topic, so that neither needs a name."""
+    return len(force_topics(bag)) == len(_places(bag)) == 1
+
+
+def how_to_read(bag: Bag) -> str:
+    """Return what a bag lacks to be read by its sensors, or the options that choose among them."""
+    forces, places = force_topics(bag), _places(bag)
+    if not (forces or places):
+        return ""
+    if not forces:
+        return "; no force is among them (geometry_msgs/msg/WrenchStamped)"
+    if not places:
+        return f"; no position is among them ({_KINDS})"
+    named = [("force", forces), ("position", places)]
+    words = [f"--input {what}.topic={names[0]}" for what, names in named if len(names) > 1]
+    return f": several sensors, name them: {' '.join(words)}, say"
+
+
+def _places(bag: Bag) -> list[str]:
+    """Return the topics that may tell a position; frames count where no other is."""
+    return position_topics(bag) or moving_topics(bag)
+
+
+def _of_types(bag: Bag, types: tuple[str, ...]) -> list[str]:
+    return [topic.name for topic in bag.topics.values() if topic.definition.name in types]
