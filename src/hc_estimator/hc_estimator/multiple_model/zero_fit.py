@@ -37,11 +37,11 @@ from hc_estimator.multiple_model import (
     zero_rival,
     zero_sensitivity,
 )
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, SURFACE_ROW, is_tried
+from hc_estimator.multiple_model.hypotheses import BREATHES, LOG_STIFFNESS, SURFACE_ROW, is_tried
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
-from hc_estimator.multiple_model.spline_records import SINKS, STAYS, VARIES
+from hc_estimator.multiple_model.spline_records import MOVES, SINKS, STAYS, VARIES
 from hc_estimator.multiple_model.zero_choice import (
     PENALTY,
     SIGNIFICANT,
@@ -162,6 +162,11 @@ def look(settings: Any, bank: Any) -> bool:
     zeros.refuted_since = math.inf
     zero_sensitivity.note_covariance(zeros, fit)
     sinks = fit.kind == SINKS
+    if fit.kind == MOVES:  # where the surface is, is for the spline to say
+        possible &= OF_FORCE
+        if zeros.unknown & OF_POSITION != 0:
+            zeros.waiting = 0
+            return False
     if zeros.unknown == NONE:
         asked = possible & OF_FORCE if sinks else possible
         zero_average.doubt(settings, zeros, asked, _largest(history, first))
@@ -203,7 +208,9 @@ def look(settings: Any, bank: Any) -> bool:
 
 @compiled
 def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
-    """Fit tissue that stays, on a surface that sinks, or that varies; False if none explains all.
+    """Fit tissue that stays, on a surface that sinks or breathes, or that varies.
+
+    False if none explains all.
 
     Or if a surface that moves does, and is likelier (`zero_rival`).
 
@@ -217,7 +224,10 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     rival, largest = -math.inf, _largest(history, first)
     if span >= LEAST_TIME:
         rival = zero_rival.evidence_of_surface(settings, bank, first)
-    for kind in (STAYS, SINKS, VARIES):
+    breathes = BREATHES[bank.judge.chosen] and possible & OF_FORCE != 0
+    for kind in (STAYS, SINKS, MOVES, VARIES):
+        if kind == MOVES and not breathes:
+            continue
         if span < (LEAST_TIME if kind == STAYS else LEAST_TIME_VARYING):
             continue
         spline.free_all(settings, fit)
