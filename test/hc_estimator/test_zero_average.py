@@ -87,7 +87,7 @@ def test_the_doubt_is_the_average_over_what_may_be_off(possible, known):
         expected, off, factor = averaged(zeros, possible, known)
         if factor > 60.0:  # beyond what a factor may be
             continue
-        zero_average.doubt(settings, zeros, possible, LARGEST)
+        zero_average.doubt(settings, zeros, possible, LARGEST, False)
         np.testing.assert_allclose(zeros["doubt"], expected, rtol=1e-6, atol=1e-12)
         np.testing.assert_allclose(zeros["off"], off, rtol=1e-6, atol=1e-12)
         doubted += bool(expected.any())
@@ -102,7 +102,7 @@ def test_a_doubt_lasts_until_exact_zeros_are_likelier():
     zeros["covariance"][:2, :2] = np.diag([0.04, 0.02]) ** 2
     for deviations, doubted in ((2.0, False), (3.0, True), (2.0, True), (1.0, False), (2.0, False)):
         zeros["position"] = 0.04 * deviations
-        zero_average.doubt(settings_of(), zeros, OF_POSITION, LARGEST)
+        zero_average.doubt(settings_of(), zeros, OF_POSITION, LARGEST, False)
         assert bool(zeros["doubt"][0, 0] > 0.0) is doubted, deviations
 
 
@@ -111,8 +111,8 @@ def test_nothing_that_a_fit_may_leave_makes_a_doubt_of_no_numbers(possible):
     for scale in (0.0, 1e-12, 1.0, 1e12):
         for off in ((0.0, 0.0), (1e-9, -1e9), (1e3, 1e3)):
             zeros = of_fit(np.random.default_rng(3), scale, off)
-            zero_average.doubt(settings_of(), zeros, possible, (0.0, 0.0))
-            zero_average.doubt(settings_of(), zeros, possible, LARGEST)
+            zero_average.doubt(settings_of(), zeros, possible, (0.0, 0.0), False)
+            zero_average.doubt(settings_of(), zeros, possible, LARGEST, False)
             assert np.isfinite(zeros["doubt"]).all()
             assert np.linalg.eigvalsh(zeros["doubt"]).min() >= -1e-9 * np.abs(zeros["doubt"]).max()
 

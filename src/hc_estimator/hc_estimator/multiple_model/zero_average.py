@@ -38,7 +38,9 @@ def forget(zeros: Any) -> None:
 
 
 @compiled
-def doubt(settings: Any, zeros: Any, possible: int, largest: tuple[float, float]) -> None:
+def doubt(
+    settings: Any, zeros: Any, possible: int, largest: tuple[float, float], moves: bool
+) -> None:
     """Doubt zeros that are taken for exact, if the points of a fit give reason to.
 
     Args:
@@ -46,6 +48,8 @@ def doubt(settings: Any, zeros: Any, possible: int, largest: tuple[float, float]
         zeros: of a fit with all that may be unknown; its doubt, and what is off, is set.
         possible: which may be off.
         largest: depth [mm] and force [N].
+        moves: True if the surface may move, and hides a force zero that is off: K is off by more
+            than it would be known to long before there is evidence for that zero.
     """
     enough = 1.0 if zeros.doubt[0, 0] > 0.0 else POSITIVE
     forget(zeros)
@@ -74,7 +78,7 @@ def doubt(settings: Any, zeros: Any, possible: int, largest: tuple[float, float]
         for i in range(4):
             for j in range(4):
                 zeros.doubt[i, j] += bayes * element_by_slopes(zeros, zeros.square, i, j)
-    if not likeliest > enough:
+    if not (moves or likeliest > enough):
         forget(zeros)
         return
     for i in range(2):

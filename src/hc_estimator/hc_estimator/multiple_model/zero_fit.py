@@ -169,7 +169,8 @@ def look(settings: Any, bank: Any) -> bool:
             return False
     if zeros.unknown == NONE:
         asked = possible & OF_FORCE if sinks else possible
-        zero_average.doubt(settings, zeros, asked, _largest(history, first))
+        largest = _largest(history, first)
+        zero_average.doubt(settings, zeros, asked, largest, fit.kind == MOVES)
     unknown = choose(settings, zeros, possible, sinks)
     if unknown == NONE and zeros.unknown != NONE and not speaks_against(zeros, possible):
         unknown = zeros.unknown
@@ -237,10 +238,9 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
             continue
         spline.begin(fit, bank.rows[bank.judge.chosen])
         if _explains(settings, bank):
-            return bool(
-                rival == -math.inf
-                or rival < zero_rival.evidence_of_zeros(fit, zeros.squares, largest)
-            )
+            if rival == -math.inf or kind == zero_rival.kind_in_charge(bank):
+                return True
+            return bool(rival < zero_rival.evidence_of_zeros(fit, zeros.squares, largest))
     return False
 
 

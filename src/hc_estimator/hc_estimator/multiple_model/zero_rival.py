@@ -24,6 +24,12 @@ from hc_estimator.multiple_model.zero_average import LIKELY_POSITION, LIKELY_ZER
 
 
 @compiled
+def kind_in_charge(bank: Any) -> int:
+    """Which kind of fit says what the row in charge says."""
+    return KINDS_OF[bank.judge.chosen]  # type: ignore[no-any-return]
+
+
+@compiled
 def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
     """Logarithm of the evidence for what the row in charge says, if its surface may breathe.
 
@@ -38,7 +44,7 @@ def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
     history, fit, row = bank.history, bank.fit, bank.rows[bank.judge.chosen]
     if not BREATHES[row.index] or row.model_error > 0.0:
         return -math.inf
-    kind = KINDS_OF[row.index]
+    kind = kind_in_charge(bank)
     if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, kind):
         return -math.inf
     spline.begin(fit, row)
