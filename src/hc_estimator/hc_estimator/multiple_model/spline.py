@@ -18,7 +18,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model.history import MEMORY
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS
+from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, OWN, SURFACE
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import (
     BENDS,
@@ -226,7 +226,7 @@ def share_released(history: Any, fit: Any) -> float:
 
 @compiled
 def begin(fit: Any, row: Any) -> None:
-    """Begin with the parameters of a row, no zeros and a surface that stays."""
+    """Begin with the parameters of a row, no force zero, and the surface where the row has it."""
     values, state = fit.values, row.state
     clear_vector(values)
     fit.level = state[LOG_STIFFNESS]
@@ -239,3 +239,10 @@ def begin(fit: Any, row: Any) -> None:
     if has(fit, BENDS):
         for i in range(between, fit.unknowns):
             values[i] = values[EXPONENT]
+    if not SURFACE[row.index]:
+        return
+    if fit.held[POSITION] == 0:
+        values[POSITION] = state[OWN]
+    elif has(fit, MOVES):
+        for i in range(between, fit.unknowns):
+            values[i] = state[OWN]

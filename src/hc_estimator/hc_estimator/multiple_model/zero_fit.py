@@ -269,6 +269,7 @@ def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
         # Of a surface that sinks the position is unknown in any case.
         if possible >> i & 1 != 0 and not (fit.kind == SINKS and i == 0):
             fit.held[spline.POSITION + i] = 1
+            fit.values[spline.POSITION + i] = 0.0
     without = solve_least_squares(settings, bank.history, fit, noise)
     return not without < bank.zeros.squares + SIGNIFICANT
 

@@ -169,8 +169,10 @@ PAIRS: dict[str, tuple[Begun, tuple[Trouble, ...]]] = {
     "lumps, zeros off": (_palpated, (_lumps, _zeros_off)),
     "breathing, out of step": (_palpated, (_breathing, _out_of_step)),
     "breathing, lumps": (_palpated, (_breathing, _lumps)),
+    "breathing, zeros off": (_palpated, (_breathing, _zeros_off)),
     "slow, breathing": (_slow, (_breathing,)),
     "slow, breathing, out of step": (_slow, (_breathing, _out_of_step)),
+    "slow, breathing, zeros off": (_slow, (_breathing, _zeros_off)),
     "sinking, zeros off": (_palpated, (_sinking, _zeros_off)),
     "tissue drifts, zeros off": (_palpated, (_drifting, _zeros_off)),
 }
