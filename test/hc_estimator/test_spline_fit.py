@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 import hc_estimator as hc
 from hc_estimator.multiple_model import spline, spline_fit, spline_prior
 from hc_estimator.multiple_model.history import MEMORY, WIDE
+from hc_estimator.multiple_model.hypotheses import OWN, SURFACE_ROW
 from hc_estimator.multiple_model.spline_records import (
     BAND,
     BENDS,
@@ -124,6 +125,22 @@ def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
         difference -= spline_fit.gather(settings, history, fit, below)
         scale = 1e-5 * np.abs(slope).max()
         assert slope[i] == pytest.approx(difference / 2e-6, rel=1e-4, abs=scale)
+
+
+def test_it_begins_with_the_surface_where_a_row_has_it(filled, parts):
+    """Regression: with the stiffness of a surface 9 mm deep, and none, no fit came to an end."""
+    row = parts[1].rows[SURFACE_ROW]
+    row.state[OWN] = 0.7
+    _, _, fit, _ = filled(SINKS)
+    spline.begin(fit, row)
+    assert fit.values[spline.POSITION] == 0.7
+    _, _, fit, _ = filled(MOVES, with_zeros=False)
+    spline.begin(fit, row)
+    assert fit.values[spline.POSITION] == 0.0
+    np.testing.assert_array_equal(fit.values[SPLINE_FIRST + 1 : fit.unknowns], 0.7)
+    _, _, fit, _ = filled(VARIES, with_zeros=False)
+    spline.begin(fit, row)
+    assert fit.values[spline.POSITION] == 0.0
 
 
 @pytest.mark.parametrize("late", [0.0093, -0.0093, 0.005, -0.0185])

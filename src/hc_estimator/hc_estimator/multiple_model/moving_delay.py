@@ -4,8 +4,9 @@
 that breathes that leaves so little of the delay that none was found of 20 or 40 ms (16 contacts),
 and one of 49 ms where there was none. Over ten seconds least squares tell both: so where they say
 that the surface moves (`moving_fit`), tissue that stays is fitted once more beneath such a surface,
-with a delay that may be any, and believed if that is by far likelier than what was found in step,
-three times in a row. (Ours; `test_moving_delay.py`.)
+with a delay that may be any, and believed if that is clearly one, and as likely as what was found
+in step, three times in a row. What is left of a delay in use is corrected the same way. (Ours;
+`test_moving_delay.py`.)
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ the average over none, either and both being off, each as likely beforehand (Bay
 averaging; Hoeting et al., Statistical Science 14, 1999). A zero that is off is normal, with a share
 of the largest depth or force as its deviation. A doubt begins with positive evidence (a Bayes
 factor of 3; Kass and Raftery, JASA 90, 1995), and lasts until exact zeros are likelier: where the
-motion says nothing at all of the zeros, they are what the user says. One that the user knows to so
+motion says nothing at all of the zeros, they are what the user says. Beneath a surface that moves,
+which hides a force zero that is off, it is doubted without that. A zero that the user knows to so
 much (`zero_doubt`) is not doubted, and tells of the other no more than that.
 """
 

@@ -4,9 +4,9 @@ A first touch shows the zeros to some tenths of a millimetre, and not at all whe
 in contact (`contact_onset`). But a power law begins at zero force and zero depth: one that has to
 begin elsewhere leaves what no K, B, n and p explain. So does a force that is late. Least squares
 with contact position, force zero and delay as further unknowns finds within seconds which of them
-it is, on tissue that stays, beneath a surface that sinks, and where the stiffness varies
-(`spline_fit`; ours; `hc bench accuracy delay`: 0.6 mm of 3 mm makes K 50 % wrong; `together`: zeros
-off).
+it is, on tissue that stays, beneath a surface that sinks or breathes (of which the force's zero
+alone is asked), and where the stiffness varies (`spline_fit`; ours; `hc bench accuracy delay`: 0.6
+mm of 3 mm makes K 50 % wrong; `together`: zeros off).
 
 One fit has all three unknown, and `zero_choice` says which of them the points ask for; where
 nothing shows which of two zeros it is, both are taken from the fit that has both. They move if that
