@@ -37,7 +37,13 @@ from hc_estimator.multiple_model import (
     zero_rival,
     zero_sensitivity,
 )
-from hc_estimator.multiple_model.hypotheses import BREATHES, LOG_STIFFNESS, SURFACE_ROW, is_tried
+from hc_estimator.multiple_model.hypotheses import (
+    BREATHES,
+    LOG_STIFFNESS,
+    OWN,
+    SURFACE_ROW,
+    is_tried,
+)
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import is_held
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
@@ -79,6 +85,7 @@ LEAST_POSITION = 0.05  # [mm]
 LEAST_ZERO = 0.005  # of the largest force
 LARGEST_POSITION = 0.5  # of the largest depth
 LARGEST_ZERO = 0.3  # of the largest force
+LARGEST_SURFACE = 2.0  # of a surface that breathes, for which a force zero is asked [mm]
 LARGEST_DELAY = 0.005  # up to which the fit's tangents hold; a larger one is for `delay` [s]
 
 
@@ -225,7 +232,10 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     rival, largest = -math.inf, _largest(history, first)
     if span >= LEAST_TIME:
         rival = zero_rival.evidence_of_surface(settings, bank, first)
-    breathes = BREATHES[bank.judge.chosen] and possible & OF_FORCE != 0
+    row = bank.rows[bank.judge.chosen]
+    # Rows begin anew at the given surface: from one that is far from it they would take seconds.
+    breathes = BREATHES[row.index] and abs(row.state[OWN]) < LARGEST_SURFACE
+    breathes = breathes and possible & OF_FORCE != 0
     for kind in (STAYS, SINKS, MOVES, VARIES):
         if kind == MOVES and not breathes:
             continue
@@ -236,7 +246,7 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
             fit.held[spline.FORCE_ZERO] = 1
         if not spline.lay_out(history, fit, first, history.count, kind):
             continue
-        spline.begin(fit, bank.rows[bank.judge.chosen])
+        spline.begin(fit, row)
         if _explains(settings, bank):
             if rival == -math.inf or kind == zero_rival.kind_in_charge(bank):
                 return True
