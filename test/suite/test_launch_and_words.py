@@ -20,6 +20,7 @@ SOURCES = (
     "hc_estimator/hc_estimator/stream/channel_checks.py",
     "hc_estimator/hc_estimator/stream/range_checks.py",
     "hc_estimator/hc_estimator/stream/stamp_checks.py",
+    "hc_estimator/hc_estimator/stream/rigid_press.py",
     "hc_bringup/hc_bringup/live_check.py",
     "hc_bringup/hc_bringup/diagnosis.py",
     "hc_logger/hc_logger/sensors.py",
@@ -29,17 +30,28 @@ SOURCES = (
     "hc_estimator/hc_estimator/ros/status.py",
     "hc_estimator/hc_estimator/ros/inputs.py",
     "hc_estimator/hc_estimator/stream/zero_steps.py",
+    "hc_bringup/hc_bringup/read_otherwise.py",
     "hc_bringup/hc_bringup/reading_changes.py",
     "hc_bringup/hc_bringup/stopped_processes.py",
     "hc_bringup/hc_bringup/summary.py",
     "hc_bringup/hc_bringup/commands/estimate.py",
+    "hc_bringup/hc_bringup/commands/compliance.py",
     "hc_bringup/hc_bringup/topic_tools.py",
 )
 WARNERS = tuple(
     s
     for s in SOURCES
     if not s.endswith(
-        ("hc_logger/sensors.py", "zero_setting.py", "topic_tools.py", "summary.py", "estimate.py")
+        (
+            "hc_logger/sensors.py",
+            "zero_setting.py",
+            "read_otherwise.py",
+            "rigid_press.py",
+            "topic_tools.py",
+            "summary.py",
+            "estimate.py",
+            "compliance.py",
+        )
     )
 )
 """Those whose every sentence is a warning, but for the ones here: parts, costs and counters."""
