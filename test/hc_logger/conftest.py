@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from hc_logger.convert import csv_to_bag
 from hc_logger.definitions import installed_definition
 from hc_logger.layout import encode
 from hc_logger.writer import BagWriter
@@ -110,6 +112,33 @@ def graph(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     caller.node.call = call
     yield caller.node
     caller.close()
+
+
+@pytest.fixture
+def play_and_record(
+    start_node: Callable[..., NodeProcess], graph: Any, tmp_path: Path
+) -> Callable[..., tuple[Path, list[NodeProcess]]]:
+    """Begin to play samples of a CSV to an estimator, and to record both: bag and nodes."""
+    from std_srvs.srv import SetBool, Trigger
+
+    def begin(csv: Path, **parameters: Any) -> tuple[Path, list[NodeProcess]]:
+        csv_to_bag(csv, tmp_path / "samples")
+        bag = tmp_path / "bag"
+        topics = "[indenter/sample, hc/estimate, hc/configuration]"
+        nodes = [
+            start_node("hc_logger.player_node", bag=tmp_path / "samples", start_paused=True),
+            start_node("hc_estimator.node", filter="ukf", **parameters),
+            start_node("hc_logger.recorder_node", output=bag, expected_topics=topics),
+        ]
+        for name in ("estimator", "recorder"):
+            assert graph.spin_until(
+                lambda name=name: graph.call(Trigger, f"/{name}/ready", timeout=150).success, 150
+            )
+        time.sleep(0.5)
+        graph.call(SetBool, "/player/run", SetBool.Request(data=True))
+        return bag, nodes
+
+    return begin
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hc_logger.convert import csv_to_bag
 from hc_logger.csv_file import write_csv
 from hc_logger.errors import BagError
 from hc_logger.reader import BagReader
@@ -64,28 +62,15 @@ def copy_with(source: Path, target: Path, change: Callable[[Any], Any]) -> Path:
 
 @pytest.mark.timeout(300)  # where the filters have to be compiled first
 def test_a_live_run_is_recomputed_to_the_last_bit(
-    start_node: Callable[..., Any], graph: Any, tmp_path: Path
+    play_and_record: Callable[..., Any], graph: Any, tmp_path: Path
 ) -> None:
     """Parameters, filter, state space, zero, a reset and a jump back, all while it runs."""
     from hc_msgs.msg import EstimatorConfiguration, HuntCrossleyEstimate
     from rclpy.serialization import deserialize_message, serialize_message
-    from std_srvs.srv import SetBool, Trigger
+    from std_srvs.srv import Trigger
 
     samples(tmp_path / "samples.csv")
-    csv_to_bag(tmp_path / "samples.csv", tmp_path / "samples")
-    bag = tmp_path / "bag"
-    topics = "[indenter/sample, hc/estimate, hc/configuration]"
-    nodes = [
-        start_node("hc_logger.player_node", bag=tmp_path / "samples", start_paused=True),
-        start_node("hc_estimator.node", filter="ukf"),
-        start_node("hc_logger.recorder_node", output=bag, expected_topics=topics),
-    ]
-    for name in ("estimator", "recorder"):
-        assert graph.spin_until(
-            lambda name=name: graph.call(Trigger, f"/{name}/ready", timeout=150).success, 150
-        )
-    time.sleep(0.5)
-    graph.call(SetBool, "/player/run", SetBool.Request(data=True))
+    bag, nodes = play_and_record(tmp_path / "samples.csv")
 
     def later(seconds: float = 0.35) -> None:
         graph.spin_until(lambda: False, timeout=seconds)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ import pytest
 
 from hc_estimator import create_estimator
 from hc_logger import verify as verification
-from hc_logger.convert import csv_to_bag
 from hc_logger.csv_file import write_csv
 from hc_logger.recording import read_recording
 from hc_logger.verify import verify
@@ -38,28 +36,17 @@ def samples(path: Path) -> None:
 
 @pytest.mark.timeout(300)  # where the filters have to be compiled first
 def test_a_live_run_is_recomputed_to_the_last_bit(
-    start_node: Callable[..., Any], graph: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    play_and_record: Callable[..., Any], graph: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Set from the start, changed while it runs, beside a zero, a setting and a reset."""
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter
-    from std_srvs.srv import SetBool, Trigger
+    from std_srvs.srv import Trigger
 
     samples(tmp_path / "samples.csv")
-    csv_to_bag(tmp_path / "samples.csv", tmp_path / "samples")
-    bag = tmp_path / "bag"
-    topics = "[indenter/sample, hc/estimate, hc/configuration]"
-    nodes = [
-        start_node("hc_logger.player_node", bag=tmp_path / "samples", start_paused=True),
-        start_node("hc_estimator.node", filter="ukf", **{verification.FRAME_COMPLIANCE: MM_PER_N}),
-        start_node("hc_logger.recorder_node", output=bag, expected_topics=topics),
-    ]
-    for name in ("estimator", "recorder"):
-        assert graph.spin_until(
-            lambda name=name: graph.call(Trigger, f"/{name}/ready", timeout=150).success, 150
-        )
-    time.sleep(0.5)
-    graph.call(SetBool, "/player/run", SetBool.Request(data=True))
+    bag, nodes = play_and_record(
+        tmp_path / "samples.csv", **{verification.FRAME_COMPLIANCE: MM_PER_N}
+    )
     for name, value in (
         ("force_noise_std", 0.05),
         (verification.FORCE_ZERO, 0.1),

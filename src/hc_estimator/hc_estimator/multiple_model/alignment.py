@@ -344,10 +344,8 @@ def _look_for_delay(settings: Any, bank: Any) -> None:
     if abs(change) <= BEGIN_ANEW:
         _correct_delay(bank, change)
         return
-    _hold_none(bank.held)
     if refined:
         delay_sensitivity.correct(rows, change)
-    delay_evidence.reset(finder)
     if not changes:
         delay_evidence.note_fit(finder, row)
-    beginning.begin_aligned(settings, bank)
+    _begin_with_delay(settings, bank)

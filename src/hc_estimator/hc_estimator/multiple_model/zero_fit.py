@@ -218,9 +218,8 @@ def look(settings: Any, bank: Any) -> bool:
 def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
     """Fit tissue that stays, on a surface that sinks or breathes, or that varies.
 
-    False if none explains all.
-
-    Or if a surface that moves does, and is likelier (`zero_rival`).
+    False if none explains all, or if what the row in charge says of the surface, with the zeros as
+    they are, is likelier (`zero_rival`).
 
     The smallest squares left over those of the noise are in zeros.misfit.
     """
