@@ -43,6 +43,7 @@ FASTEST_SINKING = 0.3  # from which on a surface breathes [mm/s]; see `spline_pr
 HOLD_NOTHING = 0
 HOLD_ALL = 1
 HOLD_DAMPING = 2  # B and p
+HOLD_TISSUE = 3  # all, but not where the surface is
 
 
 @compiled
@@ -254,6 +255,8 @@ def _is_held(i: int, hold: int) -> bool:
     """True if a state is only considered."""
     if hold == HOLD_DAMPING:
         return i in (LOG_DAMPING, VELOCITY_EXPONENT)
+    if hold == HOLD_TISSUE:
+        return FIRST_PARAMETER <= i < LAST_PARAMETER or i >= OWN + 2
     return FIRST_PARAMETER <= i < LAST_PARAMETER or i >= OWN
 
 
@@ -315,6 +318,17 @@ def _apply(
 
 
 @compiled
+def use_depth(row: Any, depth: float, variance: float) -> None:
+    """Update tool and surface, which may move, with a depth [mm] of known variance [mm^2]."""
+    covariance, column = row.covariance, row.sensitivity
+    for i in range(COUNTS[row.index]):
+        column[i] = covariance[i, DEPTH] - covariance[i, OWN]
+    known = max(column[DEPTH] - column[OWN], 0.0) + variance
+    by_delay = row.by_delay[OWN] - row.by_delay[DEPTH]
+    _apply(row, column, depth - depth_of(row), known, by_delay, HOLD_TISSUE, UNBENT)
+
+
+@compiled
 def innovate_force(row: Any, reading: float, noise: float) -> None:
     """Innovation of the force, after `foresee_force`; `noise` is its variance [N^2]."""
     row.innovation[1] += reading
@@ -322,6 +336,16 @@ def innovate_force(row: Any, reading: float, noise: float) -> None:
     variance = row.explained + noise
     row.innovation_variance[1] = variance
     row.nis[1] = row.innovation[1] * row.innovation[1] / variance
+
+
+@compiled
+def innovate_nothing(row: Any, reading: float, noise: float) -> None:
+    """Innovation of a force that is expected to be none, of the sensor's variance [N^2]."""
+    row.explained = 0.0
+    row.force_noise = noise
+    row.innovation[1] = reading
+    row.innovation_variance[1] = noise
+    row.nis[1] = reading * reading / noise
 
 
 @compiled

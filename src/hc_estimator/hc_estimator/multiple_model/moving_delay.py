@@ -17,7 +17,7 @@ from typing import Any
 from hc_estimator.compilation import compiled
 from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline
+from hc_estimator.multiple_model import spline, spline_start
 from hc_estimator.multiple_model.delay import BEGINS, LARGEST
 from hc_estimator.multiple_model.delay_evidence import CORRECTION
 from hc_estimator.multiple_model.kalman import exp_limited
@@ -69,7 +69,7 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
         return
     fit.delay_deviation = LATE_DEVIATION
     fit.spacing = finder.grid_step * history.every
-    spline.begin(fit, bank.rows[bank.judge.chosen])
+    spline_start.begin(settings, history, fit, bank.rows[bank.judge.chosen])
     if before != 0.0:  # from none on the next one may end where no law fits
         steps = round(before / fit.spacing)
         fit.shift = min(max(steps, -LARGEST_SHIFT), LARGEST_SHIFT)

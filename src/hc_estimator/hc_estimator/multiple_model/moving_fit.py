@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector, copy_vector
-from hc_estimator.multiple_model import delay_sensitivity, moving_delay, spline
+from hc_estimator.linear_algebra import copy_vector
+from hc_estimator.multiple_model import delay_sensitivity, moving_delay, spline, spline_start
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.choice import trusted_motion
@@ -40,18 +40,18 @@ from hc_estimator.multiple_model.hypotheses import (
     TREND_ROW,
     is_tried,
 )
-from hc_estimator.multiple_model.levenberg_marquardt import solve
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.rows import cut, is_held, limit, seed
-from hc_estimator.multiple_model.spline import has
+from hc_estimator.multiple_model.spline import SECOND_KNOT
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
+from hc_estimator.multiple_model.spline_outcome import OUTCOME, note_outcome
 from hc_estimator.multiple_model.spline_prior import log_evidence
 from hc_estimator.multiple_model.spline_records import (
     BENDS,
     MOVES,
     RELAXES,
+    SECOND_SPLINE,
     SINKS,
-    SPLINE_FIRST,
     STAYS,
     STEADY,
     VARIES,
@@ -69,6 +69,7 @@ SPECIFICATIONS = (
 
 EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 3.0  # that they must span [s]
+LONGEST_TIME = SECOND_KNOT * (SECOND_SPLINE - 3)  # the same, at most
 LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
 # Real tissue that relaxes does not do so by the law to within the noise. It is believed if that
 # explains most of what tissue that stays leaves, as well as any that varies or sinks; a surface
@@ -99,7 +100,6 @@ RELAXING = int(np.flatnonzero(ORDER == RELAXES)[0])
 # stiffness that drifts has as few unknowns as a surface that sinks, and is no calmer; nor is a
 # surface that breathes calmer than a stiffness that varies.
 LIKELIER = np.array([150.0, 10.0, 3.0, 10.0, 3.0, 150.0, 10.0, 10.0, 0.0])
-OUTCOME = 7  # ln K, ln B, n, p; position and speed of the surface; rate of ln K
 
 
 def _kind_of(m: int) -> int:
@@ -196,8 +196,15 @@ def _are_enough(history: Any) -> bool:
 
 @compiled
 def _oldest(history: Any, last: int) -> int:
-    """First of the points before `last` that is remembered until the last fit."""
-    return max(last - POINTS + ORDER.size + 1, history.begun)  # type: ignore[no-any-return]
+    """First of the points before `last` that is remembered until the last fit, and no older.
+
+    Over a longer time the knots of a surface would be too far apart for one that breathes.
+    """
+    first = max(last - POINTS + ORDER.size + 1, history.begun)
+    begun = history.points[(last - 1) % POINTS, 8] - LONGEST_TIME
+    while first < last - 1 and history.points[first % POINTS, 8] < begun:
+        first += 1
+    return first  # type: ignore[no-any-return]
 
 
 @compiled
@@ -208,7 +215,7 @@ def _fit_kind(settings: Any, bank: Any, k: int) -> float:
     moving.left[k] = math.inf
     if not _lay_out(settings, history, fit, ORDER[k], moving.last):
         return math.inf
-    spline.begin(fit, bank.rows[bank.judge.chosen])
+    spline_start.begin(settings, history, fit, bank.rows[bank.judge.chosen])
     left = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
     copy_vector(fit.values, moving.values[k])
     moving.unknowns[k] = fit.unknowns
@@ -281,11 +288,11 @@ def _begin_found(settings: Any, bank: Any, found: int) -> None:
         if fit.unknowns == moving.unknowns[found]:
             copy_vector(moving.values[found], fit.values)
         else:
-            spline.begin(fit, bank.rows[judge.chosen])
+            spline_start.begin(settings, history, fit, bank.rows[judge.chosen])
         left = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
         if not left < CONSISTENT * fit.expected:
             continue
-        _note_outcome(fit, moving, bank.clock.state_time)
+        note_outcome(fit, moving, bank.clock.state_time)
         if SURFACE[m] or (left < fit.expected and _contradicts(moving, bank.rows[m])):
             judge.found = m
             judge.found_at = bank.tool.contact_clock
@@ -297,7 +304,7 @@ def begin_moving(settings: Any, bank: Any) -> None:
     """Begin with the last fit, of tissue that stays under a surface that moves."""
     judge, clock = bank.judge, bank.tool.contact_clock
     if is_tried(settings, SURFACE_ROW):
-        _note_outcome(bank.fit, bank.moving, bank.clock.state_time)
+        note_outcome(bank.fit, bank.moving, bank.clock.state_time)
         judge.chosen = SURFACE_ROW
         judge.found = SURFACE_ROW
         judge.found_at = clock
@@ -315,58 +322,6 @@ def _contradicts(moving: Any, row: Any) -> bool:
         if off * off > CONTRADICTS * CONTRADICTS * variance:
             return True
     return False
-
-
-@compiled
-def _note_outcome(fit: Any, moving: Any, now: float) -> None:
-    """Parameters, surface and rate of ln K by the fit at a time [s], and their covariance."""
-    ahead = min(max(now - fit.latest, 0.0), spline.KNOT)
-    used = spline.locate(fit, fit.latest)
-    slopes, outcome = moving.slopes, moving.outcome
-    for i in range(OUTCOME):
-        for j in range(fit.unknowns):
-            slopes[i, j] = 0.0
-    for i in range(3):
-        slopes[1 + i, spline.LOG_RATIO + i] = 1.0
-    first = SPLINE_FIRST + 1
-    if has(fit, VARIES):
-        first = SPLINE_FIRST + 4
-        for i in range(4):
-            place = fit.places[SPLINE_FIRST + i]
-            slopes[0, place] = fit.basis[0, i] + ahead * fit.basis_rate[0, i]
-            slopes[6, place] = fit.basis_rate[0, i]
-    else:
-        slopes[0, SPLINE_FIRST] = 1.0
-    for j in range(fit.unknowns):
-        slopes[1, j] += slopes[0, j]
-    for i in range(first, used):
-        place = fit.places[i]
-        slopes[4, place] = fit.basis[1, i - first] + ahead * fit.basis_rate[1, i - first]
-        slopes[5, place] = fit.basis_rate[1, i - first]
-    if not has(fit, MOVES):
-        slopes[4, spline.POSITION] = 1.0
-        slopes[4, spline.SPEED] = ahead
-        slopes[5, spline.SPEED] = 1.0
-    for i in range(OUTCOME):
-        outcome[i] = _product(slopes, i, fit.values, fit.unknowns)
-    column = fit.next
-    for i in range(OUTCOME):
-        clear_vector(column)
-        for j in range(fit.unknowns):
-            held = j < SPLINE_FIRST and fit.fixed[j] != 0
-            column[j] = 0.0 if held else slopes[i, j] / fit.weight
-        solve(fit.factor, column, fit.unknowns)
-        for k in range(OUTCOME):
-            moving.covariance[k, i] = _product(slopes, k, column, fit.unknowns)
-
-
-@compiled
-def _product(slopes: Any, i: int, values: Any, size: int) -> float:
-    """Sum of a row of derivatives times values."""
-    total = 0.0
-    for j in range(size):
-        total += slopes[i, j] * values[j]
-    return total
 
 
 @compiled

@@ -25,6 +25,7 @@ from hc_estimator.multiple_model import (
     beginning,
     contact_onset,
     departure,
+    landing,
     levels,
     lift_off,
     model_error,
@@ -44,6 +45,7 @@ from hc_estimator.multiple_model.kalman import (
     HOLD_ALL,
     depth_of,
     innovate_force,
+    innovate_nothing,
     predict,
     use_displacement,
     use_force,
@@ -184,12 +186,23 @@ def _update(settings: Any, bank: Any, place: float) -> int:
             if rows[m].active != 0:
                 # What surprises now is the motion, and teaches nothing about the tissue.
                 hold = HOLD_ALL if departs else _hold(settings, bank, rows[m])
-                use_force(rows[m], hold, log_speed)
+                _use_force(bank, rows[m], hold, log_speed)
     report.give(settings, bank, ACCEPTED)
     for m in range(rows.shape[0]):
         if rows[m].active != 0:
             limit(settings, rows[m])
     return ACCEPTED if _keep_sound(settings, bank) else NUMERICAL
+
+
+@compiled
+def _use_force(bank: Any, row: Any, hold: int, log_speed: float) -> None:
+    """Update a row with the force, by what that says of where the tool is."""
+    reading, noise = bank.clock.measurement[1], bank.sensor_noise[1]
+    says = landing.look(row, reading, noise) if bank.calibrated != 0 else landing.KNOWN
+    if says == landing.AIR:
+        landing.stay_in_air(row, reading, noise)
+    elif says == landing.KNOWN or not landing.land(row, reading, noise):
+        use_force(row, hold, log_speed)
 
 
 @compiled
@@ -254,6 +267,8 @@ def _foresee(settings: Any, bank: Any) -> bool:
                     settings, bank.maneuver, row, clock.period, samples
                 )
         innovate_force(row, clock.measurement[1], force_noise)
+        if bank.calibrated != 0 and landing.look(row, clock.measurement[1], noise) == landing.AIR:
+            innovate_nothing(row, clock.measurement[1], known)
     return True
 
 

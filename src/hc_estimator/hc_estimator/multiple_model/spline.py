@@ -16,9 +16,7 @@ import math
 from typing import Any
 
 from hc_estimator.compilation import compiled
-from hc_estimator.linear_algebra import clear_vector
 from hc_estimator.multiple_model.history import MEMORY
-from hc_estimator.multiple_model.hypotheses import LOG_STIFFNESS, OWN, SURFACE
 from hc_estimator.multiple_model.records import POINTS
 from hc_estimator.multiple_model.spline_records import (
     BENDS,
@@ -222,27 +220,3 @@ def share_released(history: Any, fit: Any) -> float:
         released += relaxed(fit, fit.values, point)
         left += point[2]
     return released / left if left > 0.0 else 0.0
-
-
-@compiled
-def begin(fit: Any, row: Any) -> None:
-    """Begin with the parameters of a row, no force zero, and the surface where the row has it."""
-    values, state = fit.values, row.state
-    clear_vector(values)
-    fit.level = state[LOG_STIFFNESS]
-    values[LOG_RATIO] = state[LOG_STIFFNESS + 1] - state[LOG_STIFFNESS]
-    values[EXPONENT] = state[LOG_STIFFNESS + 2]
-    values[VELOCITY_EXPONENT] = state[LOG_STIFFNESS + 3]
-    between = SPLINE_FIRST + stiffness_count(fit)
-    for i in range(SPLINE_FIRST, between):
-        values[i] = fit.level
-    if has(fit, BENDS):
-        for i in range(between, fit.unknowns):
-            values[i] = values[EXPONENT]
-    if not SURFACE[row.index]:
-        return
-    if fit.held[POSITION] == 0:
-        values[POSITION] = state[OWN]
-    elif has(fit, MOVES):
-        for i in range(between, fit.unknowns):
-            values[i] = state[OWN]

@@ -22,6 +22,7 @@ from hc_estimator.multiple_model.levenberg_marquardt import (
     LARGEST_DAMPING,
     SMALLEST_GAIN,
     STEPS,
+    solve,
     step,
 )
 from hc_estimator.multiple_model.normal_equations import law_at
@@ -67,6 +68,7 @@ CONSISTENT = 1.5  # largest squares left, in those of the noise, where the law f
 PASSES = 3  # with other weights
 SAME_TIME = 0.1  # of the time between two points, by which they may be off
 SETTLED = 0.01  # relative change of the squares with which the weights hold
+BEND_STEP = 0.1  # share of a step over which the second derivative is taken
 HOPELESS = 10.0  # squares left over those of the noise at which other weights change nothing
 
 
@@ -167,7 +169,7 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
 @compiled
 def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
     """Normal equations of the points at `values`, in fit.seen and fit.pull; their squares."""
-    seen, pull, gradient, slopes, places = fit.seen, fit.pull, fit.gradient, fit.slopes, fit.places
+    seen, pull, slopes, places = fit.seen, fit.pull, fit.slopes, fit.places
     for i in range(fit.unknowns):
         pull[i] = 0.0
         for j in range(i + 1):
@@ -180,19 +182,9 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
             continue
         point, place = history.points[k % POINTS], history.points[number % POINTS]
         used = locate(fit, place[8])
-        tool = _motion_before(history, fit, number, values[DELAY])
-        force = _law_at(settings, fit, values, place[8], tool) - relaxed(fit, values, point)
-        residual = point[2] - values[FORCE_ZERO] - force
+        residual = _tangent(settings, history, fit, values, point, number)
         count += 1
         total += point[3] * residual * residual
-        slopes[LOG_RATIO] = gradient[3]
-        slopes[EXPONENT] = gradient[4]
-        slopes[VELOCITY_EXPONENT] = gradient[5]
-        slopes[POSITION] = -gradient[0]
-        slopes[FORCE_ZERO] = 1.0
-        slopes[DELAY] = -gradient[0] * tool[1] - gradient[1] * tool[2]
-        slopes[SPEED] = -gradient[0] * (place[8] - fit.latest) - gradient[1]
-        _note_splines(fit, point)
         for i in range(used):
             row = places[i]
             share = point[3] * slopes[i]
@@ -201,6 +193,67 @@ def gather(settings: Any, history: Any, fit: Any, values: Any) -> float:
                 seen[row, places[j]] += share * slopes[j]
     fit.count = count
     return total
+
+
+@compiled
+def _tangent(settings: Any, history: Any, fit: Any, values: Any, point: Any, number: int) -> float:
+    """Force of a point less the law's [N], and the law's derivatives in fit.slopes.
+
+    Args:
+        settings: settings record.
+        history: points.
+        fit: `locate` was called for the place.
+        values: of the unknowns.
+        point: whose force it is.
+        number: of the point whose place it is.
+    """
+    gradient, slopes, time = fit.gradient, fit.slopes, history.points[number % POINTS, 8]
+    tool = _motion_before(history, fit, number, values[DELAY])
+    force = _law_at(settings, fit, values, time, tool) - relaxed(fit, values, point)
+    slopes[LOG_RATIO] = gradient[3]
+    slopes[EXPONENT] = gradient[4]
+    slopes[VELOCITY_EXPONENT] = gradient[5]
+    slopes[POSITION] = -gradient[0]
+    slopes[FORCE_ZERO] = 1.0
+    slopes[DELAY] = -gradient[0] * tool[1] - gradient[1] * tool[2]
+    slopes[SPEED] = -gradient[0] * (time - fit.latest) - gradient[1]
+    _note_splines(fit, point)
+    return point[2] - values[FORCE_ZERO] - force  # type: ignore[no-any-return]
+
+
+@compiled
+def _follow_bend(settings: Any, history: Any, fit: Any, values: Any) -> None:
+    """Correct the step from `values` to fit.next by how the force bends along it.
+
+    K, n, damping and a surface that moves make up for one another along a valley that is curved,
+    where a tangent's step is much too long or a thousand too short. (Geodesic acceleration:
+    Transtrum and Sethna, Improvements to the Levenberg-Marquardt algorithm, arXiv:1201.5885, 2012,
+    equation 14, with the second derivative by their equation 17.)
+    """
+    ahead, pull, following, slopes, places = fit.ahead, fit.pull, fit.next, fit.slopes, fit.places
+    for i in range(fit.unknowns):
+        ahead[i] = values[i] + BEND_STEP * (following[i] - values[i])
+        pull[i] = 0.0
+    for k in range(fit.first, fit.last):
+        number = _place_of(history, fit, k)
+        if number < 0:
+            continue
+        point, place = history.points[k % POINTS], history.points[number % POINTS]
+        used = locate(fit, place[8])
+        further = _tangent(settings, history, fit, ahead, point, number)
+        here = _tangent(settings, history, fit, values, point, number)
+        along = 0.0
+        for i in range(used):
+            along += slopes[i] * (following[places[i]] - values[places[i]])
+        bend = 2.0 / BEND_STEP * ((further - here) / BEND_STEP + along)
+        for i in range(used):
+            pull[places[i]] += point[3] * slopes[i] * bend
+    for i in range(SPLINE_FIRST):
+        if fit.fixed[i] != 0:
+            pull[i] = 0.0
+    solve(fit.factor, pull, fit.unknowns)
+    for i in range(fit.unknowns):
+        following[i] += 0.5 * pull[i]
 
 
 @compiled
@@ -245,6 +298,7 @@ def _improve(settings: Any, history: Any, fit: Any) -> float:
     for _ in range(STEPS):
         if not step(fit, values, damping, fit.unknowns):
             return math.nan
+        _follow_bend(settings, history, fit, values)
         _limit(following)
         squares_after = gather(settings, history, fit, following)
         after = squares_after + prior_cost(fit, following)

@@ -53,6 +53,7 @@ SPLINE_FIT = record_type(
         Field("guess", np.float64, (UNKNOWNS,)),
         Field("prior", np.float64, (UNKNOWNS, BAND)),  # precision about the guess, in diagonals
         Field("next", np.float64, (UNKNOWNS,)),
+        Field("ahead", np.float64, (UNKNOWNS,)),  # a little way there
         Field("slope", np.float64, (UNKNOWNS,)),
         Field("pull", np.float64, (UNKNOWNS,)),
         Field("seen", np.float64, (UNKNOWNS, UNKNOWNS)),

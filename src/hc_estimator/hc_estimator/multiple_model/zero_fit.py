@@ -33,6 +33,7 @@ from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import (
     place_delay,
     spline,
+    spline_start,
     zero_average,
     zero_rival,
     zero_sensitivity,
@@ -245,7 +246,7 @@ def _fit_any(settings: Any, bank: Any, possible: int) -> bool:
             fit.held[spline.FORCE_ZERO] = 1
         if not spline.lay_out(history, fit, first, history.count, kind):
             continue
-        spline.begin(fit, row)
+        spline_start.begin(settings, history, fit, row)
         if _explains(settings, bank):
             if rival == -math.inf or kind == zero_rival.kind_in_charge(bank):
                 return True
@@ -273,7 +274,7 @@ def _explains_more(settings: Any, bank: Any, possible: int) -> bool:
     its own, as it may where the damping is next to unknown.
     """
     fit, noise = bank.fit, histories.noise_of_points(bank)
-    spline.begin(fit, bank.rows[bank.judge.chosen])
+    spline_start.begin(settings, bank.history, fit, bank.rows[bank.judge.chosen])
     for i in range(2):
         # Of a surface that sinks the position is unknown in any case.
         if possible >> i & 1 != 0 and not (fit.kind == SINKS and i == 0):

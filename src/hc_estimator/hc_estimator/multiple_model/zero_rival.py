@@ -15,7 +15,7 @@ from typing import Any
 
 from hc_estimator.compilation import compiled
 from hc_estimator.multiple_model import history as histories
-from hc_estimator.multiple_model import spline
+from hc_estimator.multiple_model import spline, spline_start
 from hc_estimator.multiple_model.hypotheses import BREATHES
 from hc_estimator.multiple_model.moving_fit import KINDS_OF
 from hc_estimator.multiple_model.spline_fit import CONSISTENT, solve_least_squares
@@ -47,7 +47,7 @@ def evidence_of_surface(settings: Any, bank: Any, first: int) -> float:
     kind = kind_in_charge(bank)
     if not spline.lay_out_at_zeros(settings, history, fit, first, history.count, kind):
         return -math.inf
-    spline.begin(fit, row)
+    spline_start.begin(settings, history, fit, row)
     squares = solve_least_squares(settings, history, fit, histories.noise_of_points(bank))
     if not squares < CONSISTENT * fit.expected:
         return -math.inf
