@@ -8,7 +8,15 @@ import pytest
 
 import hc_estimator as hc
 from hc_estimator.multiple_model import choice, grid, maneuver, plausible
-from hc_estimator.multiple_model.hypotheses import DEPTH, FITTED, FRESH, LOG_STIFFNESS, VELOCITY
+from hc_estimator.multiple_model.hypotheses import (
+    DEPTH,
+    FITTED,
+    FRESH,
+    LOG_STIFFNESS,
+    OWN,
+    SURFACE_ROW,
+    VELOCITY,
+)
 from hc_estimator.multiple_model.rows import reset
 
 TISSUE = np.array([0.3, 0.015, 1.7, 1.05])
@@ -134,6 +142,21 @@ def test_a_maneuver_takes_back_scores_and_choice(parts):
     assert bank.rows[3].log_likelihood == 0.0
     assert np.all(bank.judge.said[:2] == 7.0)  # what was said before it stands
     assert not np.any(bank.judge.said[2:4, :FRESH, 0] == 7.0)  # the rest is said anew
+
+
+def test_a_surface_goes_on_while_a_maneuver_is_not_seen_yet(parts):
+    """Regression: it was left where it had been 60 ms before, a tenth of a millimetre away."""
+    options, bank = parts
+    rows_of(options, bank, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    row = bank.rows[SURFACE_ROW]
+    row.state[OWN], row.state[OWN + 1] = 0.2, 1.5
+    row.covariance[OWN, OWN], row.covariance[OWN + 1, OWN + 1] = 1e-4, 1e-2
+    for _ in range(maneuver.PERIOD):
+        maneuver.keep(bank, 1.0)
+    grid.take(bank.delay, 0, 1.0, 2.0)
+    maneuver._go_back(bank, 0, 1.06)
+    assert row.state[OWN] == pytest.approx(0.2 + 1.5 * 0.06)
+    assert row.covariance[OWN, OWN] > 1e-4 + 1e-2 * 0.06**2 - 1e-12
 
 
 def test_a_fitted_row_that_did_not_exist_before_a_maneuver_goes(parts):

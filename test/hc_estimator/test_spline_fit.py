@@ -6,7 +6,7 @@ from scipy.interpolate import BSpline, CubicSpline
 from scipy.optimize import least_squares
 
 import hc_estimator as hc
-from hc_estimator.multiple_model import spline, spline_fit, spline_prior
+from hc_estimator.multiple_model import spline, spline_fit, spline_prior, spline_start
 from hc_estimator.multiple_model.history import MEMORY, WIDE
 from hc_estimator.multiple_model.hypotheses import OWN, SURFACE_ROW
 from hc_estimator.multiple_model.spline_records import (
@@ -80,7 +80,7 @@ def filled(records_of):
             fit.held[spline.POSITION] = 1
         assert spline.lay_out(history, fit, 0, COUNT, kind)
         bank.rows[0].state[2:6] = np.log(0.6), np.log(0.06), 1.7, 0.9
-        spline.begin(fit, bank.rows[0])
+        spline_start.begin(settings, history, fit, bank.rows[0])
         return settings, history, fit, (level, surface, exponent)
 
     return fill
@@ -127,20 +127,34 @@ def test_the_slope_of_its_squares_is_the_difference_of_them(kind, filled):
         assert slope[i] == pytest.approx(difference / 2e-6, rel=1e-4, abs=scale)
 
 
-def test_it_begins_with_the_surface_where_a_row_has_it(filled, parts):
-    """Regression: with the stiffness of a surface 9 mm deep, and none, no fit came to an end."""
+def test_it_begins_where_the_law_turned_round_has_the_surface(filled, parts):
+    """Regression: from the parameters of a row that was far off no fit came to an end."""
+    settings, history, fit, (level, surface, exponent) = filled(MOVES, with_zeros=False)
+    points = history.points[:COUNT]
+    points[:, 2] = np.exp(level) * (points[:, 0] - surface) ** exponent  # no damping
+    row = parts[1].rows[0]
+    row.state[2:6] = 3.0, 0.0, 0.6, 1.5
+    spline_start.begin(settings, history, fit, row)
+    assert fit.values[SPLINE_FIRST] == pytest.approx(level[0], abs=0.1)
+    for k in range(20, COUNT - 20, 20):
+        spline.locate(fit, points[k, 8])
+        assert spline.second(fit, fit.values)[0] == pytest.approx(surface[k], abs=0.15)
+
+
+def test_it_begins_with_the_line_of_a_surface_that_sinks(filled):
+    _, _, fit, (level, _, _) = filled(SINKS, with_zeros=False)
+    assert fit.values[SPLINE_FIRST] == pytest.approx(level[0], abs=0.3)
+    assert fit.values[spline.SPEED] == pytest.approx(SPEED, abs=0.03)
+
+
+def test_it_begins_with_the_row_where_no_difference_says_anything(filled, parts):
+    settings, history, fit, _ = filled(MOVES, with_zeros=False)
+    history.points[:COUNT, 0] = 2.0  # at rest
     row = parts[1].rows[SURFACE_ROW]
-    row.state[OWN] = 0.7
-    _, _, fit, _ = filled(SINKS)
-    spline.begin(fit, row)
-    assert fit.values[spline.POSITION] == 0.7
-    _, _, fit, _ = filled(MOVES, with_zeros=False)
-    spline.begin(fit, row)
-    assert fit.values[spline.POSITION] == 0.0
+    row.state[2], row.state[OWN] = 0.3, 0.7
+    spline_start.begin(settings, history, fit, row)
+    np.testing.assert_array_equal(fit.values[SPLINE_FIRST : SPLINE_FIRST + 1], 0.3)
     np.testing.assert_array_equal(fit.values[SPLINE_FIRST + 1 : fit.unknowns], 0.7)
-    _, _, fit, _ = filled(VARIES, with_zeros=False)
-    spline.begin(fit, row)
-    assert fit.values[spline.POSITION] == 0.0
 
 
 @pytest.mark.parametrize("late", [0.0093, -0.0093, 0.005, -0.0185])

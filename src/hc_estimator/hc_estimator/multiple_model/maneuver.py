@@ -10,7 +10,7 @@ go. Here:
 - Every few samples, the rows are kept.
 - A maneuver is suspected when the bank in `motion_density` starts the chosen member anew (the
   displacement shows it), and when the chosen row's alarm goes off (the force may show it).
-- Then parameters and model errors are those of before, the motion is known by its last reading
+- Then parameters and model errors are those of before, carried on to now, and the motion is known by its last reading
   only, its velocity within the speeds of the last seconds, and for some samples the parameters
   are considered, not updated, while the velocity is found anew.
 - A tissue that changes is not mistaken for a maneuver: an alarm begins the test of a change all the
@@ -264,12 +264,14 @@ def _go_back(bank: Any, slot: int, time: float) -> None:
     acceleration = kept.covariance[ACCELERATION, ACCELERATION] + motion.density * TURN_TIME
     depth = last_displacement(bank) + ahead * velocity
     variance = bank.sensor_noise[0] + ahead * ahead * square
+    gone, away = max(time - maneuver.time[slot], 0.0), bank.tool.away_time > 0.0
     varied = chosen > FITTED and not SURFACE[chosen]
     for m in range(FRESH):
         row = bank.rows[m]
         _copy(maneuver.rows[slot, m], row)
         if row.active == 0:
             continue
+        predict(row, gone, 0.0, True, away)  # a surface that moves has gone on since
         clear_motion(row)
         if varied:  # then what turned may be the rate, and not the tool
             free_rate(row)

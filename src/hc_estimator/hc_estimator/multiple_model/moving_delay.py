@@ -103,6 +103,8 @@ def ask(settings: Any, bank: Any, first: int, likeliest: float) -> None:
     # Points that have none at that time would have left as much as the others.
     without = histories.count_known(history, first, moving.last) - fit.count
     lost = without * fit.expected / max(fit.count, 1)
+    # Nor is it a delay that averages the positions of two points, however little that leaves.
+    lost += fit.averaged
     evidence = log_evidence(fit, squares) - 0.5 * (lost + (delay / LATE_DEVIATION) ** 2)
     if abs(finder.delay + delay) > LARGEST or evidence < likeliest:
         return

@@ -93,6 +93,18 @@ def _between(s: float, begin: float, slope: float, end: float, end_slope: float)
 
 
 @compiled
+def _share_of_way(history: Any, fit: Any, number: int, delay: float) -> float:
+    """Share of the way to the point next to one that it was some time [s] before; NaN: not known."""
+    other = number - 1 if delay > 0.0 else number + 1
+    if delay == 0.0 or not fit.first <= other < fit.last:
+        return math.nan
+    near = history.points[other % POINTS]
+    apart = near[8] - history.points[number % POINTS, 8]
+    known = near[7] != UNKNOWN and abs(apart) < (1.0 + SAME_TIME) * fit.spacing
+    return -delay / apart if known and abs(delay) <= abs(apart) else math.nan
+
+
+@compiled
 def _motion_before(history: Any, fit: Any, number: int, delay: float) -> tuple[float, float, float]:
     """Depth, velocity and acceleration of the tool some time [s] before a point of this number.
 
@@ -101,20 +113,27 @@ def _motion_before(history: Any, fit: Any, number: int, delay: float) -> tuple[f
     """
     point = history.points[number % POINTS]
     depth, velocity, acceleration = point[0], point[5], point[6]
-    other = number - 1 if delay > 0.0 else number + 1
-    if delay != 0.0 and fit.first <= other < fit.last:
-        near = history.points[other % POINTS]
+    s = _share_of_way(history, fit, number, delay)
+    if s >= 0.0:
+        near = history.points[(number - 1 if delay > 0.0 else number + 1) % POINTS]
         apart = near[8] - point[8]
-        known = near[7] != UNKNOWN and abs(apart) < (1.0 + SAME_TIME) * fit.spacing
-        s = -delay / apart
-        if known and s <= 1.0:
-            return (
-                _between(s, depth, apart * velocity, near[0], apart * near[5]),
-                _between(s, velocity, apart * acceleration, near[5], apart * near[6]),
-                acceleration + s * (near[6] - acceleration),
-            )
+        return (
+            _between(s, depth, apart * velocity, near[0], apart * near[5]),
+            _between(s, velocity, apart * acceleration, near[5], apart * near[6]),
+            acceleration + s * (near[6] - acceleration),
+        )
     depth -= delay * (velocity - 0.5 * delay * acceleration)
     return depth, velocity - delay * acceleration, acceleration
+
+
+@compiled
+def _noise_left(history: Any, fit: Any, number: int, delay: float) -> float:
+    """Share of the variance of a point's motion that is left where two are averaged."""
+    s = _share_of_way(history, fit, number, delay)
+    if not s >= 0.0:
+        return 1.0
+    here = _between(s, 1.0, 0.0, 0.0, 0.0)
+    return here * here + (1.0 - here) * (1.0 - here)
 
 
 @compiled
@@ -150,7 +169,7 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         noise: of the points; see `history.noise_of_points`.
     """
     gradient = fit.gradient
-    expected = 0.0
+    expected, averaged = 0.0, 0.0
     for k in range(fit.first, fit.last):
         number = _place_of(history, fit, k)
         if number < 0:
@@ -162,8 +181,13 @@ def weigh(settings: Any, history: Any, fit: Any, noise: tuple[float, float, floa
         variance = noise[1] + gradient[0] * gradient[0] * noise[0]
         drag, cubic = gradient[1] * gradient[1], int(place[7])
         point[3] = 1.0 / (variance + drag * history.velocity_noise[cubic])
-        expected += point[3] * (noise[2] * variance + drag * history.velocity_std[cubic] ** 2)
+        of_motion = gradient[0] * gradient[0] * noise[2] * noise[0]
+        of_motion += drag * history.velocity_std[cubic] ** 2
+        taken = 1.0 - _noise_left(history, fit, number, fit.values[DELAY])
+        expected += point[3] * (noise[2] * noise[1] + of_motion * (1.0 - taken))
+        averaged += point[3] * of_motion * taken
     fit.expected = expected
+    fit.averaged = averaged
 
 
 @compiled

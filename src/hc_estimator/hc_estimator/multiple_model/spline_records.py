@@ -43,6 +43,8 @@ SPLINE_FIT = record_type(
         Field("unknowns", np.int64, (), 0, UNKNOWNS),  # unknowns in use
         Field("count", np.int64, (), 0),  # points that were used
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
+        # What less is left of those because two positions were averaged.
+        Field("averaged", np.float64, (), 0.0),
         Field("weight", np.float64, (), 0.0, 1.0),  # of the points' squares
         # Of one point:
         Field("basis", np.float64, (2, 4)),  # splines that are not zero there

@@ -162,6 +162,7 @@ PAIRS: dict[str, tuple[Begun, tuple[Trouble, ...]]] = {
     "presses, out of step": (_pressed, (_out_of_step,)),
     "presses, surface sinks": (_pressed, (_sinking,)),
     "presses, tissue drifts": (_pressed, (_drifting,)),
+    "presses, breathing": (_pressed, (_breathing,)),
     "tapping, out of step": (_tapped, (_out_of_step,)),
     "tapping, tissue drifts": (_tapped, (_drifting,)),
     "lumps, out of step": (_palpated, (_lumps, _out_of_step)),
