@@ -74,6 +74,19 @@ def test_the_fit_goes_on_where_it_explains_the_last_contact_better(row, bank_of)
         np.testing.assert_allclose(bank.rows[m].state[LOG_STIFFNESS : LOG_STIFFNESS + 4], TISSUE)
 
 
+def test_the_fit_is_asked_and_not_a_row_that_went_astray(bank_of):
+    """Regression: the fitted row had begun anew with the one that drifts just before."""
+    options, bank = bank_of(TREND_ROW, STIFFER, STIFFER)
+    bank.history.fit[:] = TISSUE
+    bank.history.covariance[:] = 1e-4 * np.eye(4)
+    bank.history.left = 0.02**2
+    bank.history.fitted = 1
+    lift_off.review(options, bank)
+    assert bank.judge.chosen == FITTED
+    np.testing.assert_allclose(bank.rows[0].state[LOG_STIFFNESS : LOG_STIFFNESS + 4], TISSUE)
+    assert bank.rows[FITTED].model_error == 0.02**2
+
+
 def test_a_tissue_that_drifts_goes_on_as_it_was_last(bank_of):
     """Of two contacts only the last is asked: the mean of both would be a fit's."""
     options, bank = bank_of(TREND_ROW, TISSUE, STIFFER)

@@ -142,8 +142,9 @@ def test_it_begins_where_the_law_turned_round_has_the_surface(filled, parts):
 
 
 def test_it_begins_with_the_line_of_a_surface_that_sinks(filled):
-    _, _, fit, (level, _, _) = filled(SINKS, with_zeros=False)
+    _, _, fit, (level, _, _) = filled(SINKS)
     assert fit.values[SPLINE_FIRST] == pytest.approx(level[0], abs=0.3)
+    assert fit.values[spline.POSITION] == pytest.approx(POSITION, abs=0.2)
     assert fit.values[spline.SPEED] == pytest.approx(SPEED, abs=0.03)
 
 

@@ -100,7 +100,21 @@ def update(settings: Any, bank: Any) -> bool:
         row.score = constant.score
         row.log_likelihood = constant.log_likelihood
     history.fitted = 1
-    row.model_error = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
+    history.left = left if left > SMALLEST_SHARE * bank.sensor_noise[1] else 0.0
+    give(history, constant, row)
+    return True
+
+
+@compiled
+def give(history: Any, constant: Any, row: Any) -> None:
+    """Give a row the parameters of the last fit, and what that leaves as its model error.
+
+    Args:
+        history: fitted.
+        constant: the filter's row of constant tissue, which depends on the delay alike.
+        row: changed.
+    """
+    row.model_error = history.left
     delay_sensitivity.take(constant, row, LOG_STIFFNESS, LOG_STIFFNESS + 4)  # of the same data
     for i in range(4):
         k = LOG_STIFFNESS + i
@@ -109,7 +123,6 @@ def update(settings: Any, bank: Any) -> bool:
     for i in range(4):
         for j in range(4):
             row.covariance[LOG_STIFFNESS + i, LOG_STIFFNESS + j] = history.covariance[i, j]
-    return True
 
 
 @compiled

@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from hc_estimator.compilation import compiled
+from hc_estimator.multiple_model import batch_fit
 from hc_estimator.multiple_model import history as histories
 from hc_estimator.multiple_model import judge as judging
 from hc_estimator.multiple_model.hypotheses import (
@@ -69,6 +70,8 @@ def review(settings: Any, bank: Any) -> None:
     left = squares_left(settings, points, first, last, chosen)
     if left < FAR_OFF**2 * squared_forces(points, first, last):
         return
+    if history.fitted != 0:  # the row itself may have begun anew with the chosen one since
+        batch_fit.give(history, rows[0], fitted)
     if squares_left(settings, points, first, last, fitted) > CLEARLY**2 * left:
         return
     judging.go_on_with_fit(judge, rows, bank.tool.contact_clock)

@@ -10,9 +10,9 @@ go. Here:
 - Every few samples, the rows are kept.
 - A maneuver is suspected when the bank in `motion_density` starts the chosen member anew (the
   displacement shows it), and when the chosen row's alarm goes off (the force may show it).
-- Then parameters and model errors are those of before, carried on to now, and the motion is known by its last reading
-  only, its velocity within the speeds of the last seconds, and for some samples the parameters
-  are considered, not updated, while the velocity is found anew.
+- Then parameters and model errors are those of before, carried on to now, and the motion is known
+  by its last reading only, its velocity within the speeds of the last seconds, and for some
+  samples the parameters are considered, not updated, while the velocity is found anew.
 - A tissue that changes is not mistaken for a maneuver: an alarm begins the test of a change all the
   same. Nor is a law that does not fit: if the test finds no other tissue, and the displacement has
   shown no maneuver, there is a model error.

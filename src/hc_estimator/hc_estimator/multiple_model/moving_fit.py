@@ -69,6 +69,7 @@ SPECIFICATIONS = (
 
 EVERY = 1.0  # time in contact between two fits [s]
 LEAST_TIME = 3.0  # that they must span [s]
+FRESH_TIME = 0.25  # age of the latest of them, at most [s]
 LONGEST_TIME = SECOND_KNOT * (SECOND_SPLINE - 3)  # the same, at most
 LEAST_LEFT = 0.7  # squares that the freest leaves, in those of the noise
 # Real tissue that relaxes does not do so by the law to within the noise. It is believed if that
@@ -151,7 +152,7 @@ def look(settings: Any, bank: Any) -> None:
         moving.stage = 0
         moving.looked_at = -math.inf
     elif moving.stage == 0:
-        if clock - moving.looked_at >= EVERY and _are_enough(bank.history):
+        if clock - moving.looked_at >= EVERY and _are_enough(bank):
             moving.looked_at = clock
             moving.last = bank.history.count
             moving.stage = 1
@@ -185,12 +186,15 @@ def look(settings: Any, bank: Any) -> None:
 
 
 @compiled
-def _are_enough(history: Any) -> bool:
-    """True if the points are many, span enough time, and most have a velocity."""
+def _are_enough(bank: Any) -> bool:
+    """True if the points are many and span enough time, most have a velocity, and one is new."""
+    history = bank.history
     first = _oldest(history, history.count)
     if not histories.is_motion_known(history, first):
         return False
     last = history.points[(history.count - 1) % POINTS, 8]
+    if bank.clock.state_time - last > FRESH_TIME:
+        return False  # a row knows better what the surface has done since
     return bool(last - history.points[first % POINTS, 8] >= LEAST_TIME)
 
 

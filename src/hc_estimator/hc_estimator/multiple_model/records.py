@@ -191,6 +191,7 @@ HISTORY = record_type(
         Field("waited", np.int64, (), 0),  # points of the grid since the last of them
         Field("unfitted", np.int64, (), 0),  # points of the grid since the last fit
         Field("fit", np.float64, (4,)),  # ln K, ln B, n, p
+        Field("left", np.float64, (), 0.0),  # variance of the force that it misses [N^2]
         Field("fitted", np.int64, (), 0, 1),  # 1 once there is one
         Field("held", np.int64, (4,), 0, 1),  # 1: only noise would say more than the prior
         # Within one fit:

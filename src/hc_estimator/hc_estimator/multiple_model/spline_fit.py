@@ -94,7 +94,7 @@ def _between(s: float, begin: float, slope: float, end: float, end_slope: float)
 
 @compiled
 def _share_of_way(history: Any, fit: Any, number: int, delay: float) -> float:
-    """Share of the way to the point next to one that it was some time [s] before; NaN: not known."""
+    """Share of the way to the next point that is some time [s] before one; NaN: not known."""
     other = number - 1 if delay > 0.0 else number + 1
     if delay == 0.0 or not fit.first <= other < fit.last:
         return math.nan
@@ -318,9 +318,8 @@ def _improve(settings: Any, history: Any, fit: Any) -> float:
     squares = gather(settings, history, fit, values)
     cost = squares + prior_cost(fit, values)
     add_prior(fit, values)
-    damping = FIRST_DAMPING
     for _ in range(STEPS):
-        if not step(fit, values, damping, fit.unknowns):
+        if not step(fit, values, fit.damping, fit.unknowns):
             return math.nan
         _follow_bend(settings, history, fit, values)
         _limit(following)
@@ -333,10 +332,10 @@ def _improve(settings: Any, history: Any, fit: Any) -> float:
             if gain < SMALLEST_GAIN * cost:
                 break
             add_prior(fit, values)
-            damping *= 0.1
+            fit.damping *= 0.1
         else:
-            damping *= 10.0
-            if damping > LARGEST_DAMPING:
+            fit.damping *= 10.0
+            if fit.damping > LARGEST_DAMPING:
                 break
     return float(squares)
 
@@ -359,6 +358,9 @@ def solve_least_squares(
     _limit(fit.values)
     clear_vector(fit.next)
     take_prior(settings, fit)
+    fit.damping = (
+        FIRST_DAMPING  # goes on from pass to pass: a damped step must not pass for the end
+    )
     before = math.inf
     for _ in range(PASSES):
         weigh(settings, history, fit, noise)

@@ -45,6 +45,7 @@ SPLINE_FIT = record_type(
         Field("expected", np.float64, (), 0.0),  # squares where only noise is left
         # What less is left of those because two positions were averaged.
         Field("averaged", np.float64, (), 0.0),
+        Field("damping", np.float64, (), 0.0),  # of the next step
         Field("weight", np.float64, (), 0.0, 1.0),  # of the points' squares
         # Of one point:
         Field("basis", np.float64, (2, 4)),  # splines that are not zero there
