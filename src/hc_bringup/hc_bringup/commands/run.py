@@ -16,6 +16,7 @@ from hc_bringup import heartbeat
 from hc_bringup.commands import dashboard
 from hc_bringup.errors import WRONG_USE, UserError
 from hc_bringup.options import assignment, natural, positive, seconds
+from hc_bringup.param_target import targets
 from hc_bringup.parameter_file import read_yaml
 from hc_msgs_py.parameter_sections import sections_for
 from hc_msgs_py.realtime import (
@@ -187,14 +188,7 @@ def given_parameters(plan: Any, arguments: argparse.Namespace) -> dict[str, dict
             found.setdefault(node.name, {})[name] = value
     names = [node.name for node in plan.nodes]
     for text, value in arguments.param:
-        node, separator, name = text.partition(".")
-        nodes = [node]
-        if not (separator and node in names):
-            nodes, name = [one.name for one in plan.of_kind("estimator")], text
-        if not nodes:
-            raise UserError(
-                f"--param {text}: the configuration starts {', '.join(names)}", WRONG_USE
-            )
+        nodes, name = targets(text, plan)
         for node in nodes:
             if name in found.setdefault(node, {}):
                 raise UserError(f"--param {text}: {name} is given twice", WRONG_USE)
