@@ -182,10 +182,10 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     Raises:
         UserError: if a name or value is wrong; the message says what is allowed.
     """
+    from hc_bringup.prepared import prepare
     from hc_estimator import DEFAULT_FILTER, create_estimator
     from hc_estimator.contact.registry import PROBLEMS as LAW_PROBLEMS
     from hc_estimator.filters.registry import PROBLEMS
-    from hc_estimator.stream.vocabulary import CHANNEL_DELAY, CONTACT_POSITION_STD
 
     choices = {"state_space": arguments.state_space, "contact_model": arguments.contact_model}
     given = {key: value for key, value in choices.items() if value is not None}
@@ -196,13 +196,8 @@ def make_estimator(arguments: argparse.Namespace, recording: Any = None) -> Any:
     parameters.setdefault("missing_readings", True)
     try:
         estimator = create_estimator(arguments.filter or DEFAULT_FILTER, **given, **parameters)
-        deviation = 0.0 if recording is None else recording.surface_std_mm
-        left_open = estimator.configuration.keys() - parameters.keys()
-        if CONTACT_POSITION_STD in left_open:
-            estimator.reconfigure(**{CONTACT_POSITION_STD: deviation})
-        if CHANNEL_DELAY in left_open and recording is not None:
-            delay = recording_input.known_delay(arguments, recording)
-            estimator.reconfigure(channel_delay=delay)
+        if recording is not None:
+            prepare(estimator, parameters, recording, arguments)
         return estimator
     except ValueError as error:
         reason = str(error)
