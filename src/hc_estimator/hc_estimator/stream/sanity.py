@@ -13,6 +13,7 @@ import math
 import numpy as np
 
 from hc_estimator.stream import channel_checks, range_checks, stamp_checks
+from hc_estimator.stream.exchanged import exchanged
 from hc_estimator.stream.free_motion import RISE_SHARE, free_motion
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
@@ -64,11 +65,14 @@ def check_samples(
     Returns:
         What is suspicious, the most fundamental first; empty for readings that may be right.
     """
-    return check_channels(
-        usable("displacement", "mm", time_s, displacement_mm),
-        usable("force", "N", time_s, force_n),
-        force_limit_n,
-    )
+    displacement = usable("displacement", "mm", time_s, displacement_mm)
+    force = usable("force", "N", time_s, force_n)
+    result = check_channels(displacement, force, force_limit_n)
+    with np.errstate(all="ignore"):
+        wrong = exchanged(*_at_common_times(displacement, force))
+    if wrong is None:
+        return result
+    return [*(s for s in result if s.check is Check.TIMES), wrong]  # all else is of other channels
 
 
 def check_channels(
@@ -179,14 +183,7 @@ def _check_together(
     if not (moves(displacement.values) and moves(force.values)):
         return _check_still(displacement, force)
     yield
-    order = np.argsort(displacement.time_s, kind="stable")
-    inside = (force.time_s >= displacement.time_s.min()) & (
-        force.time_s <= displacement.time_s.max()
-    )
-    newtons = force.values[inside]
-    depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
-    sound = np.isfinite(depth)  # not between stamps that are next to equal
-    depth, newtons = depth[sound], newtons[sound]
+    depth, newtons = _at_common_times(displacement, force)
     yield
     if len(newtons) < LEAST_SAMPLES or not (moves(depth) and moves(newtons)):
         return []  # both move, but not where both have readings
@@ -203,6 +200,20 @@ def _check_together(
     if fine and not result:  # zeros of a channel that is turned or scaled wrongly say nothing
         result += yield from _zeros(depth, newtons, related)
     return result
+
+
+def _at_common_times(displacement: Readings, force: Readings) -> tuple[FloatArray, FloatArray]:
+    """Return depth [mm] and force [N] at the times of the forces within those of the depths."""
+    if not (len(displacement.values) and len(force.values)):
+        return np.empty(0), np.empty(0)
+    order = np.argsort(displacement.time_s, kind="stable")
+    inside = (force.time_s >= displacement.time_s.min()) & (
+        force.time_s <= displacement.time_s.max()
+    )
+    newtons = force.values[inside]
+    depth = np.interp(force.time_s[inside], displacement.time_s[order], displacement.values[order])
+    sound = np.isfinite(depth)  # not between stamps that are next to equal
+    return depth[sound], newtons[sound]
 
 
 def _check_still(displacement: Readings, force: Readings) -> list[Suspicion]:
