@@ -16,14 +16,13 @@ from itertools import product
 
 import numpy as np
 
-from hc_estimator.stream.free_motion import free_motion
+from hc_estimator.stream.free_motion import free_motion, going_down
 from hc_estimator.stream.readings import (
     LEAST_SAMPLES,
     Check,
     FloatArray,
     Suspicion,
     moves,
-    noise,
     robust_range,
     whole,
 )
@@ -65,10 +64,7 @@ def exchanged(displacement_mm: FloatArray, force_n: FloatArray) -> Suspicion | N
 
 def _stands_still(depth: FloatArray, newtons: FloatArray) -> tuple[float, float] | None:
     """Return where the depth stands [mm] and up to which force [N], if it is a force in fact."""
-    lag = max(1, len(newtons) // 500)
-    advance = np.zeros(len(newtons))
-    advance[lag:-lag] = newtons[2 * lag :] - newtons[: -2 * lag]
-    down = advance > 4.0 * noise(newtons)
+    down = going_down(newtons)
     if np.count_nonzero(down) < LEAST_SAMPLES:
         return None
     low, high = robust_range(depth)
