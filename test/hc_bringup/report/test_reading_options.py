@@ -78,3 +78,13 @@ def test_what_is_no_option_of_the_recording_is_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(UserError, match=line):
             compare.run(parsed(compare, *two, *more))
+
+
+@pytest.mark.parametrize("name", ["raukf", "ukf", "rwstukf"])
+def test_a_recording_that_shows_nothing_is_no_result(tmp_path: Path, name: str) -> None:
+    """Regression: K = 1 ± 2 of two channels that stand still, status 0, and a row of a batch."""
+    path = tmp_path / "still.csv"
+    rows = "".join(f"{k / 100},0,0\n" for k in range(500))
+    path.write_text(f"time_s,displacement_mm,force_N\n{rows}")
+    with pytest.raises(UserError, match=r"show nothing of K, B, n and p: press, and move$"):
+        estimate.run(parsed(estimate, str(path), "--filter", name))

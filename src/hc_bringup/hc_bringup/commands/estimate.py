@@ -21,6 +21,7 @@ COMPILES = True
 _LINES_AT_ONCE = 4096
 LEAST_USED_SHARE = 0.02
 """Of the samples: a recording of which less can be used shows nothing of the tissue."""
+_NOTHING_KNOWN = 0.01
 _FIGURES = ("force_predicted_rmse_n", "force_reconstructed_rmse_n", "nis_mean")
 COLUMNS = (
     "time_s,displacement_mm,force_N,stiffness [N/mm^n],damping [N(s/mm)^p/mm^n],"
@@ -100,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         _write(Path(arguments.output), recording, series)
     summary = summarise(estimator, recording, series, seconds)
-    reason = why_no_result(summary)
+    reason = why_no_result(summary, doubted=bool(suspicions))
     if reason:
         raise UserError(f"{arguments.input}: {reason}")
     summary["suspicions"] = [
@@ -277,7 +278,7 @@ def summarise(estimator: Any, recording: Any, series: Any, seconds: float) -> di
     }
 
 
-def why_no_result(summary: dict[str, Any]) -> str:
+def why_no_result(summary: dict[str, Any], *, doubted: bool = False) -> str:
     """Say why a recording gave no parameters, empty if it gave some."""
     count = summary["samples"]
     if summary["used"] < LEAST_USED_SHARE * count:
@@ -291,6 +292,8 @@ def why_no_result(summary: dict[str, Any]) -> str:
             f"no contact in {count} samples: displacement counts from the surface, positive into "
             "the tissue, and compression is a positive force (see --find-surface and --input)"
         )
+    if not doubted and all(k < _NOTHING_KNOWN for k in summary["identifiability"].values()):
+        return f"the {count} samples show nothing of K, B, n and p: press, and move"
     results = [*summary["parameters"].values(), *summary["parameters_std"].values()]
     results += [summary[name] for name in _FIGURES]
     if not all(map(math.isfinite, results)):
