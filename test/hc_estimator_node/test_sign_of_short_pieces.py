@@ -36,7 +36,7 @@ def test_the_end_of_a_way_in_is_no_free_motion_seen_from_below(start):
 
 
 def test_of_pieces_of_every_length_next_to_none_is_taken_so_and_turned_ones_are_found():
-    """Of 3,663 pieces of 0.1 s and more 49 were, now 9; of those turned as many are found."""
+    """Of 3,663 pieces of 0.1 s and more 49 were, now 9; of those turned 84 to 86 % are found."""
     wrong = found = count = 0
     draw = np.random.default_rng(5)
     for name in ("lump", "multisine", "indentation", "tissue_change"):
